@@ -1,0 +1,89 @@
+"""Checks of arguments, with errors that name the argument, the value and the remedy."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def finite_number(name: str, value: Any, *, above: float | None = None, at_least: float | None = None) -> float:
+    """Return a finite float, within bounds."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}={value!r}: give one real number") from None
+    if not np.isfinite(number):
+        raise ValueError(f"{name}={value!r}: give a finite number")
+    if above is not None and not number > above:
+        raise ValueError(f"{name}={value!r}: give a number above {above:g}")
+    if at_least is not None and not number >= at_least:
+        raise ValueError(f"{name}={value!r}: give a number of at least {at_least:g}")
+    return number
+
+
+def whole_number(name: str, value: Any, at_least: int = 0) -> int:
+    """Return an int, within bounds."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name}={value!r}: give a whole number")
+    if value < at_least:
+        raise ValueError(f"{name}={value!r}: give a whole number of at least {at_least}")
+    return int(value)
+
+
+def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
+    """Return a value that is among the choices."""
+    if value not in choices:
+        raise ValueError(f"{name}={value!r}: choose one of {', '.join(map(repr, choices))}")
+    return value
+
+
+def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.float64]:
+    """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
+    try:
+        array = np.array(points, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: give real numbers in an array of shape (..., {dimension})") from None
+    if array.ndim == 0 or array.shape[-1] != dimension:
+        raise ValueError(f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove starts that are not finite")
+    return array
+
+
+def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
+    """Return parameters as floats, in the order given."""
+    if not isinstance(params, Mapping):
+        raise TypeError(f"params={params!r}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
+    for name in params:
+        if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
+            raise ValueError(f"params has the name {name!r}: names are Python identifiers without a leading underscore")
+    return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
+
+
+def memory_available() -> int | None:
+    """Return the bytes of memory that are free now, None where the system does not say."""
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def refuse_memory(what: str, needed: int, remedy: str) -> None:
+    """Raise MemoryError where a job needs more memory than is free."""
+    free = memory_available()
+    if free is not None and needed > free:
+        raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
+
+
+def in_bytes(count: float) -> str:
+    """Write a number of bytes with a unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"

@@ -1,0 +1,97 @@
+"""Exact derivatives of traced functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .expression import Expression, Graph, UntraceableError, in_order
+from .trace import Trace
+
+
+def tangent_trace(trace: Trace) -> Trace:
+    """Return the trace of (x, v) -> (f(x), Df(x) v): a function with its derivative along one direction.
+
+    For a right-hand side this is the variational equation of one tangent vector, for a discrete map its tangent map.
+
+    Raises
+    ------
+    UntraceableError
+        For an operation whose derivative is not known here.
+    """
+    graph = trace.graph
+    d = len(trace.states)
+    directions = tuple(graph.node("state", value=d + j) for j in range(d))
+    derivatives = _along(graph, trace.outputs, dict(zip(trace.states, directions, strict=True)))
+    return replace(trace, states=(*trace.states, *directions), outputs=(*trace.outputs, *derivatives))
+
+
+def _along(
+    graph: Graph, outputs: Sequence[Expression], seeds: dict[Expression, Expression]
+) -> tuple[Expression, ...]:
+    zero = graph.constant(0.0)
+    known: dict[Expression, Expression | None] = dict(seeds)
+    for node in in_order(outputs):
+        if node not in known:
+            known[node] = _rule(graph, node, [known[a] for a in node.arguments]) if node.arguments else None
+    return tuple(zero if (slope := known[e]) is None else slope for e in outputs)
+
+
+def _sum(graph: Graph, terms: Sequence[Expression | None]) -> Expression | None:
+    total: Expression | None = None
+    for term in terms:
+        if term is not None:
+            total = term if total is None else graph.apply("add", total, term)
+    return total
+
+
+def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Expression | None:
+    """Derivative of a node, given those of its arguments (None: zero)."""
+    if all(d is None for d in inner):
+        return None
+    a = node.arguments[0]
+    da = inner[0]
+    apply = graph.apply
+
+    def times(slope: Expression | None, factor: Expression) -> Expression | None:
+        return None if slope is None else apply("mul", slope, factor)
+
+    match node.operation:
+        case "add":
+            return _sum(graph, inner)
+        case "sub":
+            return da if inner[1] is None else apply("neg", inner[1]) if da is None else apply("sub", da, inner[1])
+        case "mul":
+            b = node.arguments[1]
+            return _sum(graph, [times(inner[0], b), times(inner[1], a)])
+        case "div":
+            b = node.arguments[1]
+            first = None if da is None else apply("div", da, b)
+            second = None if inner[1] is None else apply("neg", apply("div", apply("mul", node, inner[1]), b))
+            return _sum(graph, [first, second])
+        case "fmin" | "fmax" | "atan2" | "hypot" | "copysign":
+            raise UntraceableError(f"no derivative of {node.operation}")
+        case "pow":
+            b = node.arguments[1]
+            if inner[1] is not None:
+                raise UntraceableError("no derivative of a power with a varying exponent")
+            return apply("mul", apply("mul", b, apply("pow", a, apply("sub", b, 1.0))), da)
+    if da is None or len(node.arguments) > 1:
+        raise UntraceableError(f"no derivative of {node.operation}")
+    outer = {
+        "neg": lambda: graph.constant(-1.0),
+        "sin": lambda: apply("cos", a),
+        "cos": lambda: apply("neg", apply("sin", a)),
+        "tan": lambda: apply("add", 1.0, apply("mul", node, node)),
+        "exp": lambda: node,
+        "log": lambda: apply("div", 1.0, a),
+        "sqrt": lambda: apply("div", 0.5, node),
+        "sinh": lambda: apply("cosh", a),
+        "cosh": lambda: apply("sinh", a),
+        "tanh": lambda: apply("sub", 1.0, apply("mul", node, node)),
+        "atan": lambda: apply("div", 1.0, apply("add", 1.0, apply("mul", a, a))),
+        "fabs": lambda: apply("copysign", 1.0, a),
+    }.get(node.operation)
+    if outer is None:
+        raise UntraceableError(f"no derivative of {node.operation}")
+    return apply("mul", outer(), da)

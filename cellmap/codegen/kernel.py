@@ -1,0 +1,134 @@
+"""From plain functions to compiled lanes.
+
+Every kernel made here has the signature that :mod:`cellmap.codegen.lanes` describes.  Kernels depend on the text of
+what they compute and not on parameter values: sweeping a parameter compiles nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from numba import njit
+
+from ..kernels import simd_math
+from ..kernels.options import INLINE
+from .derivative import tangent_trace
+from .emit import assignment
+from .expression import UntraceableError, in_order
+from .lanes import StepCode, lane_module
+from .methods import Method, choose_method
+from .module import generated_module, module_in_memory
+from .rebind import rebind
+from .runge_kutta import called_steps, stage_namer
+from .trace import Trace, parameter_record, trace
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodKernel:
+    """A compiled period.
+
+    ``advance`` is the compiled function, ``estimate_order`` the order at which its error estimate shrinks, ``stages``
+    the right-hand sides (or series) a step.
+    """
+
+    advance: Callable[..., Any]
+    method: str
+    estimate_order: int
+    stages: int
+
+
+@functools.lru_cache(maxsize=256)
+def traced_function(function: Callable[..., Any], dimension: int, names: Names) -> Trace | None:
+    """Trace a function once; None where it cannot be traced."""
+    return trace(function, dimension, names)
+
+
+@functools.lru_cache(maxsize=256)
+def flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, method: str, rtol: float) -> PeriodKernel:
+    """Compile the period of a flow with a method of that name."""
+    traced = traced_function(rhs, dimension, names)
+    chosen = choose_method(method, traced, rtol)
+    if traced is None:
+        return _finished(_called(rhs, called_steps(dimension, len(names), _tableau(chosen)), dimension, names), chosen)
+    return _finished(_compiled(chosen.write(traced), dimension, names), chosen)
+
+
+@functools.lru_cache(maxsize=256)
+def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: float) -> PeriodKernel | None:
+    """Compile the period of a flow with one tangent vector, 2 d components; None where derivatives are not known."""
+    traced = traced_function(rhs, dimension, names)
+    if traced is None:
+        return None
+    try:
+        tangent = tangent_trace(traced)
+    except UntraceableError:
+        return None
+    chosen = choose_method("auto", tangent, rtol)
+    return _finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
+
+
+@functools.lru_cache(maxsize=256)
+def discrete_kernel(function: Callable[..., Any], dimension: int, names: Names, tangent: bool) -> Callable[..., Any] | None:
+    """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
+    traced = traced_function(function, dimension, names)
+    if traced is None:
+        if tangent:
+            return None
+        record = f"Parameters(({''.join(f'p{i}, ' for i in range(len(names)))}))" if names else "()"
+        state = "(" + "".join(f"x{j}, " for j in range(dimension)) + ")"
+        targets = "".join(f"y{j}, " for j in range(dimension))
+        zeros = tuple(f"e{j} = 0.0" for j in range(dimension))
+        code = StepCode((f"record = {record}",), (), (f"{targets}= rhs(t, {state}, record)", *zeros))
+        return _called(function, code, dimension, names)
+    try:
+        traced = tangent_trace(traced) if tangent else traced
+    except UntraceableError:
+        return None
+    return _compiled(_application(traced), len(traced.outputs), names)
+
+
+def _application(traced: Trace) -> StepCode:
+    """Write one application of a traced map."""
+    levels = traced.levels()
+    name = stage_namer(levels, "", "", state="x")
+    lines: tuple[list[str], ...] = ([], [], [])
+    for node in in_order(traced.outputs):
+        if node.arguments:
+            lines[levels[node]].append(assignment(node, name, levels[node]))
+    results = [f"y{j} = {name(e)}" for j, e in enumerate(traced.outputs)]
+    zeros = [f"e{j} = 0.0" for j in range(len(traced.outputs))]
+    return StepCode(tuple(lines[0]), tuple(lines[1]), (*lines[2], *results, *zeros))
+
+
+def _compiled(code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
+    advance: Callable[..., Any] = generated_module(lane_module(code, dimension, len(names))).advance
+    return advance
+
+
+def _finished(advance: Callable[..., Any], method: Method) -> PeriodKernel:
+    return PeriodKernel(advance, method.name, method.estimate_order, len(method.tableau.nodes) if method.tableau else 1)
+
+
+def _tableau(method: Method) -> Any:
+    assert method.tableau is not None, "only traced right-hand sides have series"
+    return method.tableau
+
+
+def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
+    """Compile lanes that call a function which cannot be traced, vectorisable functions in the place of those of math."""
+    text = lane_module(code, dimension, len(names)).replace("**KERNEL)", "**{**KERNEL, 'cache': False})")
+    table = {name: f for name, f in vars(simd_math).items() if hasattr(f, "py_func")}
+    try:
+        scope = {"rhs": rebind(function, table, njit(**INLINE)), "Parameters": parameter_record(names)}
+        advance: Callable[..., Any] = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
+    except Exception as error:
+        raise TypeError(
+            f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
+            f"on numbers. The compiler says: {error}"
+        ) from error
+    return advance

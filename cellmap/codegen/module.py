@@ -1,0 +1,84 @@
+"""Modules of generated source: named after what they contain, kept on disk, never stale.
+
+numba's own disk cache looks only at the file that defines a function.  A generated module is therefore named by a hash
+of its text, of the hand-written functions that are inlined into it and of numba's version: whatever changes gets a new
+name, and an old file can never be mistaken for it.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.util
+import linecache
+import os
+import sys
+import tempfile
+import types
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from ..kernels import options, simd_math
+
+
+def cache_folder() -> Path | None:
+    """Folder of generated modules: ``$CELLMAP_CACHE_DIR``, or one below the user's cache; None where it is empty."""
+    chosen = os.environ.get("CELLMAP_CACHE_DIR")
+    if chosen is not None:
+        return Path(chosen) if chosen else None
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "cellmap"
+
+
+@functools.cache
+def _inlined_text() -> str:
+    return "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (options, simd_math))
+
+
+@functools.lru_cache(maxsize=256)
+def generated_module(text: str) -> types.ModuleType:
+    """Import a module of generated text, from disk where its compiled code is already there."""
+    name = "cellmap_" + hashlib.sha256("\0".join((text, _inlined_text(), numba.__version__)).encode()).hexdigest()[:32]
+    path = _write_whole(name, text)
+    if path is not None:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except OSError:
+            del sys.modules[name]
+        else:
+            return module
+    return module_in_memory(text.replace("**KERNEL)", "**{**KERNEL, 'cache': False})"), name)
+
+
+def module_in_memory(text: str, name: str, **scope: Any) -> types.ModuleType:
+    """Run generated text as a module that no file holds; tracebacks still show its lines."""
+    filename = f"<{name}>"
+    linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
+    module = types.ModuleType(name)
+    vars(module).update(scope, __file__=filename)
+    exec(compile(text, filename, "exec"), vars(module))  # the text is our own, never a user's
+    return module
+
+
+def _write_whole(name: str, text: str) -> Path | None:
+    folder = cache_folder()
+    if folder is None:
+        return None
+    path = folder / f"{name}.py"
+    try:
+        if path.exists() and path.read_text(encoding="utf-8") == text:
+            return path
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        os.replace(temporary, path)
+    except OSError:
+        return None
+    return path

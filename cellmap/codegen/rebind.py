@@ -1,0 +1,103 @@
+"""Copies of plain Python functions that see other elementary functions than those of :mod:`math`."""
+
+from __future__ import annotations
+
+import builtins
+import functools
+import math
+import types
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+_NUMPY_NAMES = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "absolute": "fabs"}
+
+
+def _canonical_names() -> dict[Any, str]:
+    """Name under which a table lists each function of :mod:`math`, of NumPy and of the built-ins."""
+    names: dict[Any, str] = {f: n for n, f in vars(math).items() if callable(f) and not n.startswith("_")}
+    for name in (*vars(math), *_NUMPY_NAMES):
+        ufunc = getattr(np, name, None)
+        if isinstance(ufunc, np.ufunc):
+            names[ufunc] = _NUMPY_NAMES.get(name, name)
+    names[np.abs] = names[abs] = "fabs"
+    names[min] = names[np.minimum] = names[np.fmin] = "fmin"
+    names[max] = names[np.maximum] = names[np.fmax] = "fmax"
+    names[np.power] = names[pow] = "pow"
+    return names
+
+
+CANONICAL_NAMES = _canonical_names()
+
+
+class _Namespace:
+    """Stand-in for a module such as ``math``: listed functions are replaced, the rest is the module's own."""
+
+    def __init__(self, module: types.ModuleType, substitute: Callable[[Any], Any]) -> None:
+        self._module, self._substitute = module, substitute
+
+    def __getattr__(self, name: str) -> Any:
+        return self._substitute(getattr(self._module, name))
+
+
+def rebind(
+    function: Callable[..., Any],
+    table: Mapping[str, Any],
+    finish: Callable[[Callable[..., Any]], Callable[..., Any]] = lambda f: f,
+) -> Callable[..., Any]:
+    """Copy a function, and the plain functions it calls, so that elementary functions come from `table`.
+
+    `table` maps names of :mod:`math` (NumPy's and the built-ins' synonyms included) to replacements.  `finish` is
+    applied to each copied function, innermost first; a compiler goes here.  The original is left as it is.
+    """
+    done: dict[int, Any] = {}
+
+    def substitute(value: Any) -> Any:
+        if isinstance(value, types.ModuleType):
+            return _Namespace(value, substitute) if value.__name__ in {"math", "numpy"} else value
+        try:
+            name = CANONICAL_NAMES.get(value)
+        except TypeError:
+            return value
+        if name is not None:
+            return table.get(name, value)
+        plain = getattr(value, "py_func", value)
+        return copy(plain) if isinstance(plain, types.FunctionType) else value
+
+    def copy(f: types.FunctionType) -> Any:
+        if id(f) in done:
+            return done[id(f)]
+        names = _global_names(f.__code__)
+        scope = {n: substitute(f.__globals__[n]) for n in names if n in f.__globals__}
+        for name in names - f.__globals__.keys():
+            if (value := getattr(builtins, name, None)) is not None and callable(value):
+                scope[name] = substitute(value)
+        scope["__builtins__"] = f.__globals__.get("__builtins__", builtins)
+        cells = tuple(types.CellType(substitute(c.cell_contents)) for c in f.__closure__ or ())
+        defaults = tuple(substitute(v) for v in f.__defaults__) if f.__defaults__ else None
+        twin = types.FunctionType(f.__code__, scope, f.__name__, defaults, cells)
+        twin.__kwdefaults__ = {k: substitute(v) for k, v in f.__kwdefaults__.items()} if f.__kwdefaults__ else None
+        done[id(f)] = finish(twin)
+        return done[id(f)]
+
+    return _rebind_callable(getattr(function, "py_func", function), copy)
+
+
+def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -> Callable[..., Any]:
+    if isinstance(function, functools.partial):
+        return functools.partial(_rebind_callable(function.func, copy), *function.args, **function.keywords)
+    if isinstance(function, types.MethodType):
+        return functools.partial(copy(function.__func__), function.__self__)  # type: ignore[arg-type]
+    if isinstance(function, types.FunctionType):
+        return copy(function)
+    call = type(function).__call__
+    return functools.partial(copy(call), function) if isinstance(call, types.FunctionType) else function
+
+
+def _global_names(code: types.CodeType) -> set[str]:
+    names = set(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            names |= _global_names(constant)
+    return names

@@ -1,0 +1,195 @@
+"""Taylor-series steps as straight-line code.
+
+The series of the solution is found by the classical recurrences of automatic differentiation (Moore 1966; Jorba and
+Zou 2005).  Coefficients are those in the step's own time (t - t_n)/h: the factor h^k is contained in them, so that the
+step is their plain sum and the last of them are the estimate of the error.  All lanes share the time, so the series of
+everything that depends on time alone is computed once for all lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .emit import input_name, library
+from .expression import Expression, in_order
+from .lanes import StepCode
+from .trace import CONSTANT, STATEFUL, TIMED, Trace
+
+_PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+
+
+def taylor_steps(trace: Trace, order: int) -> StepCode:
+    """Write one step of the Taylor method of the given order for a traced, analytic right-hand side."""
+    series = _Series(trace, order)
+    once = series.at_order(CONSTANT, 0)
+    per_step = ["t0 = t"]
+    per_lane = [f"s{j}_0 = x{j}" for j in range(len(trace.states))]
+    per_step += [f"h{k} = h / {k}.0" for k in range(1, order + 1)]
+    for k in range(order):
+        per_step += series.at_order(TIMED, k)
+        per_lane += series.at_order(STATEFUL, k)
+        per_lane += [
+            f"s{j}_{k + 1} = h{k + 1} * {term}" if (term := series.name(e, k)) else f"s{j}_{k + 1} = 0.0"
+            for j, e in enumerate(trace.outputs)
+        ]
+    for j in range(len(trace.states)):
+        tail = " + ".join(f"s{j}_{k}" for k in range(order, 0, -1))
+        per_lane += [f"y{j} = x{j} + ({tail})", f"e{j} = abs(s{j}_{order}) + 0.5 * abs(s{j}_{order - 1})"]
+    return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
+
+
+class _Series:
+    """Names and recurrences of the coefficients of every node."""
+
+    def __init__(self, trace: Trace, order: int) -> None:
+        self.trace, self.order = trace, order
+        self.levels = trace.levels()
+        self.nodes = [n for n in in_order(trace.outputs) if n.arguments]
+        self.numbers = {n: i for i, n in enumerate(self.nodes)}
+
+    def name(self, node: Expression, k: int) -> str:
+        """Name of coefficient k of a node; empty where it vanishes."""
+        if node.operation == "time":
+            return ("t0", "h")[k] if k < 2 else ""
+        if k and self.levels.get(node, CONSTANT) == CONSTANT:
+            return ""
+        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}"}
+        return input_name(node, inputs) or f"v{self.numbers[node]}_{k}"
+
+    def at_order(self, level: int, k: int) -> list[str]:
+        """Statements for coefficient k of all nodes of one level."""
+        lines: list[str] = []
+        for node in self.nodes:
+            if self.levels[node] == level:
+                lines += self._statements(node, k, level)
+        return lines
+
+    def _statements(self, node: Expression, k: int, level: int) -> list[str]:
+        target, number = self.name(node, k), self.numbers[node]
+        if node.operation in _PAIRS:
+            return self._pair(node, k, level)
+        if node.operation in {"tan", "tanh"}:
+            return self._tangent(node, k, level)
+        if k == 0 and node.operation in {"exp", "log", "sqrt"}:
+            argument = self.name(node.arguments[0], 0)
+            lines = [f"{target} = {library(node.operation, level)}({argument})"]
+            if node.operation == "log":
+                lines.append(f"r{number} = 1.0 / {argument}")
+            if node.operation == "sqrt":
+                lines.append(f"r{number} = 0.5 / {target}")
+            return lines
+        if k == 0 and node.operation == "pow":
+            base, exponent = (self.name(a, 0) for a in node.arguments)
+            return [f"{target} = {base} ** {exponent}", f"r{number} = 1.0 / {base}"]
+        rule: Callable[[Expression, int], str] = getattr(self, "_" + node.operation)
+        lines = [f"r{number} = 1.0 / {self.name(node.arguments[1], 0)}"] if node.operation == "div" and k == 0 else []
+        return [*lines, f"{target} = {rule(node, k) or '0.0'}"]
+
+    # Rules: text of coefficient k; empty where it vanishes.
+
+    def _add(self, node: Expression, k: int) -> str:
+        return " + ".join(filter(None, (self.name(a, k) for a in node.arguments)))
+
+    def _sub(self, node: Expression, k: int) -> str:
+        left, right = (self.name(a, k) for a in node.arguments)
+        return f"{left} - {right}" if left and right else left or (f"-{right}" if right else "")
+
+    def _neg(self, node: Expression, k: int) -> str:
+        term = self.name(node.arguments[0], k)
+        return f"-{term}" if term else ""
+
+    def _mul(self, node: Expression, k: int) -> str:
+        a, b = node.arguments
+        return self._square(a, k) if a is b else self._convolution(a, b, 0, k, k)
+
+    def _square(self, a: Expression, k: int) -> str:
+        pairs = [(self.name(a, i), self.name(a, k - i)) for i in range((k + 1) // 2)]
+        terms = [f"{x} * {y}" for x, y in pairs if x and y]
+        text = f"2.0 * ({' + '.join(terms)})" if terms else ""
+        middle = self.name(a, k // 2) if k % 2 == 0 else ""
+        return " + ".join(filter(None, (f"{middle} * {middle}" if middle else "", text)))
+
+    def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> str:
+        """Sum of a_i b_(k-i) over i from first to last."""
+        pairs = [(self.name(a, i), self.name(b, k - i)) for i in range(first, last + 1)]
+        return " + ".join(f"{x} * {y}" for x, y in pairs if x and y)
+
+    def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> str:
+        """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
+        pairs = [(i, self.name(a, i), self.name(b, k - i)) for i in range(1, last + 1)]
+        return " + ".join(f"{i}.0 * {x} * {y}" if i > 1 else f"{x} * {y}" for i, x, y in pairs if x and y)
+
+    def _div(self, node: Expression, k: int) -> str:
+        a, b = node.arguments
+        known = self._convolution(b, node, 1, k, k)
+        left = self.name(a, k)
+        if not left and not known:
+            return ""
+        return f"({left or '0.0'}{f' - ({known})' if known else ''}) * r{self.numbers[node]}"
+
+    def _exp(self, node: Expression, k: int) -> str:
+        terms = self._weighted(node.arguments[0], node, k, k)
+        return f"({terms}) * {1.0 / k!r}" if terms else ""
+
+    def _log(self, node: Expression, k: int) -> str:
+        (a,) = node.arguments
+        known = self._weighted(node, a, k - 1, k)
+        left = self.name(a, k)
+        if not left and not known:
+            return ""
+        return f"({left or '0.0'}{f' - ({known}) * {1.0 / k!r}' if known else ''}) * r{self.numbers[node]}"
+
+    def _sqrt(self, node: Expression, k: int) -> str:
+        left = self.name(node.arguments[0], k) or "0.0"
+        known = self._convolution(node, node, 1, k - 1, k)
+        return f"({left}{f' - ({known})' if known else ''}) * r{self.numbers[node]}"
+
+    def _pow(self, node: Expression, k: int) -> str:
+        base, exponent = node.arguments
+        if self.levels.get(exponent, CONSTANT) != CONSTANT:
+            raise ValueError("a power with a varying exponent has no recurrence here")
+        e = self.name(exponent, 0)
+        pairs = [(i, self.name(base, i), self.name(node, k - i)) for i in range(1, k + 1)]
+        terms = " + ".join(f"({e} * {i}.0 - {k - i}.0) * {x} * {y}" for i, x, y in pairs if x and y)
+        return f"({terms}) * r{self.numbers[node]} * {1.0 / k!r}" if terms else ""
+
+    def _pair(self, node: Expression, k: int, level: int) -> list[str]:
+        """Sine with cosine, hyperbolic or not: each is the other's derivative up to a sign."""
+        (u,) = node.arguments
+        target, partner = self.name(node, k), f"w{self.numbers[node]}"
+        operation = node.operation
+        if k == 0:
+            value = self.name(u, 0)
+            return [
+                f"{target} = {library(operation, level)}({value})",
+                f"{partner}_0 = {library(_PAIRS[operation], level)}({value})",
+            ]
+        lines, factors = [], []
+        for i in range(1, k + 1):
+            if term := self.name(u, i):
+                weight = f"d{self.numbers[node]}_{i}"
+                if i == k:
+                    lines.append(f"{weight} = {i}.0 * {term}" if i > 1 else f"{weight} = {term}")
+                factors.append((weight, k - i))
+        own = " + ".join(f"{w} * {self.name(node, m)}" for w, m in factors)
+        other = " + ".join(f"{w} * {partner}_{m}" for w, m in factors)
+        signs = {"sin": ("", "-"), "cos": ("-", ""), "sinh": ("", ""), "cosh": ("", "")}[operation]
+        scale = repr(1.0 / k)
+        lines.append(f"{target} = {signs[0]}{scale} * ({other})" if other else f"{target} = 0.0")
+        lines.append(f"{partner}_{k} = {signs[1]}{scale} * ({own})" if own else f"{partner}_{k} = 0.0")
+        return lines
+
+    def _tangent(self, node: Expression, k: int, level: int) -> list[str]:
+        """Tangent y of u, hyperbolic or not: y' = (1 +- y^2) u'; the bracket is the partner."""
+        (u,) = node.arguments
+        target, partner = self.name(node, k), f"w{self.numbers[node]}"
+        sign = "+" if node.operation == "tan" else "-"
+        if k == 0:
+            return [
+                f"{target} = {library(node.operation, level)}({self.name(u, 0)})",
+                f"{partner}_0 = 1.0 {sign} {target} * {target}",
+            ]
+        pairs = [(i, self.name(u, i)) for i in range(1, k + 1)]
+        terms = " + ".join(f"{i}.0 * {x} * {partner}_{k - i}" for i, x in pairs if x)
+        lines = [f"{target} = {1.0 / k!r} * ({terms})" if terms else f"{target} = 0.0"]
+        return [*lines, f"{partner}_{k} = {'' if sign == '+' else '-'}({self._square(node, k)})"]

@@ -1,0 +1,122 @@
+"""Coordinates of a phase space: names, units, and which of them live on a circle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One state variable.
+
+    Parameters
+    ----------
+    name : str
+        Name on axes, in tables and in files.
+    unit : str, optional
+        Unit, such as ``"rad/s"``; empty for a pure number.
+    turn : float or None, optional
+        Length of the circle for an angle, in `unit`; None for a variable on the line.
+    lower : float or None, optional
+        Where the circle is cut: angles are kept in ``[lower, lower + turn)``.  Default ``-turn/2``.
+
+    Examples
+    --------
+    >>> Coordinate("theta", "rad", turn=2 * pi).lower
+    -3.141592653589793
+    """
+
+    name: str
+    unit: str = ""
+    turn: float | None = None
+    lower: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name={self.name!r}: a coordinate needs a name, such as 'theta'")
+        if self.turn is None:
+            if self.lower is not None:
+                raise ValueError(f"lower={self.lower!r}: only an angle is cut somewhere; give turn= as well")
+            return
+        if not (isfinite(self.turn) and self.turn > 0):
+            raise ValueError(f"turn={self.turn!r}: an angle's turn is a positive length, such as 2*pi")
+        if self.lower is None:
+            object.__setattr__(self, "lower", -0.5 * self.turn)
+        elif not isfinite(self.lower):
+            raise ValueError(f"lower={self.lower!r}: the cut of an angle is a finite number")
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether the variable lives on a circle."""
+        return self.turn is not None
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+def angle(name: str, unit: str = "rad", turn: float = 2 * pi, lower: float | None = None) -> Coordinate:
+    """Return the coordinate of an angle.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and unit.
+    turn : float, optional
+        One turn in that unit.
+    lower : float, optional
+        Where the circle is cut, by default ``-turn/2``.
+
+    Returns
+    -------
+    Coordinate
+        An angle kept in ``[lower, lower + turn)``.
+
+    Examples
+    --------
+    >>> angle("theta").is_angle
+    True
+    """
+    return Coordinate(name, unit, turn, lower)
+
+
+def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
+    """Turn names and coordinates into coordinates, all of different names."""
+    if isinstance(given, str | Coordinate):
+        given = (given,)
+    coordinates = tuple(c if isinstance(c, Coordinate) else Coordinate(c) for c in given)
+    names = [c.name for c in coordinates]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"coordinates={names!r}: one different name for each state variable is needed")
+    return coordinates
+
+
+def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return cuts and turns of all coordinates as arrays; a turn of 0 marks a variable on the line."""
+    lower = np.array([c.lower if c.lower is not None else -inf for c in coordinates])
+    turn = np.array([c.turn or 0.0 for c in coordinates])
+    return lower, turn
+
+
+def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return points (..., dimension) with every angle in its turn."""
+    wrapped = np.array(points, dtype=float)
+    for j, c in enumerate(coordinates):
+        if c.turn is not None and c.lower is not None:
+            shift = np.floor((wrapped[..., j] - c.lower) / c.turn)
+            wrapped[..., j] = np.maximum(wrapped[..., j] - shift * c.turn, c.lower)
+            wrapped[..., j] = np.where(wrapped[..., j] >= c.lower + c.turn, c.lower, wrapped[..., j])
+    return wrapped
+
+
+def difference(a: NDArray[np.float64], b: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return a - b, along angles the shorter way round."""
+    d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
+    for j, c in enumerate(coordinates):
+        if c.turn is not None:
+            d[..., j] -= c.turn * np.round(d[..., j] / c.turn)
+    return d

@@ -1,0 +1,141 @@
+"""Discrete maps."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import parameter_values
+from .codegen.kernel import discrete_kernel
+from .codegen.trace import parameter_record
+from .coordinates import Coordinate, as_coordinates, turns_of
+from .jacobian import NotDifferentiableError, jacobian_by_lanes
+from .kernels.blocks import pack, unpack, wrap_rows
+from .kernels.options import LANES
+from .pointmap import Orbits, PointMap, Status
+
+_BOUND = 1e100
+
+
+def discrete_map(
+    function: Callable[[Sequence[float], Any], Sequence[float]],
+    params: Mapping[str, float],
+    coordinates: Iterable[str | Coordinate],
+    name: str = "",
+) -> PointMap:
+    """Return the point map of a plain function.
+
+    Parameters
+    ----------
+    function : callable
+        Pure function ``function(x, p)`` of the tuple of state variables and the named tuple of parameters; returns the
+        tuple of images.  Angles need not be wrapped.
+    params : mapping of str to float
+        Parameters by name.
+    coordinates : sequence of str or Coordinate
+        State variables.
+    name : str, optional
+        Name for files and plots; by default the name of `function`.
+
+    Returns
+    -------
+    PointMap
+        The map, vectorised over points.  Orbits that exceed 1e100 have diverged.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parameters that are not finite numbers, or a function that returns a wrong number of components.
+
+    Examples
+    --------
+    >>> def henon(x, p):
+    ...     return 1 - p.a * x[0] ** 2 + x[1], p.b * x[0]
+    >>> discrete_map(henon, {"a": 1.4, "b": 0.3}, ("x", "y"))([0.0, 0.0])
+    array([1., 0.])
+    """
+    if not callable(function):
+        raise TypeError(f"function={function!r}: give a function of (x, p)")
+    values = parameter_values(params)
+    axes = as_coordinates(coordinates)
+    names, d = tuple(values), len(axes)
+    name = name or getattr(function, "__name__", type(function).__name__)
+    _check_components(function, values, axes)
+    timeless = _timeless(function)
+    kernel = discrete_kernel(timeless, d, names, False)
+    parameters = np.array([float(v) for v in values.values()])
+    lower, turn = turns_of(axes)
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        for _ in range(periods):
+            (alive,) = np.nonzero(orbits.alive)
+            if not len(alive):
+                return
+            now = orbits[alive]
+            _apply(kernel, parameters, now)
+            wrap_rows(now.points, now.turns, lower, turn)
+            orbits[alive] = now
+
+    def derivative(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        tangent = discrete_kernel(timeless, d, names, True)
+        if tangent is None:
+            raise NotDifferentiableError(f"no derivatives of {name} are known")
+        return jacobian_by_lanes(functools.partial(_apply, tangent, parameters), points, d)
+
+    return PointMap(
+        name=name,
+        coordinates=axes,
+        params=values,
+        advance=advance,
+        recipe={"kind": "discrete"},
+        jacobian=derivative,
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function with a time that it does not use; the same object for the same function."""
+
+    def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        return function(x, p)
+
+    return at_any_time
+
+
+def _apply(kernel: Any, parameters: NDArray[np.float64], orbits: Orbits) -> None:
+    """Apply a compiled map once, in place."""
+    n, d = orbits.points.shape
+    members = np.arange(n)
+    blocks = np.empty((-(-n // LANES), d, LANES))
+    errors = np.empty_like(blocks)
+    ratios = np.empty(n)
+    pack(orbits.points, members, blocks)
+    kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, parameters, errors)
+    unpack(blocks, errors, members, orbits.points, ratios, np.full(d, np.inf), 1.0, 1.0)
+    with np.errstate(invalid="ignore"):
+        bounded = (np.abs(orbits.points) < _BOUND).all(axis=1)
+    orbits.end(~bounded, Status.DIVERGED)
+
+
+def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:
+    record = parameter_record(tuple(params))(*params.values())
+    for start in (0.1, 0.37, 1.3):
+        try:
+            image = function(tuple(start + 0.1 * j for j in range(len(axes))), record)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the function
+        except AttributeError as error:
+            raise ValueError(f"function asks for a parameter that params lacks ({error})") from error
+        except TypeError as error:
+            raise TypeError(f"function must be callable as function(x, p) and return a tuple: {error}") from error
+        try:
+            count = len(image)
+        except TypeError:
+            raise TypeError(f"function returns {image!r}: return a tuple, one image for each coordinate") from None
+        if count != len(axes):
+            raise ValueError(f"function returns {count} components for {len(axes)} coordinates: return one image for each")
+        return

@@ -1,0 +1,141 @@
+"""Grids of cells over a window of phase space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import in_bytes, refuse_memory, whole_number
+from .coordinates import Coordinate
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """A box of equal cells.
+
+    Cells are half-open: a cell owns its lower edges, not its upper ones.  An axis that wraps covers one turn of a
+    circle, and every number falls into one of its cells.
+
+    Parameters
+    ----------
+    lower, upper : sequence of float
+        Corners of the window, one number for each coordinate, ``lower < upper``.
+    shape : sequence of int
+        Cells along each axis.
+    wraps : sequence of bool, optional
+        Which axes are circles.  :func:`interpolated_map` and :func:`find_basins` set it themselves for axes that cover
+        one whole turn of an angle.
+
+    Raises
+    ------
+    ValueError
+        For an empty, inverted or non-finite window, or a number of cells below one.
+
+    Examples
+    --------
+    >>> grid = CellGrid(lower=(-1, 0), upper=(1, 1), shape=(4, 2))
+    >>> grid.centres().shape
+    (4, 2, 2)
+    >>> grid.locate([-1.0, 1.0]), grid.locate([-1.0, 0.5])
+    (-1, 1)
+    """
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    shape: tuple[int, ...]
+    wraps: tuple[bool, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            try:
+                values = tuple(float(v) for v in np.atleast_1d(np.asarray(getattr(self, name), dtype=float)))
+            except (TypeError, ValueError):
+                raise TypeError(f"{name}={getattr(self, name)!r}: give one number for each coordinate") from None
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name}={values}: a window has finite corners")
+            object.__setattr__(self, name, values)
+        counts = np.atleast_1d(np.asarray(self.shape, dtype=object))
+        object.__setattr__(self, "shape", tuple(whole_number("shape", n, at_least=1) for n in counts))
+        object.__setattr__(self, "wraps", tuple(map(bool, self.wraps)) or (False,) * len(self.lower))
+        lengths = {name: len(getattr(self, name)) for name in ("lower", "upper", "shape", "wraps")}
+        if len(set(lengths.values())) != 1:
+            raise ValueError(f"a grid needs one entry for each coordinate in each argument, and these have {lengths}")
+        for a, b in zip(self.lower, self.upper, strict=True):
+            if not a < b:
+                raise ValueError(f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it")
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return int(np.prod([int(n) for n in self.shape], dtype=object))
+
+    @property
+    def widths(self) -> NDArray[np.float64]:
+        """Width of a cell along each axis."""
+        return (np.array(self.upper) - np.array(self.lower)) / np.array(self.shape)
+
+    def axis(self, j: int) -> NDArray[np.float64]:
+        """Return the cell centres along axis `j`."""
+        return self.lower[j] + (np.arange(self.shape[j]) + 0.5) * self.widths[j]
+
+    def edges(self, j: int) -> NDArray[np.float64]:
+        """Return the cell edges along axis `j`, one more than cells."""
+        return np.linspace(self.lower[j], self.upper[j], self.shape[j] + 1)
+
+    def centres(self) -> NDArray[np.float64]:
+        """Return the centres of all cells, shape ``(*shape, dimension)``."""
+        needed = 8 * self.size * self.dimension
+        refuse_memory(f"the centres of {self.size:,} cells", needed, "take fewer cells")
+        return np.stack(np.meshgrid(*map(self.axis, range(self.dimension)), indexing="ij"), axis=-1)
+
+    def locate(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return the flat number (row-major) of the cell of each point, -1 for a point outside or not a number."""
+        p = np.asarray(points, dtype=float)
+        if p.ndim == 0 or p.shape[-1] != self.dimension:
+            raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
+        index = np.zeros(p.shape[:-1], dtype=np.int64)
+        inside = np.ones(p.shape[:-1], dtype=bool)
+        for j, n in enumerate(self.shape):
+            with np.errstate(invalid="ignore"):
+                place = (p[..., j] - self.lower[j]) / self.widths[j]
+                cell = np.floor(place)
+                if self.wraps[j]:
+                    cell = np.where(np.isfinite(cell), cell - n * np.floor(cell / n), np.nan)
+                else:
+                    # The division may round a point just below the upper edge onto it, and the edge just below itself.
+                    within = (p[..., j] >= self.lower[j]) & (p[..., j] < self.upper[j])
+                    cell = np.where(within, np.clip(cell, 0, n - 1), np.nan)
+            inside &= ~np.isnan(cell)
+            index = index * n + np.nan_to_num(cell).astype(np.int64)
+        return np.where(inside, index, -1)
+
+    def on(self, coordinates: Sequence[Coordinate]) -> CellGrid:
+        """Return this grid with wrapping set: an axis wraps where it covers one whole turn of an angle.
+
+        Raises
+        ------
+        ValueError
+            For a wrong number of axes, or an axis that is longer than one turn.
+        """
+        if len(coordinates) != self.dimension:
+            names = ", ".join(c.name for c in coordinates)
+            raise ValueError(f"grid has {self.dimension} axes and the system {len(coordinates)} coordinates ({names})")
+        wraps = []
+        for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
+            excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
+            if excess > 1e-9:
+                raise ValueError(f"the grid covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
+            wraps.append(excess > -1e-9)
+        return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))
+
+    def __str__(self) -> str:
+        cells = " x ".join(map(str, self.shape))
+        return f"{cells} cells ({in_bytes(8 * self.size)} for each number that is kept of a cell)"

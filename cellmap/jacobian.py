@@ -1,0 +1,94 @@
+"""Derivative matrices of point maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import finite_points
+from .coordinates import difference
+from .pointmap import Orbits, PointMap
+
+
+class NotDifferentiableError(TypeError):
+    """The map's function is not traceable, so its exact derivatives are not known."""
+
+
+def jacobian_by_lanes(
+    tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int
+) -> NDArray[np.float64]:
+    """Return derivative matrices (..., d, d) from a step of (x, v): one row of work for each direction v."""
+    d = dimension
+    flat = points.reshape(-1, d)
+    states = np.zeros((len(flat), d, 2 * d))
+    states[:, :, :d] = flat[:, None, :]
+    states[:, :, d:] = np.eye(d)
+    orbits = Orbits.starting(states.reshape(-1, 2 * d))
+    tangent_step(orbits)
+    columns = orbits.points.reshape(len(flat), d, 2 * d)[:, :, d:]
+    return columns.transpose(0, 2, 1).reshape(*points.shape, d)
+
+
+def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
+    """Return the derivative of the image after some periods by the start.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        An exact map; of an interpolated map the exact map behind it is taken.
+    points : array_like, shape (..., dimension)
+        Starts.
+    periods : int, optional
+        Steps of the map.
+
+    Returns
+    -------
+    ndarray, shape (..., dimension, dimension)
+        Entry (i, j) is the derivative of component i of the image by component j of the start.  It comes from the
+        variational equation; only where the right-hand side cannot be traced, from central differences of order 6.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+    >>> jacobian(henon, [0.5, 0.0])
+    array([[-1.4,  1. ],
+           [ 0.3,  0. ]])
+    """
+    exact = point_map.exact or point_map
+    place = finite_points("points", points, exact.dimension)
+    total = np.broadcast_to(np.eye(exact.dimension), (*place.shape, exact.dimension)).copy()
+    for k in range(periods):
+        total = _one_step(exact, place) @ total
+        if k < periods - 1:
+            place = exact.iterate(place, 1).points
+    return total
+
+
+def _one_step(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    if exact.jacobian is not None:
+        try:
+            return exact.jacobian(points)
+        except NotDifferentiableError:
+            pass
+    return _central_differences(exact, points)
+
+
+def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative by symmetric differences at three distances."""
+    columns = []
+    centre = exact.iterate(points, 1).unwrapped
+    for j in range(exact.dimension):
+        h = 1e-2 * np.maximum(np.abs(points[..., j]), 1e-1)
+        column = 0.0
+        for k, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+            for sign in (1, -1):
+                moved = points.copy()
+                moved[..., j] += sign * k * h
+                image = exact.iterate(moved, 1)
+                shift = difference(image.points, centre, exact.coordinates)
+                column = column + sign * weight * shift / (60.0 * h[..., None])
+        columns.append(column)
+    return np.stack(columns, axis=-1)

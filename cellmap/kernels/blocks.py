@@ -1,0 +1,53 @@
+"""Starts into blocks of lanes and out again."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .options import KERNEL, LANES
+
+
+@njit(**KERNEL)
+def pack(points, members, blocks):
+    """Copy rows of points into full blocks; the last member is repeated where members run out."""
+    for b in range(blocks.shape[0]):
+        for i in range(LANES):
+            row = members[min(b * LANES + i, members.size - 1)]
+            for j in range(points.shape[1]):
+                blocks[b, j, i] = points[row, j]
+
+
+@njit(**KERNEL)
+def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
+    """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
+
+    The relative part of the tolerance refers to abs(x), but to no more than `largest`: half a turn for an angle.
+    """
+    for m in range(members.size):
+        b, i, row = m // LANES, m % LANES, members[m]
+        worst = 0.0
+        for j in range(images.shape[1]):
+            x = blocks[b, j, i]
+            images[row, j] = x
+            ratio = errors[b, j, i] / (atol + rtol * min(abs(x), largest[j]))
+            # Written so that a NaN wins.
+            worst = worst if ratio <= worst else ratio
+            worst = worst if abs(x) < np.inf else np.nan
+        ratios[row] = worst
+
+
+@njit(**KERNEL)
+def wrap_rows(points, turns, lower, turn):
+    """Bring angles back into their turn and count the whole turns taken away."""
+    for j in range(points.shape[1]):
+        if turn[j] > 0.0:
+            for i in range(points.shape[0]):
+                whole = np.floor((points[i, j] - lower[j]) / turn[j])
+                if whole != 0.0 and abs(whole) < 1e15:
+                    x = max(points[i, j] - whole * turn[j], lower[j])
+                    if x >= lower[j] + turn[j]:
+                        x = lower[j]
+                        whole += 1.0
+                    points[i, j] = x
+                    turns[i, j] += np.int64(whole)

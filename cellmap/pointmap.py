@@ -1,0 +1,281 @@
+"""Point maps: the one noun that carries all dynamics (Hsu 1980)."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import finite_points, in_bytes, refuse_memory, whole_number
+from .coordinates import Coordinate, turns_of
+from .kernels.blocks import wrap_rows
+from .threads import progress_bar, run_over, slices
+
+if TYPE_CHECKING:
+    from .grid import CellGrid
+
+CHUNK = 4096
+"""Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
+
+
+class Status(IntEnum):
+    """What became of an orbit.
+
+    From ESCAPED on there is no point any more: it is NaN and stays NaN.
+    """
+
+    OK = 0
+    INACCURATE = 1
+    """The integrator did not meet its tolerance in some period; the point is its best value."""
+    ESCAPED = 2
+    """The orbit left the table of an interpolated map."""
+    DIVERGED = 3
+    """The orbit grew beyond all bounds, or the right-hand side was not finite on it."""
+
+
+class ToleranceWarning(UserWarning):
+    """Some orbits did not meet the tolerance of the integrator."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """What a map or a picture has cost.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall time.
+    evaluations : int
+        Right-hand sides, or function calls of a discrete map.
+    look_ups : int
+        Interpolations.
+    """
+
+    seconds: float = 0.0
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+@dataclass(eq=False)
+class Orbits:
+    """Working state of a batch of orbits; kernels change it in place.
+
+    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8.
+    """
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+
+    @classmethod
+    def starting(cls, points: NDArray[np.float64]) -> Orbits:
+        """Begin orbits at the rows of an array, which is kept and changed."""
+        return cls(points, np.zeros(points.shape, np.int64), np.zeros(len(points), np.uint8))
+
+    def __getitem__(self, part: Any) -> Orbits:
+        return Orbits(self.points[part], self.turns[part], self.status[part])
+
+    def __setitem__(self, part: Any, other: Orbits) -> None:
+        self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Orbits that have a point."""
+        return self.status < Status.ESCAPED
+
+    def end(self, where: NDArray[Any], status: Status) -> None:
+        """Mark orbits as ended."""
+        self.status[where] = status
+        self.points[where] = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """Images of points after some periods.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dimension)
+        Images, angles in their turn; NaN where `status` is ESCAPED or DIVERGED.
+    turns : ndarray of int, shape (..., dimension)
+        Whole turns made by each angle; ``points + turns * turn`` is the unwrapped image.
+    status : ndarray of uint8, shape (...)
+        A :class:`Status` for each orbit.
+    coordinates : tuple of Coordinate
+        Names and units of the last axis.
+    """
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        parts = [f"{np.count_nonzero(self.status == s)} {s.name.lower()}" for s in Status if (self.status == s).any()]
+        return f"Iterate({', '.join(parts)})"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.float64]:
+        return np.array(self.points, dtype=dtype) if copy or dtype is not None else self.points
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """Images with whole turns put back, shape (..., dimension)."""
+        return self.points + self.turns * turns_of(self.coordinates)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class PointMap:
+    """A map of phase space to itself: stroboscopic, interpolated or discrete, all of one type.
+
+    Make one with :func:`stroboscopic_map`, :func:`interpolated_map` or :func:`discrete_map`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the system.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        Parameters of the system.
+    advance : callable
+        ``advance(orbits, periods)`` moves a batch of at most CHUNK :class:`Orbits` on, in place; safe to call from
+        several threads at once.  A new kind of map is a function that returns a PointMap with its own `advance`.
+    recipe : mapping
+        Plain values from which :func:`rebuild_map` makes the map again, given the system.
+    period : float
+        Time that one step takes; 1 for a discrete map.
+    exact : PointMap or None
+        The map that an interpolated map was made from.
+    grid : CellGrid or None
+        Cells of the table of an interpolated map.
+    rough : ndarray of bool or None
+        Cells of the table that are left to the exact map, shape of the grid.
+    jacobian : callable or None
+        ``jacobian(points)`` returns the derivative matrices of one step, shape (..., d, d).
+    cost : Cost
+        What making the map has cost.
+    """
+
+    name: str
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+    advance: Callable[[Orbits, int], None] = field(repr=False)
+    recipe: Mapping[str, Any]
+    period: float = 1.0
+    exact: PointMap | None = None
+    grid: CellGrid | None = None
+    rough: NDArray[np.bool_] | None = None
+    jacobian: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        return f"PointMap({self.recipe.get('kind', 'map')} of {self.name}: {values})"
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return len(self.coordinates)
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
+        return self.iterate(points, 1).points
+
+    def iterate(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+        """Return the images of points after a number of periods.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts; angles may have any number of turns.
+        periods : int
+            Steps of the map.
+        progress : bool, optional
+            Show a bar on a terminal for work of more than two seconds.
+
+        Returns
+        -------
+        Iterate
+            Images with turns and status.
+
+        Warns
+        -----
+        ToleranceWarning
+            Where the tolerance of the integrator was not met; those images have the status INACCURATE.
+        """
+        starts = finite_points("points", points, self.dimension)
+        periods = whole_number("periods", periods)
+        refuse_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
+        orbits = Orbits.starting(starts.reshape(-1, self.dimension))
+        lower, turn = turns_of(self.coordinates)
+        wrap_rows(orbits.points, orbits.turns, lower, turn)
+        orbits.turns[:] = 0
+        label = f"{periods} periods of {self.name}" if progress else None
+        run_over(slices(len(orbits), CHUNK), lambda part: self.advance(orbits[part], periods), label)
+        warn_of_tolerance(orbits.status, self)
+        shape = starts.shape
+        return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), self.coordinates)
+
+    def orbit(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+        """Return points and all their images, the number of the period on the first axis.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts.
+        periods : int
+            Steps of the map.
+        progress : bool, optional
+            Show a bar on a terminal for work of more than two seconds.
+
+        Returns
+        -------
+        Iterate
+            Arrays with a leading axis of length ``periods + 1``.
+        """
+        starts = finite_points("points", points, self.dimension)
+        periods = whole_number("periods", periods)
+        needed = (periods + 1) * 2 * starts.nbytes
+        refuse_memory(f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less")
+        history = np.empty((periods + 1, starts.size // self.dimension, self.dimension))
+        turns = np.zeros(history.shape, np.int64)
+        status = np.zeros(history.shape[:2], np.uint8)
+        history[0] = starts.reshape(-1, self.dimension)
+        lower, turn = turns_of(self.coordinates)
+        wrap_rows(history[0], turns[0], lower, turn)
+        turns[0] = 0
+        label = f"orbits of {self.name}" if progress else None
+        with progress_bar(periods, label) as tick:
+            for k in range(periods):
+                history[k + 1], turns[k + 1], status[k + 1] = history[k], turns[k], status[k]
+                orbits = Orbits(history[k + 1], turns[k + 1], status[k + 1])
+                run_over(slices(len(orbits), CHUNK), lambda part, o=orbits: self.advance(o[part], 1))  # type: ignore[misc]
+                tick(1)
+        warn_of_tolerance(status[-1], self)
+        shape = (periods + 1, *starts.shape)
+        return Iterate(history.reshape(shape), turns.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
+
+
+def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
+    """Warn where orbits carry the status INACCURATE."""
+    missed = np.count_nonzero(status == Status.INACCURATE)
+    if missed:
+        warnings.warn(
+            f"{missed} of {status.size} orbits of {point_map.name} did not meet the tolerance; their status says so. "
+            "Loosen rtol and atol, or allow more steps with max_steps",
+            ToleranceWarning,
+            stacklevel=3,
+        )
+
+
+def memory_statement(what: str, needed: int) -> str:
+    """Return the sentence that announces what a job will cost in memory."""
+    return f"{what}: {in_bytes(needed)} of memory"

@@ -1,0 +1,202 @@
+"""Stroboscopic maps: states of a forced system one period apart, integrated in SIMD lanes."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import finite_number, one_of, whole_number
+from .codegen.kernel import PeriodKernel, flow_kernel, tangent_flow_kernel
+from .codegen.methods import METHOD_NAMES
+from .coordinates import turns_of
+from .kernels.blocks import pack, unpack, wrap_rows
+from .kernels.options import LANES
+from .jacobian import NotDifferentiableError, jacobian_by_lanes
+from .pointmap import Orbits, PointMap, Status
+from .system import ForcedSystem
+
+SMALLEST_TOLERANCE = 1e-14
+_PROBE = 16  # steps a period of the first trial step
+_LARGEST_FINITE_TRIAL = 4096  # an orbit that is still not finite with so many steps a period has diverged
+_RUNGS = np.unique([round(4 * 2 ** (k / 4)) for k in range(90)])
+
+
+def stroboscopic_map(
+    system: ForcedSystem,
+    phase: float = 0.0,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    method: str = "auto",
+    max_steps: int = 16384,
+) -> PointMap:
+    """Return the map from a state to the state one period later.
+
+    Every image meets ``error <= atol + rtol * abs(image)`` in each component by the estimate of the integrator, summed
+    over the period (for an angle, ``abs(image)`` counts at most half a turn).  Each start takes the number of steps
+    that its own error asks for, so its image does not depend on its neighbours.  A start that misses the tolerance
+    with `max_steps` keeps its best value and the status INACCURATE.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        The system.
+    phase : float, optional
+        Where in the forcing period the section lies, in turns: the section is at ``t = phase * period``.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of one period, at least 1e-14.
+    method : {"auto", "DOP853", "RK45", "Taylor"}, optional
+        Dormand and Prince's methods of order 8 and 5, or a Taylor series whose order follows from the tolerance;
+        "auto" takes the cheaper of Taylor and DOP853.
+    max_steps : int, optional
+        Most steps a period.
+
+    Returns
+    -------
+    PointMap
+        The exact map, vectorised over starts and run on all threads.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a right-hand side that cannot be compiled.
+
+    References
+    ----------
+    Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I* (1993), II.5 and II.10; Jorba, Zou,
+    Experimental Mathematics 14 (2005) 99.
+
+    Examples
+    --------
+    >>> from math import cos, pi, sin
+    >>> from cellmap import angle
+    >>> def rhs(t, x, p):
+    ...     theta, v = x
+    ...     return v, -p.gamma * v - sin(theta)
+    >>> pendulum = ForcedSystem(rhs, {"gamma": 0.1}, 2 * pi, (angle("theta"), "v"))
+    >>> strobe = stroboscopic_map(pendulum)
+    >>> strobe([[0.0, 0.0], [3.0, 4.0]]).shape
+    (2, 2)
+    >>> strobe.iterate([3.0, 4.0], 1).turns
+    array([3, 0])
+    """
+    if not isinstance(system, ForcedSystem):
+        raise TypeError(f"system={system!r}: give a ForcedSystem")
+    phase = finite_number("phase", phase)
+    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE)
+    atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
+    one_of("method", method, METHOD_NAMES)
+    max_steps = whole_number("max_steps", max_steps, at_least=4)
+    names = tuple(system.params)
+    kernel = flow_kernel(system.rhs, system.dimension, names, method, rtol)
+    lower, turn = turns_of(system.axes)
+    largest = np.where(turn > 0, 0.5 * turn, np.inf)
+    integrator = _Integrator(kernel, system, phase, rtol, atol, max_steps, largest)
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        for _ in range(periods):
+            (alive,) = np.nonzero(orbits.alive)
+            if not len(alive):
+                return
+            now = orbits[alive]
+            integrator.one_period(now)
+            wrap_rows(now.points, now.turns, lower, turn)
+            orbits[alive] = now
+
+    return PointMap(
+        name=system.name,
+        coordinates=system.axes,
+        params=system.params,
+        advance=advance,
+        recipe={
+            "kind": "stroboscopic",
+            "phase": phase,
+            "rtol": rtol,
+            "atol": atol,
+            "method": kernel.method,
+            "max_steps": max_steps,
+            "period": system.length,
+        },
+        period=system.length,
+        jacobian=functools.partial(_jacobian, system, phase, min(rtol, 1e-12), max_steps),
+    )
+
+
+def _jacobian(
+    system: ForcedSystem, phase: float, tolerance: float, max_steps: int, points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Derivative of the map from the variational equation, one lane for each direction; shape (..., d, d)."""
+    d = system.dimension
+    kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance)
+    if kernel is None:
+        raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
+    integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf))
+    return jacobian_by_lanes(integrator.one_period, points, d)
+
+
+@dataclass(frozen=True, eq=False)
+class _Integrator:
+    """A compiled period with its tolerance."""
+
+    kernel: PeriodKernel
+    system: ForcedSystem
+    phase: float
+    rtol: float
+    atol: float
+    max_steps: int
+    largest: NDArray[np.float64]
+
+    @functools.cached_property
+    def _parameters(self) -> NDArray[np.float64]:
+        return np.array([float(v) for v in self.system.params.values()])
+
+    def one_period(self, orbits: Orbits) -> None:
+        """Move orbits on by one period in place, angles unwrapped, each with the steps it needs."""
+        starts, images = orbits.points.copy(), orbits.points
+        ratios = np.full(len(starts), np.nan)
+        pending = np.arange(len(starts))
+        trial = np.empty_like(starts)
+        self._run(starts, pending, np.full(len(starts), 1), self.system.length / _PROBE, trial, ratios)
+        steps = self._enough_steps(np.full(len(starts), _PROBE), ratios * _PROBE)
+        while len(pending):
+            order = np.argsort(steps, kind="stable")
+            pending, steps = pending[order], steps[order]
+            self._run(starts, pending, steps, self.system.length, images, ratios)
+            ratio = ratios[pending]
+            finite = np.isfinite(ratio)
+            diverged = ~finite & (steps >= min(_LARGEST_FINITE_TRIAL, self.max_steps))
+            missed = finite & (ratio > 1.0) & (steps >= self.max_steps)
+            orbits.end(pending[diverged], Status.DIVERGED)
+            orbits.status[pending[missed]] = Status.INACCURATE
+            again = ~(ratio <= 1.0) & ~diverged & ~missed
+            pending, steps = pending[again], self._enough_steps(steps[again], ratio[again])
+
+    def _enough_steps(self, steps: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the rung of the ladder of step numbers that should meet the tolerance, above `steps` if that missed."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            wanted = 1.1 * steps * ratio ** (1.0 / self.kernel.estimate_order)
+        wanted = np.where(np.isfinite(wanted), np.minimum(wanted, 8.0 * steps), 8.0 * steps)
+        wanted = np.where(ratio > 1.0, np.maximum(wanted, steps + 1), wanted)
+        return np.minimum(_RUNGS[np.searchsorted(_RUNGS, np.ceil(wanted))], self.max_steps).astype(np.int64)
+
+    def _run(
+        self,
+        starts: NDArray[np.float64],
+        members: NDArray[np.int64],
+        steps: NDArray[np.int64],
+        length: float,
+        images: NDArray[np.float64],
+        ratios: NDArray[np.float64],
+    ) -> None:
+        """Integrate members, sorted by their steps, in full blocks of equal steps."""
+        first = np.concatenate([[0], np.flatnonzero(np.diff(steps)) + 1, [len(steps)]])
+        for a, b in zip(first[:-1], first[1:], strict=True):
+            group = members[a:b]
+            blocks = np.empty((-(-len(group) // LANES), starts.shape[1], LANES))
+            errors = np.empty_like(blocks)
+            pack(starts, group, blocks)
+            start = self.phase * self.system.length
+            self.kernel.advance(blocks, np.full(len(blocks), steps[a]), start, length, self._parameters, errors)
+            unpack(blocks, errors, group, images, ratios, self.largest, self.rtol, self.atol)

@@ -1,0 +1,149 @@
+"""Periodically forced systems, as plain right-hand sides."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import finite_number, parameter_values
+from .codegen.trace import parameter_record
+from .coordinates import Coordinate, as_coordinates
+
+RightHandSide = Callable[[float, Sequence[float], Any], Sequence[float]]
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedSystem:
+    """A system dx/dt = rhs(t, x, p) whose right-hand side repeats itself after one period.
+
+    Parameters
+    ----------
+    rhs : callable
+        Pure function ``rhs(t, x, p)`` of time, the tuple of state variables and the named tuple of parameters; returns
+        the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.
+    params : mapping of str to float
+        Parameters by name; the right-hand side reads them as ``p.name``.
+    period : float or callable
+        Period of the forcing, in the unit of t, or a function of the parameters that returns it (for a period that
+        changes with a parameter).
+    coordinates : sequence of str or Coordinate
+        Name of each state variable; use :func:`angle` for those on a circle.
+    name : str, optional
+        Name for files and plots; by default the name of `rhs`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parameters that are not finite numbers, a right-hand side that returns a wrong number of components, or a
+        period that the right-hand side does not have.
+
+    Examples
+    --------
+    >>> from math import cos, pi
+    >>> def rhs(t, x, p):
+    ...     q, v = x
+    ...     return v, q - q**3 - p.delta * v + p.gamma * cos(t)
+    >>> duffing = ForcedSystem(rhs, {"delta": 0.15, "gamma": 0.2}, period=2 * pi, coordinates=("q", "v"))
+    >>> duffing.derivative(0.0, (1.0, 0.0))
+    (0.0, 0.2)
+    >>> duffing.with_params(gamma=0.3).parameters.gamma
+    0.3
+    """
+
+    rhs: RightHandSide
+    params: Mapping[str, float] = field(repr=False)
+    period: float | Callable[[Any], float]
+    coordinates: Iterable[str | Coordinate] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not callable(self.rhs):
+            raise TypeError(f"rhs={self.rhs!r}: give a function rhs(t, x, p)")
+        set_field = functools.partial(object.__setattr__, self)
+        set_field("params", parameter_values(self.params))
+        set_field("coordinates", as_coordinates(self.coordinates))
+        set_field("name", self.name or getattr(self.rhs, "__name__", type(self.rhs).__name__))
+        finite_number("period", self.length, above=0.0)
+        self._try_right_hand_side()
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        return f"ForcedSystem({self.name}: {values}; period {self.length:g})"
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return len(self.axes)
+
+    @property
+    def axes(self) -> tuple[Coordinate, ...]:
+        """Coordinates, as records."""
+        return as_coordinates(self.coordinates)
+
+    @property
+    def length(self) -> float:
+        """Period as a number, for the present parameters."""
+        return self.period(self.parameters) if callable(self.period) else self.period
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters as the named tuple that the right-hand side receives."""
+        return parameter_record(tuple(self.params))(*self.params.values())
+
+    def with_params(self, **changes: float) -> ForcedSystem:
+        """Return the system with some parameters changed.
+
+        Raises
+        ------
+        ValueError
+            For a name that the system does not have.
+        """
+        unknown = changes.keys() - self.params.keys()
+        if unknown:
+            raise ValueError(f"params has no {sorted(unknown)}: this system has {sorted(self.params)}")
+        return replace(self, params={**self.params, **changes})
+
+    def derivative(self, t: float, x: Sequence[float]) -> tuple[float, ...]:
+        """Return the right-hand side at one time and state, evaluated in plain Python."""
+        return tuple(self.rhs(t, tuple(x), self.parameters))
+
+    def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
+        return np.array(self.rhs(t, tuple(y), self.parameters), dtype=float)
+
+    def _try_right_hand_side(self) -> None:
+        """Call the right-hand side at a few times and states; check what it returns and that the period is one."""
+        places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        checked = False
+        for fraction in (0.0, 0.21, 0.47, 0.83):
+            t = fraction * self.length
+            try:
+                now, later = self.derivative(t, places), self.derivative(t + self.length, places)
+            except (ValueError, ZeroDivisionError, OverflowError):
+                continue  # outside the domain of the right-hand side; other places may be inside
+            except AttributeError as error:
+                raise ValueError(f"rhs asks for a parameter that params lacks ({error})") from error
+            except TypeError as error:
+                raise TypeError(f"rhs must be callable as rhs(t, x, p) and return a tuple: {error}") from error
+            if len(now) != self.dimension:
+                names = ", ".join(c.name for c in self.axes)
+                raise ValueError(
+                    f"rhs returns {len(now)} components for {self.dimension} coordinates ({names}): "
+                    "return one derivative for each coordinate"
+                )
+            if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
+                raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
+            scale = max(1e-300, *(abs(v) for v in (*now, *later)))
+            if all(np.isfinite((*now, *later))) and max(abs(a - b) for a, b in zip(now, later, strict=True)) > 1e-7 * scale:
+                raise ValueError(
+                    f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
+                    "of the forcing (any positive number for an unforced system)"
+                )
+            checked = True
+        if not checked:
+            raise ValueError(f"rhs fails at every state tried, such as {tuple(places)}: check its domain")

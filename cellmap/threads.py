@@ -1,0 +1,85 @@
+"""The one thread pool.  Work is cut into slices that do not depend on the number of threads, so results do not either."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from typing import Any
+
+from tqdm import tqdm
+
+from .checks import whole_number
+
+_count: int | None = None
+
+
+def thread_count() -> int:
+    """Return the number of threads in use: `set_threads`, else ``$CELLMAP_THREADS``, else the cores of this process.
+
+    Examples
+    --------
+    >>> thread_count() >= 1
+    True
+    """
+    if _count is not None:
+        return _count
+    chosen = os.environ.get("CELLMAP_THREADS")
+    if chosen:
+        return whole_number("CELLMAP_THREADS", int(chosen) if chosen.isdigit() else chosen, at_least=1)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def set_threads(count: int | None) -> None:
+    """Choose the number of threads for all later work; None returns to the default.  Results never depend on it.
+
+    Parameters
+    ----------
+    count : int or None
+        Threads, at least 1.
+
+    Examples
+    --------
+    >>> set_threads(1); thread_count()
+    1
+    >>> set_threads(None)
+    """
+    global _count
+    _count = None if count is None else whole_number("count", count, at_least=1)
+
+
+def slices(total: int, size: int) -> list[slice]:
+    """Cut ``range(total)`` into slices of `size`."""
+    return [slice(i, min(i + size, total)) for i in range(0, total, size)]
+
+
+def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | None = None) -> None:
+    """Call ``work(task)`` for every task, on all threads; an exception or Ctrl-C stops the rest."""
+    with progress_bar(len(tasks), progress) as advance:
+        if thread_count() == 1 or len(tasks) == 1:
+            for task in tasks:
+                work(task)
+                advance(1)
+            return
+        pool = ThreadPoolExecutor(thread_count())
+        try:
+            futures = [pool.submit(work, task) for task in tasks]
+            for future in futures:
+                future.add_done_callback(lambda _: advance(1))
+            wait(futures, return_when=FIRST_EXCEPTION)
+            for future in futures:
+                if future.done() and (error := future.exception()) is not None:
+                    raise error
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def progress_bar(total: int, description: str | None) -> Iterator[Callable[[int], object]]:
+    """Show a bar on a terminal once the work has lasted two seconds; none without a description."""
+    if description is None:
+        yield lambda _: None
+        return
+    with tqdm(total=total, desc=description, disable=None, delay=2.0, leave=False) as bar:
+        yield bar.update
