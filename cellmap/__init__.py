@@ -8,3 +8,4 @@ from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
 from .discrete import discrete_map as discrete_map
 from .jacobian import jacobian as jacobian
+from .interpolated import interpolated_map as interpolated_map

@@ -13,7 +13,7 @@ from .checks import parameter_values
 from .codegen.kernel import discrete_kernel
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .jacobian import NotDifferentiableError, jacobian_by_lanes
+from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
 from .pointmap import Orbits, PointMap, Status
@@ -80,11 +80,11 @@ def discrete_map(
             wrap_rows(now.points, now.turns, lower, turn)
             orbits[alive] = now
 
-    def derivative(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        tangent = discrete_kernel(timeless, d, names, True)
-        if tangent is None:
+    def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        compiled = discrete_kernel(timeless, d, names, True)
+        if compiled is None:
             raise NotDifferentiableError(f"no derivatives of {name} are known")
-        return jacobian_by_lanes(functools.partial(_apply, tangent, parameters), points, d)
+        return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
 
     return PointMap(
         name=name,
@@ -92,7 +92,7 @@ def discrete_map(
         params=values,
         advance=advance,
         recipe={"kind": "discrete"},
-        jacobian=derivative,
+        tangent=derivative,
     )
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_points
-from .coordinates import difference
+from .checks import finite_points, whole_number
+from .coordinates import difference, wrap
 from .pointmap import Orbits, PointMap
 
 
@@ -16,10 +16,10 @@ class NotDifferentiableError(TypeError):
     """The map's function is not traceable, so its exact derivatives are not known."""
 
 
-def jacobian_by_lanes(
+def tangent_by_lanes(
     tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int
-) -> NDArray[np.float64]:
-    """Return derivative matrices (..., d, d) from a step of (x, v): one row of work for each direction v."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return images (..., d) and derivative matrices (..., d, d) from a step of (x, v): a lane for each direction v."""
     d = dimension
     flat = points.reshape(-1, d)
     states = np.zeros((len(flat), d, 2 * d))
@@ -27,8 +27,27 @@ def jacobian_by_lanes(
     states[:, :, d:] = np.eye(d)
     orbits = Orbits.starting(states.reshape(-1, 2 * d))
     tangent_step(orbits)
-    columns = orbits.points.reshape(len(flat), d, 2 * d)[:, :, d:]
-    return columns.transpose(0, 2, 1).reshape(*points.shape, d)
+    result = orbits.points.reshape(len(flat), d, 2 * d)
+    images = result[:, 0, :d].reshape(points.shape)
+    return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, d)
+
+
+def tangent(
+    point_map: PointMap, points: NDArray[np.float64], periods: int = 1
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unwrapped images (..., d) after some periods and their derivatives by the starts (..., d, d).
+
+    Images come from the same integration as the derivatives, whose tolerance is 1e-12 or better.
+    """
+    exact = point_map.exact or point_map
+    total = np.broadcast_to(np.eye(exact.dimension), (*points.shape, exact.dimension)).copy()
+    place = np.array(points, dtype=float)
+    for _ in range(periods):
+        wrapped = wrap(place, exact.coordinates)
+        images, matrix = _one_step(exact, wrapped)
+        place = place + (images - wrapped)
+        total = matrix @ total
+    return place, total
 
 
 def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
@@ -58,22 +77,17 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
            [ 0.3,  0. ]])
     """
     exact = point_map.exact or point_map
-    place = finite_points("points", points, exact.dimension)
-    total = np.broadcast_to(np.eye(exact.dimension), (*place.shape, exact.dimension)).copy()
-    for k in range(periods):
-        total = _one_step(exact, place) @ total
-        if k < periods - 1:
-            place = exact.iterate(place, 1).points
-    return total
+    starts = finite_points("points", points, exact.dimension)
+    return tangent(exact, starts, whole_number("periods", periods))[1]
 
 
-def _one_step(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    if exact.jacobian is not None:
+def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if exact.tangent is not None:
         try:
-            return exact.jacobian(points)
+            return exact.tangent(points)
         except NotDifferentiableError:
             pass
-    return _central_differences(exact, points)
+    return exact.iterate(points, 1).unwrapped, _central_differences(exact, points)
 
 
 def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .jacobian import NotDifferentiableError, jacobian_by_lanes
+from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .pointmap import Orbits, PointMap, Status
 from .system import ForcedSystem
 
@@ -120,20 +120,20 @@ def stroboscopic_map(
             "period": system.length,
         },
         period=system.length,
-        jacobian=functools.partial(_jacobian, system, phase, min(rtol, 1e-12), max_steps),
+        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps),
     )
 
 
-def _jacobian(
+def _tangent(
     system: ForcedSystem, phase: float, tolerance: float, max_steps: int, points: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Derivative of the map from the variational equation, one lane for each direction; shape (..., d, d)."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Images and derivatives from the variational equation, one lane for each direction."""
     d = system.dimension
     kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance)
     if kernel is None:
         raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
     integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf))
-    return jacobian_by_lanes(integrator.one_period, points, d)
+    return tangent_by_lanes(integrator.one_period, points, d)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,14 @@
 
 The generated function is
 
-    look_up(points, turns, left, periods, table, strides, origin, inverse, cells, wraps, rough, lower, turn)
+    look_up(points, turns, left, table, strides, origin, inverse, cells, circle, rough, lower, turn)
 
-It moves each row of ``points`` on by ``periods`` periods, or until the row leaves the table or enters a cell marked in
-``rough``; ``left`` receives the periods that were not made.  Starts of a block take turns period by period, so that the
+It moves row i of ``points`` on by ``left[i]`` periods, or until the row leaves the table or enters a cell marked in
+``rough``; ``left`` keeps the periods that were not made.  Starts of a block take turns period by period, so that the
 processor works on many independent look-ups at once.
+
+``origin``, ``inverse`` (one over the node distance) and ``cells`` describe the table; ``circle`` is the number of node
+distances in a turn, 0 on the line; ``lower`` and ``turn`` say how angles are kept.
 """
 
 from __future__ import annotations
@@ -42,11 +45,11 @@ def _text(d: int, order: int) -> str:
     lines += [
         f"contract = contraction({inner}, {order}, {d})",
         "",
-        "@njit('void(float64[:, ::1], int64[:, ::1], int64[::1], int64, float64[::1], int64[::1], float64[::1],"
-        " float64[::1], int64[::1], boolean[::1], boolean[::1], float64[::1], float64[::1])', **KERNEL)",
-        "def look_up(points, turns, left, periods, table, strides, origin, inverse, cells, wraps, rough, lower, turn):",
+        "@njit('void(float64[:, ::1], int64[:, ::1], int64[::1], float64[::1], int64[::1], float64[::1],"
+        " float64[::1], int64[::1], float64[::1], boolean[::1], float64[::1], float64[::1])', **KERNEL)",
+        "def look_up(points, turns, left, table, strides, origin, inverse, cells, circle, rough, lower, turn):",
         *indent(1, (f"origin{a} = origin[{a}]; inverse{a} = inverse[{a}]; cells{a} = cells[{a}]" for a in axes)),
-        *indent(1, (f"wraps{a} = wraps[{a}]; stride{a} = strides[{a}]" for a in axes)),
+        *indent(1, (f"circle{a} = circle[{a}]; stride{a} = strides[{a}]" for a in axes)),
         *indent(1, (f"lower{a} = lower[{a}]; turn{a} = turn[{a}]; inverse_turn{a} = 1.0 / turn{a}" for a in axes)),
         "    any_rough = rough.size > 0",
         f"    member = np.empty({BLOCK}, np.int64)",
@@ -58,20 +61,21 @@ def _text(d: int, order: int) -> str:
         f"        count = min({BLOCK}, points.shape[0] - begin)",
         "        for m in range(count):",
         "            member[m] = begin + m",
-        "            left[begin + m] = 0",
-        "        for period in range(periods):",
+        "        while count > 0:",
         "            kept = 0",
         "            for m in range(count):",
         "                i = member[m]",
+        "                if left[i] == 0:",
+        "                    continue",
     ]
     body: list[str] = []
     for a in axes:
         body += [
             f"x{a} = points[i, {a}]",
             f"u{a} = (x{a} - origin{a}) * inverse{a}",
-            f"if wraps{a}:",
-            f"    u{a} -= cells{a} * floor(u{a} / cells{a})",
-            f"    u{a} = u{a} if u{a} < cells{a} else 0.0",
+            f"if circle{a} > 0.0:",
+            f"    u{a} -= circle{a} * floor(u{a} / circle{a})",
+            f"    u{a} = u{a} if u{a} < circle{a} else 0.0",
         ]
     inside = " and ".join(f"0.0 <= u{a} <= cells{a}" for a in axes)
     body.append(f"inside = {inside}")
@@ -82,7 +86,7 @@ def _text(d: int, order: int) -> str:
     for a in axes[1:]:
         flat = f"({flat}) * cells{a} + c{a}"
     body += ["    if any_rough:", f"        inside = not rough[{flat}]"]
-    body += ["if not inside:", "    left[i] = periods - period", "    continue", "member[kept] = i", "kept += 1"]
+    body += ["if not inside:", "    continue", "left[i] -= 1", "member[kept] = i", "kept += 1"]
     body.append("offset = " + " + ".join(f"c{a} * stride{a}" for a in axes))
     if d <= 2:
         stride = "stride0" if d == 2 else "0"
@@ -119,5 +123,5 @@ def _text(d: int, order: int) -> str:
             f"points[i, {a}] = y{a}",
         ]
     lines += indent(4, body)
-    lines += ["            count = kept", "            if count == 0:", "                break"]
+    lines += ["            count = kept"]
     return "\n".join(lines) + "\n"

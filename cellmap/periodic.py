@@ -1,0 +1,102 @@
+"""Periodic points by Newton's method on the exact map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .attractor import Attractor, Kind
+from .coordinates import difference, wrap
+from .jacobian import tangent
+from .pointmap import PointMap
+
+_ITERATIONS = 25
+_STABLE = 1.0 - 1e-8
+
+
+def newton(
+    point_map: PointMap, guesses: NDArray[np.float64], period: int, scale: NDArray[np.float64], reach: float = 0.5
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    guesses : ndarray, shape (n, dimension)
+        Places to begin at.
+    period : int
+        Steps after which the point returns.
+    scale : ndarray, shape (dimension,)
+        Typical size of each coordinate.
+    reach : float, optional
+        A solution farther than this from its guess, in units of `scale`, does not count.
+
+    Returns
+    -------
+    tuple of ndarray
+        Solutions (n, dimension), wrapped, and which of them converged.
+    """
+    exact = point_map.exact or point_map
+    points = np.array(guesses, dtype=float)
+    settled = np.zeros(len(points), bool)
+    active = np.arange(len(points))
+    identity = np.eye(exact.dimension)
+    for _ in range(_ITERATIONS):
+        if not len(active):
+            break
+        images, matrices = tangent(exact, points[active], period)
+        residual = difference(images, points[active], exact.coordinates)
+        with np.errstate(invalid="ignore"):
+            usable = np.isfinite(residual).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1))
+            usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
+        active, residual, matrices = active[usable], residual[usable], matrices[usable]
+        step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
+        points[active] += step
+        near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * scale).all(axis=-1)
+        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
+        done = near & (np.abs(step) <= 1e-8 * scale).all(axis=-1)
+        settled[active[done]] = True
+        active = active[near & ~done]
+    return wrap(points, exact.coordinates), settled
+
+
+def stable_orbit(point_map: PointMap, point: NDArray[np.float64], period: int, scale: NDArray[np.float64]) -> Attractor | None:
+    """Return the attractor through a periodic point; None where its multipliers do not prove it stable.
+
+    The least period is found, and the orbit is begun at its point nearest the origin.
+    """
+    exact = point_map.exact or point_map
+    points, turns, matrices = _follow(exact, point, period)
+    for q in range(1, period):
+        if period % q == 0 and (np.abs(difference(points[q % period], points[0], exact.coordinates)) <= 1e-7 * scale).all():
+            points, turns, matrices = _follow(exact, point, q)
+            period = q
+            break
+    first = int(np.argmin(np.round(np.linalg.norm(points / scale, axis=-1), 9)))
+    points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
+    round_trip = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
+    multipliers = np.linalg.eigvals(round_trip).astype(complex)
+    multipliers = multipliers[np.lexsort((-multipliers.imag, -multipliers.real, -np.round(np.abs(multipliers), 12)))]
+    if not np.abs(multipliers[0]) < _STABLE:
+        return None
+    kind = Kind.ROTATING if any(turns) else Kind.FIXED_POINT if period == 1 else Kind.PERIODIC
+    with np.errstate(divide="ignore"):
+        exponents = np.log(np.abs(multipliers)) / period
+    return Attractor(kind, period, points, turns, multipliers, exponents, exact.coordinates)
+
+
+def _follow(
+    exact: PointMap, point: NDArray[np.float64], period: int
+) -> tuple[NDArray[np.float64], tuple[int, ...], NDArray[np.float64]]:
+    """Return the wrapped points of a closed orbit, its whole turns, and the derivative of each step."""
+    points = np.empty((period, exact.dimension))
+    matrices = np.empty((period, exact.dimension, exact.dimension))
+    place, total = np.array(point, dtype=float), np.zeros(exact.dimension)
+    for k in range(period):
+        points[k] = place
+        image, matrices[k] = tangent(exact, place)
+        total += image - place
+        place = wrap(image, exact.coordinates)
+    turns = tuple(round(t / c.turn) if c.turn else 0 for t, c in zip(total, exact.coordinates, strict=True))
+    return points, turns, matrices
