@@ -9,8 +9,10 @@ from .options import KERNEL
 
 
 @njit(**KERNEL)
-def capture(points, found, centres, metrics, owners, turn):
-    """Write into ``found[i]`` the owner of the first ellipsoid that holds row i of points; others are left as they are.
+def capture(points, found, times, now, centres, metrics, owners, turn):
+    """Write into ``found[i]`` the owner of the first ellipsoid that holds row i of points, and ``now`` into ``times[i]``.
+
+    Rows that were found before are left as they are.
 
     Ellipsoid m holds x where (x - c)' M (x - c) <= 1 with centre c and metric M; angles are compared the shorter way
     round (``turn`` is 0 on the line).
@@ -44,3 +46,4 @@ def capture(points, found, centres, metrics, owners, turn):
         for i in range(n):
             if distance[i] <= 1.0 and found[i] < 0:
                 found[i] = owner
+                times[i] = now

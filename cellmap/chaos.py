@@ -1,0 +1,130 @@
+"""Chaotic attractors: recognised by their exponents, held by boxes."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .attractor import Attractor, Cover, Kind
+from .coordinates import turns_of
+from .jacobian import tangent
+from .pointmap import Orbits, PointMap
+from .settling import box_keys, boxes_of
+
+_EXPONENT_PERIODS = 300
+_SAMPLE_PERIODS = 1000
+_ORBITS = 32
+_BOXES = 64
+
+
+def chaotic_attractors(point_map: PointMap, states: NDArray[np.float64]) -> list[Attractor]:
+    """Return the chaotic attractors on which long-lived orbits move.
+
+    An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
+    1e-3 for each step, and as one on an attractor where volumes shrink along it.  Orbits that share boxes are on one
+    attractor.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; exponents come from its exact map.
+    states : ndarray, shape (n, dimension)
+        States that have outlived all transients.
+
+    Returns
+    -------
+    list of Attractor
+        With a sample of their points and a cover.
+    """
+    chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
+    exponents, errors = lyapunov_exponents(point_map, chosen, _EXPONENT_PERIODS)
+    with np.errstate(invalid="ignore"):
+        chaotic = (exponents[:, 0] > np.maximum(5.0 * errors, 1e-3)) & (exponents.sum(axis=-1) < -1e-6)
+    if not chaotic.any():
+        return []
+    orbit = Orbits.starting(chosen[chaotic].copy())
+    history = np.empty((_SAMPLE_PERIODS, *orbit.points.shape))
+    for k in range(_SAMPLE_PERIODS):
+        point_map.advance(orbit, 1)
+        history[k] = orbit.points
+    bound = orbit.alive
+    if not bound.any():
+        return []
+    history, spectra = history[:, bound], exponents[chaotic][bound]
+    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map)
+    groups = _groups(history, lower, widths, point_map)
+    return [
+        Attractor(
+            Kind.CHAOTIC,
+            0,
+            history[:, group].reshape(-1, point_map.dimension),
+            (0,) * point_map.dimension,
+            np.empty(0, complex),
+            spectra[group].mean(axis=0),
+            point_map.coordinates,
+            cover=_cover(history[:, group].reshape(-1, point_map.dimension), lower, widths, point_map),
+        )
+        for group in groups
+    ]
+
+
+def lyapunov_exponents(
+    point_map: PointMap, starts: NDArray[np.float64], periods: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest, by QR factors."""
+    exact = point_map.exact or point_map
+    place = np.array(starts, dtype=float)
+    frame = np.broadcast_to(np.eye(exact.dimension), (*place.shape, exact.dimension)).copy()
+    logs = np.empty((periods, *place.shape))
+    _, turn = turns_of(exact.coordinates)
+    for k in range(periods):
+        images, matrices = tangent(exact, place)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            product = np.where(np.isfinite(matrices), matrices, 0.0) @ frame
+            frame, upper = np.linalg.qr(product)
+            logs[k] = np.log(np.abs(np.diagonal(upper, axis1=-2, axis2=-1)))
+        place = np.where(np.isfinite(images), images, 0.0)
+        logs[k][~np.isfinite(images).all(axis=-1)] = np.nan
+    blocks = logs[: periods - periods % 10].reshape(10, -1, *place.shape).mean(axis=1)
+    return logs.mean(axis=0), blocks[..., 0].std(axis=0, ddof=1) / np.sqrt(10.0)
+
+
+def _lattice(points: NDArray[np.float64], point_map: PointMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
+    cut, turn = turns_of(point_map.coordinates)
+    lower = np.where(turn > 0, cut, points.min(axis=0))
+    span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), 1e-12))
+    return lower, span / _BOXES
+
+
+def _groups(
+    history: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
+) -> list[NDArray[np.int64]]:
+    """Sort orbits into groups that visit common boxes."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    steps, orbits, d = history.shape
+    boxes = boxes_of(history.reshape(-1, d), lower, widths, point_map)
+    _, keys = np.unique(box_keys(boxes, boxes), return_inverse=True)
+    who = np.tile(np.arange(orbits), steps)
+    size = orbits + keys.max() + 1
+    graph = coo_array((np.ones(len(keys)), (who, orbits + keys)), shape=(size, size))
+    _, group = connected_components(graph, directed=False)
+    return [np.flatnonzero(group[:orbits] == g) for g in np.unique(group[:orbits])]
+
+
+def _cover(
+    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
+) -> Cover:
+    """Boxes of the points and all their neighbours."""
+    visited = np.unique(boxes_of(points, lower, widths, point_map), axis=0)
+    d = visited.shape[1]
+    turn = turns_of(point_map.coordinates)[1]
+    shifts = np.array(list(itertools.product((-1, 0, 1), repeat=d)))
+    grown = (visited[:, None, :] + shifts).reshape(-1, d)
+    around = np.where(turn > 0, _BOXES, 2**62)
+    grown = np.where(turn > 0, grown % around, grown)
+    return Cover(lower, widths, np.unique(grown, axis=0))

@@ -1,0 +1,137 @@
+"""Iteration of starts until each is known to belong to an attractor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .attractor import Attractor, Cover
+from .coordinates import turns_of
+from .kernels.capture import capture
+from .pointmap import Orbits, PointMap, Status
+
+RESIDENCE = 64
+"""Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
+
+ESCAPED, DIVERGED, UNDECIDED = -1, -2, -3
+"""Labels of starts without an attractor: left the table, grew beyond all bounds, not settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Catalogue:
+    """Known attractors, in the form in which starts are tested against them."""
+
+    attractors: tuple[Attractor, ...]
+    centres: NDArray[np.float64]
+    metrics: NDArray[np.float64]
+    owners: NDArray[np.int64]
+    covers: tuple[tuple[int, Cover], ...]
+    turn: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
+        """Collect the neighbourhoods and covers of attractors."""
+        d = point_map.dimension
+        regions = [(k, a.neighbourhood) for k, a in enumerate(attractors) if a.neighbourhood is not None]
+        return cls(
+            tuple(attractors),
+            np.concatenate([np.empty((0, d)), *(n.centres for _, n in regions)]),
+            np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
+            np.array([k for k, n in regions for _ in n.centres], np.int64),
+            tuple((k, a.cover) for k, a in enumerate(attractors) if a.cover is not None),
+            turns_of(point_map.coordinates)[1],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """What became of a batch of starts.
+
+    ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED; ``times`` (n,): period in which the start
+    was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of the undecided;
+    ``inaccurate``: starts on whose way the integrator missed its tolerance; ``steps``: periods made by all starts.
+    """
+
+    labels: NDArray[np.int16]
+    times: NDArray[np.int32]
+    orbits: Orbits
+    inaccurate: int
+    steps: int
+
+    @property
+    def undecided(self) -> NDArray[np.int64]:
+        """Rows of the starts that are undecided."""
+        return np.flatnonzero(self.labels == UNDECIDED)
+
+
+def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
+    """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
+    n = len(orbits)
+    labels = np.full(n, UNDECIDED, np.int16)
+    times = np.full(n, -1, np.int32)
+    members = np.arange(n)
+    now = orbits
+    found, when = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    residence = np.zeros((len(catalogue.covers), n), np.int64)
+    inaccurate = steps = 0
+    for k in range(age, age + periods + 1):
+        capture(
+            now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn
+        )
+        for row, (owner, cover) in enumerate(catalogue.covers):
+            residence[row] = np.where(inside_cover(cover, now.points, point_map), residence[row] + 1, 0)
+            resident = (residence[row] >= RESIDENCE) & (found < 0)
+            found[resident], when[resident] = owner, max(k - RESIDENCE + 1, 0)
+        last = k == age + periods
+        over = (found >= 0) | ~now.alive
+        if last or np.count_nonzero(over) * 8 > len(over):
+            rows = members[over]
+            inaccurate += int(np.count_nonzero(now.status[over] == Status.INACCURATE))
+            labels[rows] = np.where(found[over] >= 0, found[over], _codes(now.status[over]))
+            times[rows] = np.where(found[over] >= 0, when[over], -1)
+            keep = ~over
+            members, now, found, when, residence = members[keep], now[keep], found[keep], when[keep], residence[:, keep]
+        if last or not len(members):
+            break
+        steps += len(members)
+        point_map.advance(now, 1)
+    inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
+    return Settled(labels, times, now, inaccurate, steps)
+
+
+def _codes(status: NDArray[np.uint8]) -> NDArray[np.int64]:
+    return np.where(status == Status.ESCAPED, ESCAPED, np.where(status == Status.DIVERGED, DIVERGED, UNDECIDED))
+
+
+def inside_cover(cover: Cover, points: NDArray[np.float64], point_map: PointMap) -> NDArray[np.bool_]:
+    """Tell which points lie in the boxes of a cover."""
+    keys = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
+    known = box_keys(cover.boxes, cover.boxes)
+    place = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+    return np.asarray(known[place] == keys)
+
+
+def boxes_of(
+    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
+) -> NDArray[np.int64]:
+    """Return whole-number places of boxes; along an angle they wrap."""
+    turn = turns_of(point_map.coordinates)[1]
+    with np.errstate(invalid="ignore"):
+        places = np.floor((points - lower) / widths)
+    places = np.where(np.isfinite(places), np.clip(places, -(2.0**40), 2.0**40), -(2.0**40)).astype(np.int64)
+    around = np.where(turn > 0, np.round(turn / widths), 2**62).astype(np.int64)
+    return np.where(turn > 0, places % around, places)
+
+
+def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number boxes row-major in the bounding box of the reference; -1 outside of it."""
+    low, high = reference.min(axis=0), reference.max(axis=0)
+    shape = high - low + 1
+    inside = ((boxes >= low) & (boxes <= high)).all(axis=-1)
+    keys = np.zeros(len(boxes), np.int64)
+    for j in range(boxes.shape[1]):
+        keys = keys * shape[j] + np.where(inside, boxes[:, j] - low[j], 0)
+    return np.where(inside, keys, -1)
