@@ -33,21 +33,25 @@ def tangent_by_lanes(
 
 
 def tangent(
-    point_map: PointMap, points: NDArray[np.float64], periods: int = 1
+    point_map: PointMap, points: NDArray[np.float64], periods: int | NDArray[np.int64] = 1
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return unwrapped images (..., d) after some periods and their derivatives by the starts (..., d, d).
 
-    Images come from the same integration as the derivatives, whose tolerance is 1e-12 or better.
+    ``periods`` is one number for all points or one for each.  Images come from the same integration as the
+    derivatives, whose tolerance is 1e-12 or better.
     """
     exact = point_map.exact or point_map
-    total = np.broadcast_to(np.eye(exact.dimension), (*points.shape, exact.dimension)).copy()
-    place = np.array(points, dtype=float)
-    for _ in range(periods):
-        wrapped = wrap(place, exact.coordinates)
-        images, matrix = _one_step(exact, wrapped)
-        place = place + (images - wrapped)
-        total = matrix @ total
-    return place, total
+    d = exact.dimension
+    place = np.array(points, dtype=float).reshape(-1, d)
+    total = np.broadcast_to(np.eye(d), (len(place), d, d)).copy()
+    rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
+    for k in range(int(rounds.max(initial=0))):
+        rows = np.flatnonzero(rounds > k)
+        wrapped = wrap(place[rows], exact.coordinates)
+        images, matrices = _one_step(exact, wrapped)
+        place[rows] += images - wrapped
+        total[rows] = matrices @ total[rows]
+    return place.reshape(points.shape), total.reshape(*points.shape, d)
 
 
 def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:

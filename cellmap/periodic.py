@@ -11,11 +11,16 @@ from .jacobian import tangent
 from .pointmap import PointMap
 
 _ITERATIONS = 25
+_FREE_ITERATIONS = 4  # steps in which the residual may rise
 _STABLE = 1.0 - 1e-8
 
 
 def newton(
-    point_map: PointMap, guesses: NDArray[np.float64], period: int, scale: NDArray[np.float64], reach: float = 0.5
+    point_map: PointMap,
+    guesses: NDArray[np.float64],
+    periods: NDArray[np.int64],
+    scale: NDArray[np.float64],
+    reach: float = 0.5,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
 
@@ -25,8 +30,8 @@ def newton(
         The map; its exact map is used.
     guesses : ndarray, shape (n, dimension)
         Places to begin at.
-    period : int
-        Steps after which the point returns.
+    periods : ndarray of int, shape (n,)
+        Steps after which each point is to return.
     scale : ndarray, shape (dimension,)
         Typical size of each coordinate.
     reach : float, optional
@@ -35,21 +40,26 @@ def newton(
     Returns
     -------
     tuple of ndarray
-        Solutions (n, dimension), wrapped, and which of them converged.
+        Solutions (n, dimension), wrapped, and which of them converged.  A guess from which the residual does not keep
+        falling after the first steps is given up.
     """
     exact = point_map.exact or point_map
     points = np.array(guesses, dtype=float)
     settled = np.zeros(len(points), bool)
     active = np.arange(len(points))
+    last = np.full(len(points), np.inf)
     identity = np.eye(exact.dimension)
-    for _ in range(_ITERATIONS):
+    for iteration in range(_ITERATIONS):
         if not len(active):
             break
-        images, matrices = tangent(exact, points[active], period)
+        images, matrices = tangent(exact, points[active], periods[active])
         residual = difference(images, points[active], exact.coordinates)
+        size = np.abs(residual / scale).max(axis=-1)
         with np.errstate(invalid="ignore"):
-            usable = np.isfinite(residual).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1))
+            usable = np.isfinite(size) & np.isfinite(matrices).all(axis=(-2, -1))
+            usable &= (iteration < _FREE_ITERATIONS) | (size < 0.5 * last[active]) | (size < 1e-9)
             usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
+        last[active] = size
         active, residual, matrices = active[usable], residual[usable], matrices[usable]
         step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
         points[active] += step
@@ -98,5 +108,9 @@ def _follow(
         image, matrices[k] = tangent(exact, place)
         total += image - place
         place = wrap(image, exact.coordinates)
+    # Rounding must not decide on which side of its cut an angle lies.
+    for j, c in enumerate(exact.coordinates):
+        if c.turn is not None and c.lower is not None:
+            points[points[:, j] > c.lower + c.turn * (1.0 - 1e-12), j] = c.lower
     turns = tuple(round(t / c.turn) if c.turn else 0 for t, c in zip(total, exact.coordinates, strict=True))
     return points, turns, matrices

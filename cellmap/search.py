@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -116,22 +116,22 @@ def new_attractors(
 ) -> list[Attractor]:
     """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
     ends = states[_spread(states, point_map, extent)]
-    found: list[Attractor] = []
-    for period, guesses in _likely_returns(point_map, ends, max_period, extent):
-        solutions, settled = newton(point_map, guesses, period, extent)
-        for point in solutions[settled]:
+    for guesses, periods in _likely_returns(point_map, ends, max_period, extent):
+        found: list[Attractor] = []
+        solutions, settled = newton(point_map, guesses, periods, extent)
+        for point, period in zip(solutions[settled], periods[settled], strict=True):
             listed = [*known, *found]
             if any(a.period and is_on(point, a.points, a.coordinates, 1e-6 * extent) for a in listed):
                 continue
-            attractor = stable_orbit(point_map, point, period, extent)
+            attractor = stable_orbit(point_map, point, int(period), extent)
             if attractor is None or any(same_orbit(attractor, a, extent) for a in listed):
                 continue
             neighbourhood = trapping_neighbourhood(point_map, attractor, extent)
             if neighbourhood is not None:
                 found.append(replace(attractor, neighbourhood=neighbourhood))
         if found:
-            break
-    return found
+            return found
+    return []
 
 
 def _spread(states: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]) -> list[int]:
@@ -150,19 +150,19 @@ def _spread(states: NDArray[np.float64], point_map: PointMap, extent: NDArray[np
 
 def _likely_returns(
     point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
-) -> list[tuple[int, NDArray[np.float64]]]:
-    """Group ends by the periods after which their orbits come back closest; period 1 is always tried first."""
-    tries: dict[int, list[int]] = {1: list(range(len(ends)))}
-    if max_period > 1:
-        orbit = Orbits.starting(ends.copy())
-        distance = np.full((max_period + 1, len(ends)), np.inf)
-        for q in range(1, max_period + 1):
-            point_map.advance(orbit, 1)
-            shift = difference(orbit.points, ends, point_map.coordinates) / extent
-            distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
-        for i in range(len(ends)):
-            column = distance[2:, i]
-            for q in np.argsort(column, kind="stable")[:_RETURNS]:
-                if np.isfinite(column[q]) and column[q] < 0.2:
-                    tries.setdefault(int(q) + 2, []).append(i)
-    return [(q, ends[rows]) for q, rows in sorted(tries.items())]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns."""
+    yield ends, np.ones(len(ends), np.int64)
+    if max_period == 1:
+        return
+    orbit = Orbits.starting(ends.copy())
+    distance = np.full((max_period + 1, len(ends)), np.inf)
+    for q in range(1, max_period + 1):
+        point_map.advance(orbit, 1)
+        shift = difference(orbit.points, ends, point_map.coordinates) / extent
+        distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
+    closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
+    likely = np.take_along_axis(distance, closest, axis=0) < 0.2
+    rank, row = np.nonzero(likely)
+    if len(row):
+        yield ends[row], closest[rank, row]
