@@ -4,6 +4,9 @@ A plain right-hand side becomes a :class:`ForcedSystem`, that a stroboscopic :cl
 cell map; attractors and basins are found on any of them.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .attractor import Attractor as Attractor
 from .attractor import Kind as Kind
 from .basins import Basins as Basins
@@ -18,10 +21,59 @@ from .pointmap import Iterate as Iterate
 from .pointmap import PointMap as PointMap
 from .pointmap import Status as Status
 from .pointmap import ToleranceWarning as ToleranceWarning
+from .rebuild import rebuild_map as rebuild_map
+from .rebuild import recompute_basins as recompute_basins
 from .search import find_attractors as find_attractors
 from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
 from .threads import set_threads as set_threads
 from .threads import thread_count as thread_count
 
+if TYPE_CHECKING:
+    from .plot import plot_basins as plot_basins
+    from .store import StoreError as StoreError
+    from .store import load_basins as load_basins
+    from .store import save_basins as save_basins
+
 __version__ = "0.1.0"
+
+_LATE = {"plot_basins": "plot", "load_basins": "store", "save_basins": "store", "StoreError": "store"}
+"""Names whose modules load matplotlib or h5py, and load only when they are used."""
+
+__all__ = [  # noqa: RUF022 (in the order of use)
+    "ForcedSystem",
+    "Coordinate",
+    "angle",
+    "CellGrid",
+    "stroboscopic_map",
+    "discrete_map",
+    "interpolated_map",
+    "PointMap",
+    "Iterate",
+    "Status",
+    "ToleranceWarning",
+    "jacobian",
+    "find_attractors",
+    "Attractor",
+    "Kind",
+    "find_basins",
+    "Basins",
+    "plot_basins",
+    "save_basins",
+    "load_basins",
+    "StoreError",
+    "rebuild_map",
+    "recompute_basins",
+    "set_threads",
+    "thread_count",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATE:
+        return getattr(import_module(f".{_LATE[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

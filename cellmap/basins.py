@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .attractor import Attractor, sort_key
 from .chaos import chaotic_attractors
 from .checks import finite_points, refuse_memory, whole_number
-from .coordinates import wrap
+from .coordinates import Coordinate, wrap
 from .grid import CellGrid
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
 from .search import find_attractors, region_extent, sort_out
@@ -95,6 +95,8 @@ class Basins:
         Name of the system.
     params : mapping of str to float
         Its parameters.
+    coordinates : tuple of Coordinate
+        State variables.
     settings : mapping
         Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.
     inaccurate : int
@@ -112,6 +114,7 @@ class Basins:
     starts: NDArray[np.float64] | None
     name: str
     params: Mapping[str, float]
+    coordinates: tuple[Coordinate, ...]
     settings: Mapping[str, Any]
     inaccurate: int = 0
     cost: Cost = Cost()
@@ -263,6 +266,7 @@ def find_basins(
         starts=given,
         name=point_map.name,
         params=dict(point_map.params),
+        coordinates=point_map.coordinates,
         settings={"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)},
         inaccurate=run.inaccurate,
         cost=Cost(seconds=time.perf_counter() - began, look_ups=run.steps),

@@ -113,7 +113,9 @@ def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDAr
     return wrapped
 
 
-def difference(a: NDArray[np.float64], b: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def difference(
+    a: NDArray[np.float64], b: NDArray[np.float64], coordinates: Sequence[Coordinate]
+) -> NDArray[np.float64]:
     """Return a - b, along angles the shorter way round."""
     d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
     for j, c in enumerate(coordinates):

@@ -137,5 +137,7 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
         except TypeError:
             raise TypeError(f"function returns {image!r}: return a tuple, one image for each coordinate") from None
         if count != len(axes):
-            raise ValueError(f"function returns {count} components for {len(axes)} coordinates: return one image for each")
+            raise ValueError(
+                f"function returns {count} components for {len(axes)} coordinates: return one image for each"
+            )
         return

@@ -65,7 +65,9 @@ class CellGrid:
             raise ValueError(f"a grid needs one entry for each coordinate in each argument, and these have {lengths}")
         for a, b in zip(self.lower, self.upper, strict=True):
             if not a < b:
-                raise ValueError(f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it")
+                raise ValueError(
+                    f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it"
+                )
 
     @property
     def dimension(self) -> int:

@@ -71,7 +71,9 @@ def newton(
     return wrap(points, exact.coordinates), settled
 
 
-def stable_orbit(point_map: PointMap, point: NDArray[np.float64], period: int, scale: NDArray[np.float64]) -> Attractor | None:
+def stable_orbit(
+    point_map: PointMap, point: NDArray[np.float64], period: int, scale: NDArray[np.float64]
+) -> Attractor | None:
     """Return the attractor through a periodic point; None where its multipliers do not prove it stable.
 
     The least period is found, and the orbit is begun at its point nearest the origin.
@@ -79,7 +81,10 @@ def stable_orbit(point_map: PointMap, point: NDArray[np.float64], period: int, s
     exact = point_map.exact or point_map
     points, turns, matrices = _follow(exact, point, period)
     for q in range(1, period):
-        if period % q == 0 and (np.abs(difference(points[q % period], points[0], exact.coordinates)) <= 1e-7 * scale).all():
+        if (
+            period % q == 0
+            and (np.abs(difference(points[q % period], points[0], exact.coordinates)) <= 1e-7 * scale).all()
+        ):
             points, turns, matrices = _follow(exact, point, q)
             period = q
             break

@@ -289,7 +289,9 @@ class PointMap:
         starts = finite_points("points", points, self.dimension)
         periods = whole_number("periods", periods)
         needed = (periods + 1) * 2 * starts.nbytes
-        refuse_memory(f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less")
+        refuse_memory(
+            f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less"
+        )
         history = np.empty((periods + 1, starts.size // self.dimension, self.dimension))
         turns = np.zeros(history.shape, np.int64)
         status = np.zeros(history.shape[:2], np.uint8)

@@ -78,9 +78,7 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
     residence = np.zeros((len(catalogue.covers), n), np.int64)
     inaccurate = steps = 0
     for k in range(age, age + periods + 1):
-        capture(
-            now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn
-        )
+        capture(now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn)
         for row, (owner, cover) in enumerate(catalogue.covers):
             residence[row] = np.where(inside_cover(cover, now.points, point_map), residence[row] + 1, 0)
             resident = (residence[row] >= RESIDENCE) & (found < 0)

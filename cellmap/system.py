@@ -139,7 +139,10 @@ class ForcedSystem:
             if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
             scale = max(1e-300, *(abs(v) for v in (*now, *later)))
-            if all(np.isfinite((*now, *later))) and max(abs(a - b) for a, b in zip(now, later, strict=True)) > 1e-7 * scale:
+            if (
+                all(np.isfinite((*now, *later)))
+                and max(abs(a - b) for a, b in zip(now, later, strict=True)) > 1e-7 * scale
+            ):
                 raise ValueError(
                     f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
                     "of the forcing (any positive number for an unforced system)"

@@ -26,9 +26,7 @@ def tangent_trace(trace: Trace) -> Trace:
     return replace(trace, states=(*trace.states, *directions), outputs=(*trace.outputs, *derivatives))
 
 
-def _along(
-    graph: Graph, outputs: Sequence[Expression], seeds: dict[Expression, Expression]
-) -> tuple[Expression, ...]:
+def _along(graph: Graph, outputs: Sequence[Expression], seeds: dict[Expression, Expression]) -> tuple[Expression, ...]:
     zero = graph.constant(0.0)
     known: dict[Expression, Expression | None] = dict(seeds)
     for node in in_order(outputs):

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-ANALYTIC = frozenset({"add", "sub", "mul", "div", "neg", "sin", "cos", "exp", "log", "sqrt", "pow", "tan", "sinh", "cosh", "tanh"})
+ANALYTIC = frozenset(
+    {"add", "sub", "mul", "div", "neg", "sin", "cos", "exp", "log", "sqrt", "pow", "tan", "sinh", "cosh", "tanh"}
+)
 """Operations with a power series wherever they are defined."""
 
 _FOLD: dict[str, Callable[..., float]] = {

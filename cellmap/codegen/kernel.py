@@ -73,7 +73,9 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
 
 
 @functools.lru_cache(maxsize=256)
-def discrete_kernel(function: Callable[..., Any], dimension: int, names: Names, tangent: bool) -> Callable[..., Any] | None:
+def discrete_kernel(
+    function: Callable[..., Any], dimension: int, names: Names, tangent: bool
+) -> Callable[..., Any] | None:
     """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
     traced = traced_function(function, dimension, names)
     if traced is None:

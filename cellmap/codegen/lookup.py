@@ -41,7 +41,10 @@ def _text(d: int, order: int) -> str:
         "from cellmap.kernels.options import KERNEL",
     ]
     if d > 2:
-        lines += ["from cellmap.kernels.contraction import basis_polynomials", f"BASIS = np.array(basis_polynomials({order}))"]
+        lines += [
+            "from cellmap.kernels.contraction import basis_polynomials",
+            f"BASIS = np.array(basis_polynomials({order}))",
+        ]
     lines += [
         f"contract = contraction({inner}, {order}, {d})",
         "",
@@ -110,7 +113,9 @@ def _text(d: int, order: int) -> str:
             weight.append(f"weights[{a}, k{a}]")
             shift.append(f"k{a} * stride{a}")
         body.append("    " * depth + f"w = {' * '.join(weight)}")
-        body.append("    " * depth + f"moved = contract(table, offset + {' + '.join(shift)}, stride{d - 2}, ({places}))")
+        body.append(
+            "    " * depth + f"moved = contract(table, offset + {' + '.join(shift)}, stride{d - 2}, ({places}))"
+        )
         body += ["    " * depth + f"y{a} += w * moved[{a}]" for a in axes]
     for a in axes:
         body += [

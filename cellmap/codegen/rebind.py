@@ -68,18 +68,25 @@ def rebind(
     def copy(f: types.FunctionType) -> Any:
         if id(f) in done:
             return done[id(f)]
+        scope: dict[str, Any] = {"__builtins__": f.__globals__.get("__builtins__", builtins)}
+        cells = tuple(types.CellType() for _ in f.__closure__ or ())
+        twin = types.FunctionType(f.__code__, scope, f.__name__, None, cells)
+        done[id(f)] = twin  # before anything is looked up in f: it may call itself
         names = _global_names(f.__code__)
-        scope = {n: substitute(f.__globals__[n]) for n in names if n in f.__globals__}
+        scope.update({n: substitute(f.__globals__[n]) for n in names if n in f.__globals__})
         for name in names - f.__globals__.keys():
             if (value := getattr(builtins, name, None)) is not None and callable(value):
                 scope[name] = substitute(value)
-        scope["__builtins__"] = f.__globals__.get("__builtins__", builtins)
-        cells = tuple(types.CellType(substitute(c.cell_contents)) for c in f.__closure__ or ())
-        defaults = tuple(substitute(v) for v in f.__defaults__) if f.__defaults__ else None
-        twin = types.FunctionType(f.__code__, scope, f.__name__, defaults, cells)
+        for cell, original in zip(cells, f.__closure__ or (), strict=True):
+            cell.cell_contents = substitute(original.cell_contents)
+        twin.__defaults__ = tuple(substitute(v) for v in f.__defaults__) if f.__defaults__ else None
         twin.__kwdefaults__ = {k: substitute(v) for k, v in f.__kwdefaults__.items()} if f.__kwdefaults__ else None
-        done[id(f)] = finish(twin)
-        return done[id(f)]
+        done[id(f)] = finished = finish(twin)
+        scope.update({n: finished for n, value in scope.items() if value is twin})
+        for cell in cells:
+            if cell.cell_contents is twin:
+                cell.cell_contents = finished
+        return finished
 
     return _rebind_callable(getattr(function, "py_func", function), copy)
 

@@ -65,7 +65,9 @@ def called_steps(dimension: int, parameters: int, tableau: Tableau) -> StepCode:
         per_lane += _stage_states(tableau, stage, dimension)
         per_lane.append(f"{targets}= rhs(t + {c!r} * h, {state}, record)")
     per_lane += _finish(tableau, dimension)
-    return StepCode((f"record = Parameters{record}" if parameters else "record = ()",), tuple(per_step), tuple(per_lane))
+    return StepCode(
+        (f"record = Parameters{record}" if parameters else "record = ()",), tuple(per_step), tuple(per_lane)
+    )
 
 
 def stage_namer(

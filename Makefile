@@ -1,0 +1,69 @@
+# Every verb makes the environment it needs in .venv; Python 3.11 or newer, pip, a C compiler and make are all it takes.
+
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+INSTALLED := $(VENV)/.installed-
+
+export MPLBACKEND ?= Agg
+
+.DEFAULT_GOAL := help
+.PHONY: help env basins figures test test-all check bench docs clean
+
+help:
+	@echo "make basins    basins of the driven pendulum (figure 19), into studies/output/"
+	@echo "make figures   every study, into studies/output/"
+	@echo "make test      fast tests and the examples in docstrings"
+	@echo "make test-all  slow tests as well"
+	@echo "make check     format, lint, types, import contracts, documentation"
+	@echo "make bench     speed against other programs, as ratios"
+	@echo "make docs      the site, into docs/_build/html/"
+	@echo "make env       the environment alone, in .venv/"
+	@echo "make clean     remove what the other verbs have made, except .venv/"
+
+$(RUN):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
+		"cellmap needs Python 3.11 or newer, and $(PYTHON) is " + sys.version.split()[0] + \
+		"; choose another one with: make PYTHON=/path/to/python3 ...")'
+	$(PYTHON) -m venv $(VENV)
+
+$(INSTALLED)%: pyproject.toml | $(RUN)
+	$(RUN) -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@touch $@
+
+env: $(INSTALLED)test
+
+basins: env
+	$(RUN) -m studies figure_19
+	@echo "The pictures and the HDF5 file are in $(CURDIR)/studies/output/"
+
+figures: env
+	$(RUN) -m studies
+	@echo "Everything is in $(CURDIR)/studies/output/"
+
+test: env
+	$(RUN) -m pytest
+
+test-all: env
+	$(RUN) -m pytest -m ""
+
+check: env
+	$(RUN) -m ruff format --check
+	$(RUN) -m ruff check
+	$(RUN) -m mypy
+	$(VENV)/bin/lint-imports
+	@$(MAKE) --no-print-directory docs
+
+# Peers raise warnings of their own, which are not errors of ours.
+bench: $(INSTALLED)bench
+	$(RUN) -m pytest tests/bench -o addopts= -W default \
+		--benchmark-group-by=group --benchmark-columns=min,median,rounds --benchmark-sort=min
+
+docs: $(INSTALLED)docs
+	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
+	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
+
+clean:
+	rm -rf build dist *.egg-info docs/_build docs/generated studies/output
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	find cellmap systems studies tests docs -name __pycache__ -type d -exec rm -rf {} +

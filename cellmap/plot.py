@@ -1,0 +1,169 @@
+"""Pictures of basins, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from math import gcd, isclose, pi
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MultipleLocator
+from numpy.typing import NDArray
+
+from .attractor import Kind
+from .basins import Basins
+from .coordinates import Coordinate
+from .settling import DIVERGED, ESCAPED, UNDECIDED
+
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
+"""Colours that people with any colour vision can tell apart (Okabe and Ito 2008)."""
+
+CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black"}
+"""Colours of the labels that are not attractors: left the window, diverged, undecided."""
+
+
+def plot_basins(
+    basins: Basins,
+    ax: Axes | None = None,
+    colours: Mapping[int, Any] | None = None,
+    shade: bool = False,
+    points: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw basins of attraction.
+
+    Parameters
+    ----------
+    basins : Basins
+        Basins on a grid with two axes of more than one cell; further axes of one cell make it a slice.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    colours : mapping of int to colour, optional
+        Colours of some labels, in the place of the default ones.
+    shade : bool, optional
+        Paint starts that settle late lighter.
+    points : bool, optional
+        Mark the attractors' points.
+    legend : bool, optional
+        Name each attractor and its share.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; angles are in multiples of pi.
+
+    Raises
+    ------
+    ValueError
+        For basins that are not on a grid with two axes.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    >>> plot_basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
+    'x'
+    """
+    grid = basins.grid
+    wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
+    if grid is None or len(wide) != 2:
+        raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.0, 5.5), layout="constrained")
+    palette = label_colours(basins, colours)
+    image = _painted(basins, palette, shade)
+    rows, columns = wide[1], wide[0]
+    extent = (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
+    ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
+    for axis, j in ((ax.xaxis, columns), (ax.yaxis, rows)):
+        label_axis(axis, basins.coordinates[j], grid.upper[j] - grid.lower[j])
+    if points:
+        _mark_attractors(ax, basins, columns, rows)
+    if legend:
+        ax.legend(
+            handles=[
+                Patch(facecolor=palette[k], edgecolor="0.3", label=f"{basins.label_name(k)}: {_percent(f.share)}")
+                for k, f in basins.fractions.items()
+            ],
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.12),
+            ncols=2,
+            fontsize="small",
+            frameon=False,
+        )
+    ax.set_title(basins.name)
+    return ax
+
+
+def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, tuple[float, float, float]]:
+    """Return the colour of each label that occurs: the Okabe-Ito set, paler in each further round."""
+    palette = {}
+    for label in basins.fractions:
+        if label < 0:
+            colour = np.array(to_rgb(CODE_COLOURS[label]))
+        else:
+            rounds, place = divmod(label, len(COLOURS))
+            colour = 1.0 - (1.0 - np.array(to_rgb(COLOURS[place]))) * 0.55**rounds
+        palette[label] = to_rgb(colours[label]) if colours and label in colours else to_rgb(tuple(colour))
+    return palette
+
+
+def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
+    """Name an axis; write an angle whose turn is 2 pi in multiples of pi."""
+    axis.set_label_text(str(coordinate))
+    if coordinate.turn is not None and isclose(coordinate.turn, 2 * pi):
+        axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
+
+
+def multiple_of_pi(x: float) -> str:
+    """Write a number as a fraction of pi, in TeX.
+
+    Examples
+    --------
+    >>> multiple_of_pi(-pi / 2)
+    '$-\\\\pi/2$'
+    """
+    ratio = Fraction(x / pi).limit_denominator(24)
+    n, d = ratio.numerator, ratio.denominator
+    if n == 0:
+        return "0"
+    assert gcd(n, d) == 1
+    sign, count = "-" if n < 0 else "", "" if abs(n) == 1 else str(abs(n))
+    return f"${sign}{count}\\pi{'' if d == 1 else f'/{d}'}$"
+
+
+def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
+    """Colours of all cells, rows from bottom to top."""
+    labels, times = np.squeeze(basins.labels).T, np.squeeze(basins.settling_time).T
+    image = np.empty((*labels.shape, 3))
+    for label, colour in palette.items():
+        image[labels == label] = colour
+    if shade and (times > 0).any():
+        lateness = np.log1p(np.maximum(times, 0)) / np.log1p(times.max())
+        image += (1.0 - image) * (0.7 * np.where(times >= 0, lateness, 0.0))[..., None]
+    return image
+
+
+def _mark_attractors(ax: Axes, basins: Basins, columns: int, rows: int) -> None:
+    """Draw the points of attractors that lie in the window; a chaotic attractor as a cloud."""
+    for attractor in basins.attractors:
+        cloud = attractor.kind is Kind.CHAOTIC
+        x, y = attractor.points[:, columns], attractor.points[:, rows]
+        if cloud:
+            ax.plot(x, y, ",", color="black", alpha=0.5, scalex=False, scaley=False)
+        else:
+            style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
+            ax.plot(x, y, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2f} %" if share > 0.0005 or share == 0 else f"{100 * share:.2g} %"

@@ -1,0 +1,92 @@
+"""Maps made again from their recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .basins import Basins, find_basins
+from .grid import CellGrid
+from .interpolated import interpolated_map
+from .pointmap import PointMap
+from .stroboscopic import stroboscopic_map
+from .system import ForcedSystem
+
+
+def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> PointMap:
+    """Make a map again from the recipe that it, its basins or a file carry.
+
+    Parameters
+    ----------
+    source : ForcedSystem or PointMap
+        The system, or for a discrete map the map itself, with the parameters of the original.
+    recipe : mapping
+        ``point_map.recipe``, or ``basins.settings["map"]``.
+
+    Returns
+    -------
+    PointMap
+        A map with the same images, to the bit, on a processor of the same kind.
+
+    Raises
+    ------
+    ValueError
+        For a recipe that does not fit the source.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> decay = ForcedSystem(lambda t, x, p: (-p.rate * x[0],), {"rate": 1.0}, 2 * pi, ("x",))
+    >>> original = stroboscopic_map(decay, rtol=1e-6)
+    >>> bool(rebuild_map(decay, original.recipe)([1.0]) == original([1.0]))
+    True
+    """
+    kind = recipe.get("kind")
+    match kind, source:
+        case "interpolated", _:
+            return interpolated_map(
+                rebuild_map(source, recipe["exact"]),
+                CellGrid(tuple(recipe["lower"]), tuple(recipe["upper"]), tuple(recipe["shape"])),
+                order=int(recipe["order"]),
+                outside=recipe["outside"],
+                tolerance=recipe["tolerance"],
+            )
+        case "stroboscopic", ForcedSystem():
+            if source.length != recipe["period"]:
+                raise ValueError(
+                    f"source has the period {source.length!r} and the recipe {recipe['period']!r}: give the same parameters"
+                )
+            settings = {name: recipe[name] for name in ("phase", "rtol", "atol", "method", "max_steps")}
+            return stroboscopic_map(source, **settings)
+        case "discrete", PointMap():
+            return source
+    raise ValueError(f"recipe of kind {kind!r} cannot be made from {source!r}: give the system it was made from")
+
+
+def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
+    """Find basins again, from what a stored result says about itself and its system.
+
+    Parameters
+    ----------
+    basins : Basins
+        A result, as :func:`load_basins` returns it.
+    source : ForcedSystem or PointMap
+        The system, or the discrete map.
+
+    Returns
+    -------
+    Basins
+        The same labels again, now with their map.
+
+    Raises
+    ------
+    ValueError
+        For a source whose parameters are not those of the basins.
+    """
+    if dict(source.params) != dict(basins.params):
+        raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
+    starts = basins.grid if basins.grid is not None else basins.starts
+    assert starts is not None
+    point_map = rebuild_map(source, basins.settings["map"])
+    limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
+    return find_basins(point_map, starts, **limits)

@@ -1,0 +1,1 @@
+"""Studies: one script a figure, run by ``python -m studies NAME``."""
