@@ -88,7 +88,9 @@ def stable_orbit(
             points, turns, matrices = _follow(exact, point, q)
             period = q
             break
-    first = int(np.argmin(np.round(np.linalg.norm(points / scale, axis=-1), 9)))
+    # Mirror images are equally far away; the largest coordinates decide between them.
+    rounded = np.round(points / scale, 6)
+    first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
     round_trip = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
     multipliers = np.linalg.eigvals(round_trip).astype(complex)

@@ -27,19 +27,23 @@ SCHEMA = 1
 """Number of the layout; readers take their own and older ones."""
 
 
+_ONLY = "basins"  # name of a picture that is alone in its file
+
+
 class StoreError(OSError):
     """A file that is not what it should be."""
 
 
-def save_basins(basins: Basins, path: str | os.PathLike[str]) -> Path:
+def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
     """Write basins to an HDF5 file.
 
     The file is complete or it is not there: it is written beside its place and moved into it.
 
     Parameters
     ----------
-    basins : Basins
-        What to store.  Its map is stored as a recipe, not as a table: :func:`rebuild_map` makes it again.
+    basins : Basins or mapping of str to Basins
+        What to store, several pictures under names of their own.  Maps are stored as recipes, not as tables:
+        :func:`rebuild_map` makes them again.
     path : path-like
         Name of the file, such as ``"basins.h5"``; an older file of that name is replaced.
 
@@ -52,6 +56,8 @@ def save_basins(basins: Basins, path: str | os.PathLike[str]) -> Path:
     ------
     FileNotFoundError
         For a folder that does not exist.
+    ValueError
+        For an empty mapping, or a name that is empty or holds a slash.
 
     Examples
     --------
@@ -64,30 +70,42 @@ def save_basins(basins: Basins, path: str | os.PathLike[str]) -> Path:
     True
     """
     path = Path(path)
+    pictures = basins if isinstance(basins, Mapping) else {_ONLY: basins}
+    if not pictures or any(not name or "/" in name for name in pictures):
+        raise ValueError(
+            f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
+        )
     if not path.parent.is_dir():
         raise FileNotFoundError(f"path={str(path)!r}: there is no folder {str(path.parent)!r}; make it first")
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     os.close(handle)
+    temporary = Path(name)
     try:
         with h5py.File(temporary, "w") as file:
-            _write(file, basins)
-        with open(temporary, "rb") as stream:
+            file.attrs.update(format=FORMAT, schema=SCHEMA, written=datetime.now(UTC).isoformat(timespec="seconds"))
+            file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
+            file.attrs["machine"] = platform.machine()
+            for key, picture in pictures.items():
+                _write(file.create_group(key), picture)
+        with temporary.open("rb") as stream:
             os.fsync(stream.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
     return path
 
 
-def load_basins(path: str | os.PathLike[str]) -> Basins:
+def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins:
     """Read basins from an HDF5 file.
 
     Parameters
     ----------
     path : path-like
         A file that :func:`save_basins` wrote.
+    name : str, optional
+        Which picture, in a file of several.
 
     Returns
     -------
@@ -98,6 +116,8 @@ def load_basins(path: str | os.PathLike[str]) -> Basins:
     ------
     FileNotFoundError
         Where there is no such file.
+    KeyError
+        For a name that the file does not hold, or none where it holds several.
     StoreError
         For a file that is truncated or damaged, that something else wrote, or that a newer cellmap wrote.
     """
@@ -112,11 +132,15 @@ def load_basins(path: str | os.PathLike[str]) -> Basins:
                 raise StoreError(
                     f"{str(path)!r} has layout {file.attrs['schema']} and this cellmap knows {SCHEMA}: update cellmap"
                 )
-            return _read(file)
+            names = list(file)
+            chosen = names[0] if name is None and len(names) == 1 else name
+            if chosen in names:
+                return _read(file[chosen])
     except StoreError:
         raise
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeDecodeError) as error:
         raise StoreError(f"{str(path)!r} is truncated, damaged or no HDF5 file: write it again ({error})") from error
+    raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
 
 
 def _umask() -> int:
@@ -125,17 +149,11 @@ def _umask() -> int:
     return current
 
 
-def _write(file: h5py.File, basins: Basins) -> None:
-    coordinates = basins.coordinates
-    file.attrs["format"] = FORMAT
-    file.attrs["schema"] = SCHEMA
-    file.attrs["written"] = datetime.now(UTC).isoformat(timespec="seconds")
-    file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
-    file.attrs["machine"] = platform.machine()
+def _write(file: h5py.Group, basins: Basins) -> None:
     file.attrs["system"] = basins.name
     file.attrs["params"] = json.dumps(dict(basins.params))
     file.attrs["settings"] = json.dumps(_plain(basins.settings))
-    file.attrs["coordinates"] = json.dumps([dataclasses.asdict(c) for c in coordinates])
+    file.attrs["coordinates"] = json.dumps([dataclasses.asdict(c) for c in basins.coordinates])
     file.attrs["inaccurate"] = basins.inaccurate
     file.attrs["cost"] = json.dumps(dataclasses.asdict(basins.cost))
     labels = file.create_dataset("labels", data=basins.labels, compression="gzip", shuffle=True, fletcher32=True)
@@ -170,7 +188,7 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
                 group[f"{part}/{field.name}"] = getattr(record, field.name)
 
 
-def _read(file: h5py.File) -> Basins:
+def _read(file: h5py.Group) -> Basins:
     coordinates = tuple(Coordinate(**c) for c in json.loads(file.attrs["coordinates"]))
     grid = None
     if "grid" in file:
