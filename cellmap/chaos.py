@@ -78,7 +78,6 @@ def lyapunov_exponents(
     place = np.array(starts, dtype=float)
     frame = np.broadcast_to(np.eye(exact.dimension), (*place.shape, exact.dimension)).copy()
     logs = np.empty((periods, *place.shape))
-    _, turn = turns_of(exact.coordinates)
     for k in range(periods):
         images, matrices = tangent(exact, place)
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -117,8 +117,8 @@ def _apply(kernel: Any, parameters: NDArray[np.float64], orbits: Orbits) -> None
     kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, parameters, errors)
     unpack(blocks, errors, members, orbits.points, ratios, np.full(d, np.inf), 1.0, 1.0)
     with np.errstate(invalid="ignore"):
-        bounded = (np.abs(orbits.points) < _BOUND).all(axis=1)
-    orbits.end(~bounded, Status.DIVERGED)
+        inside = np.abs(orbits.points) < _BOUND
+    orbits.end(np.flatnonzero(~inside.all(axis=1)), Status.DIVERGED)
 
 
 def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:

@@ -39,8 +39,8 @@ class CellGrid:
     >>> grid = CellGrid(lower=(-1, 0), upper=(1, 1), shape=(4, 2))
     >>> grid.centres().shape
     (4, 2, 2)
-    >>> grid.locate([-1.0, 1.0]), grid.locate([-1.0, 0.5])
-    (-1, 1)
+    >>> grid.locate([[-1.0, 1.0], [-1.0, 0.5]])
+    array([-1,  1])
     """
 
     lower: tuple[float, ...]

@@ -104,8 +104,8 @@ def interpolated_map(
     share = float(rough.mean())
     if share > 0.5:
         warnings.warn(
-            f"{100 * share:.0f} % of the cells are left to the exact map: the table is too coarse or the map not smooth; "
-            "take more cells, or iterate the exact map itself",
+            f"{100 * share:.0f} % of the cells are left to the exact map: the table is too coarse or the map not "
+            "smooth; take more cells, or iterate the exact map itself",
             stacklevel=2,
         )
     table = CellTable(grid, order, coefficients, indicator, rough)
@@ -137,7 +137,7 @@ def table_memory(grid: CellGrid, order: int) -> int:
     Examples
     --------
     >>> table_memory(CellGrid((0, 0), (1, 1), (100, 100)), 5) // 1000
-    652
+    704
     """
     d = grid.dimension
     tabulated = int(np.prod([len(nodes) for nodes in _nodes(grid, order)], dtype=object))

@@ -100,7 +100,7 @@ def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArra
     centre = exact.iterate(points, 1).unwrapped
     for j in range(exact.dimension):
         h = 1e-2 * np.maximum(np.abs(points[..., j]), 1e-1)
-        column = 0.0
+        column = np.zeros(points.shape)
         for k, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):
                 moved = points.copy()

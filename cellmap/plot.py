@@ -125,13 +125,7 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
 
 
 def multiple_of_pi(x: float) -> str:
-    """Write a number as a fraction of pi, in TeX.
-
-    Examples
-    --------
-    >>> multiple_of_pi(-pi / 2)
-    '$-\\\\pi/2$'
-    """
+    """Write a number as a fraction of pi, in TeX."""
     ratio = Fraction(x / pi).limit_denominator(24)
     n, d = ratio.numerator, ratio.denominator
     if n == 0:
@@ -156,13 +150,16 @@ def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray
 def _mark_attractors(ax: Axes, basins: Basins, columns: int, rows: int) -> None:
     """Draw the points of attractors that lie in the window; a chaotic attractor as a cloud."""
     for attractor in basins.attractors:
-        cloud = attractor.kind is Kind.CHAOTIC
-        x, y = attractor.points[:, columns], attractor.points[:, rows]
-        if cloud:
-            ax.plot(x, y, ",", color="black", alpha=0.5, scalex=False, scaley=False)
-        else:
-            style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
-            ax.plot(x, y, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
+        places = attractor.points[:, [columns, rows]]
+        if attractor.kind is Kind.CHAOTIC:
+            ax.plot(*places.T, ",", color="black", alpha=0.5, scalex=False, scaley=False)
+            continue
+        for k, j in enumerate((columns, rows)):
+            turn = basins.coordinates[j].turn
+            if turn is not None:  # a point on the seam is seen at both ends
+                places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])
+        style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
+        ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
 
 
 def _percent(share: float) -> str:

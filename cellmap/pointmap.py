@@ -232,7 +232,9 @@ class PointMap:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
-        return self.iterate(points, 1).points
+        images = self._images(points, 1, progress=False)
+        warn_of_tolerance(images.status, self)
+        return images.points
 
     def iterate(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
         """Return the images of points after a number of periods.
@@ -256,6 +258,11 @@ class PointMap:
         ToleranceWarning
             Where the tolerance of the integrator was not met; those images have the status INACCURATE.
         """
+        images = self._images(points, periods, progress)
+        warn_of_tolerance(images.status, self)
+        return images
+
+    def _images(self, points: ArrayLike, periods: int, progress: bool) -> Iterate:
         starts = finite_points("points", points, self.dimension)
         periods = whole_number("periods", periods)
         refuse_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
@@ -265,7 +272,6 @@ class PointMap:
         orbits.turns[:] = 0
         label = f"{periods} periods of {self.name}" if progress else None
         run_over(slices(len(orbits), CHUNK), lambda part: self.advance(orbits[part], periods), label)
-        warn_of_tolerance(orbits.status, self)
         shape = starts.shape
         return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), self.coordinates)
 
@@ -340,7 +346,8 @@ class PointMap:
         errors = errors[np.isfinite(errors)]
         if not errors.size:
             return MapError(np.nan, np.nan, np.nan, 0)
-        return MapError(*(float(np.quantile(errors, q)) for q in (0.5, 0.99, 1.0)), errors.size)
+        median, high, largest = (float(q) for q in np.quantile(errors, (0.5, 0.99, 1.0)))
+        return MapError(median, high, largest, errors.size)
 
 
 def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:

@@ -54,7 +54,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
         case "stroboscopic", ForcedSystem():
             if source.length != recipe["period"]:
                 raise ValueError(
-                    f"source has the period {source.length!r} and the recipe {recipe['period']!r}: give the same parameters"
+                    f"source has the period {source.length!r}, not {recipe['period']!r}: give the same parameters"
                 )
             settings = {name: recipe[name] for name in ("phase", "rtol", "atol", "method", "max_steps")}
             return stroboscopic_map(source, **settings)

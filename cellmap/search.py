@@ -59,7 +59,7 @@ def find_attractors(
     >>> from cellmap import discrete_map
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], 0.3 * x[0]), {"a": 0.2}, ("x", "y"))
     >>> find_attractors(henon, [[0.0, 0.0], [0.5, 0.5]])
-    (Attractor(fixed point (1.09, 0.326) at (1.0862, 0.325859), |multiplier| 0.8077),)
+    (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
     """
     states = finite_points("starts", starts, point_map.dimension).reshape(-1, point_map.dimension)
     max_periods = whole_number("max_periods", max_periods, at_least=1)
@@ -87,7 +87,7 @@ def sort_out(
     extent: NDArray[np.float64],
     age: int,
 ) -> tuple[Orbits, list[Attractor]]:
-    """Find new attractors from the orbits that are left, until a look finds none; return the rest and all attractors."""
+    """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
     while len(orbits):
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent)
         if not fresh:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,9 @@ from .checks import finite_number, one_of, whole_number
 from .codegen.kernel import PeriodKernel, flow_kernel, tangent_flow_kernel
 from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
+from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .pointmap import Orbits, PointMap, Status
 from .system import ForcedSystem
 
@@ -80,7 +81,7 @@ def stroboscopic_map(
     >>> strobe([[0.0, 0.0], [3.0, 4.0]]).shape
     (2, 2)
     >>> strobe.iterate([3.0, 4.0], 1).turns
-    array([3, 0])
+    array([4, 0])
     """
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem")
@@ -174,7 +175,7 @@ class _Integrator:
             pending, steps = pending[again], self._enough_steps(steps[again], ratio[again])
 
     def _enough_steps(self, steps: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the rung of the ladder of step numbers that should meet the tolerance, above `steps` if that missed."""
+        """Return the rung of the ladder of step numbers that should meet the tolerance, higher than one that missed."""
         with np.errstate(invalid="ignore", over="ignore"):
             wanted = 1.1 * steps * ratio ** (1.0 / self.kernel.estimate_order)
         wanted = np.where(np.isfinite(wanted), np.minimum(wanted, 8.0 * steps), 8.0 * steps)
@@ -192,7 +193,7 @@ class _Integrator:
     ) -> None:
         """Integrate members, sorted by their steps, in full blocks of equal steps."""
         first = np.concatenate([[0], np.flatnonzero(np.diff(steps)) + 1, [len(steps)]])
-        for a, b in zip(first[:-1], first[1:], strict=True):
+        for a, b in itertools.pairwise(first):
             group = members[a:b]
             blocks = np.empty((-(-len(group) // LANES), starts.shape[1], LANES))
             errors = np.empty_like(blocks)

@@ -1,4 +1,4 @@
-"""The one thread pool.  Work is cut into slices that do not depend on the number of threads, so results do not either."""
+"""The one thread pool.  Slices of work do not depend on the number of threads, and so results do not either."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Kernels written as text: right-hand sides are traced, integrators and look-ups unrolled, modules compiled and kept."""
+"""Kernels written as text: right-hand sides traced, integrators and look-ups unrolled, modules compiled and kept."""

@@ -52,7 +52,7 @@ class Expression:
         raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
 
     __bool__ = __float__ = __int__ = __index__ = __iter__ = __len__ = _refuse
-    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse  # type: ignore[assignment]
+    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse
     __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __round__ = _refuse
 
     def __hash__(self) -> int:

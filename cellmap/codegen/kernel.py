@@ -122,7 +122,7 @@ def _tableau(method: Method) -> Any:
 
 
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
-    """Compile lanes that call a function which cannot be traced, vectorisable functions in the place of those of math."""
+    """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names)).replace("**KERNEL)", "**{**KERNEL, 'cache': False})")
     table = {name: f for name, f in vars(simd_math).items() if hasattr(f, "py_func")}
     try:

@@ -15,7 +15,6 @@ distances in a turn, 0 on the line; ``lower`` and ``turn`` say how angles are ke
 from __future__ import annotations
 
 import functools
-import itertools
 
 from .lanes import indent
 from .module import generated_module

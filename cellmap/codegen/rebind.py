@@ -31,10 +31,11 @@ def _canonical_names() -> dict[Any, str]:
 CANONICAL_NAMES = _canonical_names()
 
 
-class _Namespace:
+class _Namespace(types.ModuleType):
     """Stand-in for a module such as ``math``: listed functions are replaced, the rest is the module's own."""
 
     def __init__(self, module: types.ModuleType, substitute: Callable[[Any], Any]) -> None:
+        super().__init__(f"{module.__name__}_rebound")
         self._module, self._substitute = module, substitute
 
     def __getattr__(self, name: str) -> Any:

@@ -46,7 +46,7 @@ class Trace:
 @functools.lru_cache(maxsize=256)
 def parameter_record(names: tuple[str, ...]) -> Any:
     """Return the named tuple for parameters of these names, always the same one."""
-    return namedtuple("Parameters", names)  # noqa: PYI024
+    return namedtuple("Parameters", names)
 
 
 def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Sequence[str]) -> Trace | None:

@@ -1,0 +1,1 @@
+"""Compiled loops: numbers in, arrays filled; nothing is checked here."""

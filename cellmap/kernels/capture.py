@@ -10,7 +10,7 @@ from .options import KERNEL
 
 @njit(**KERNEL)
 def capture(points, found, times, now, centres, metrics, owners, turn):
-    """Write into ``found[i]`` the owner of the first ellipsoid that holds row i of points, and ``now`` into ``times[i]``.
+    """Write into ``found[i]`` the owner of the first ellipsoid that holds row i, and ``now`` into ``times[i]``.
 
     Rows that were found before are left as they are.
 

@@ -1,8 +1,8 @@
 """Tensor B-spline sums in LLVM vectors.
 
-The value of a tensor B-spline in a cell is a sum over (order + 1)^d coefficients, each with one value for each component
-of the map.  Coefficients of the last axis lie side by side with their components, so a row of them is a few SIMD
-vectors.  Rows are summed with the weights of the other axes, and the last axis is summed at the end.  LLVM's automatic
+The value of a tensor B-spline in a cell is a sum over (order + 1)^d coefficients, each with one value for each
+component of the map.  Coefficients of the last axis lie side by side with their components, so a row of them is a few
+SIMD vectors.  Rows are summed with the weights of the other axes, and the last axis is summed at the end.  LLVM's automatic
 vectorisers do not find this; here it is said outright, and any processor gets the best it has for these vectors.
 """
 
@@ -20,7 +20,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 WIDTH = 4
-"""Doubles in a vector.  Rows are padded to a multiple of it with weights of zero, so a table needs WIDTH spare doubles."""
+"""Doubles in a vector.  Rows are padded to a multiple of it by weights of zero, so tables need WIDTH spare doubles."""
 
 _DOUBLE = ir.DoubleType()
 
@@ -87,7 +87,7 @@ def contraction(axes: int, order: int, components: int) -> Any:
     columns = [j // components if j < row else -1 for j in range(vectors * WIDTH)]
 
     @intrinsic
-    def contract(_context: Any, table: Any, offset: Any, stride: Any, fractions: Any) -> Any:  # type: ignore[no-untyped-def]
+    def contract(_context: Any, table: Any, offset: Any, stride: Any, fractions: Any) -> Any:
         result = types.UniTuple(types.float64, components)
 
         def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
