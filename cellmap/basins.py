@@ -15,14 +15,16 @@ from .attractor import Attractor, sort_key
 from .chaos import chaotic_attractors
 from .checks import finite_points, refuse_memory, whole_number
 from .coordinates import Coordinate, wrap
-from .grid import CellGrid
+from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
 from .search import find_attractors, region_extent, sort_out
-from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, Settled, settle
+from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, settle
 from .threads import run_over, slices
 
 LABEL_NAMES = {ESCAPED: "left the window", DIVERGED: "diverged", UNDECIDED: "undecided"}
 """Names of the labels that are not attractors."""
+
+_Rows = range | NDArray[np.int64]
 
 _SAMPLE = 1024  # starts from which attractors are sought first
 _PATIENCE = 256  # periods before starts that are left are searched for further attractors
@@ -282,8 +284,7 @@ def basins_memory(starts: int) -> int:
 def _starts(grid: CellGrid | None, given: NDArray[np.float64] | None, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return some of the starts, by their flat numbers."""
     if grid is not None:
-        index = np.unravel_index(rows, grid.shape)
-        return np.stack([grid.axis(j)[i] for j, i in enumerate(index)], axis=-1)
+        return grid_points([grid.axis(j) for j in range(grid.dimension)], rows)
     assert given is not None
     return given.reshape(-1, given.shape[-1])[rows]
 
@@ -318,7 +319,8 @@ class _Run:
         corners = chosen if self.grid is None else np.array([self.grid.lower, self.grid.upper])
         extent = region_extent(self.point_map, corners)
         self.attractors = list(find_attractors(self.point_map, chosen, self.max_periods, self.max_period, known))
-        rows, orbits = np.arange(total), None
+        rows: _Rows = range(total)
+        orbits: Orbits | None = None
         age, horizon = 0, min(_PATIENCE, self.max_periods)
         while True:
             rows, orbits = self._label(rows, orbits, horizon - age, age)
@@ -346,31 +348,27 @@ class _Run:
     def _begin(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         return wrap(_starts(self.grid, self.given, rows), self.point_map.coordinates)
 
-    def _label(
-        self, rows: NDArray[np.int64], orbits: Orbits | None, periods: int, age: int
-    ) -> tuple[NDArray[np.int64], Orbits]:
+    def _label(self, rows: _Rows, orbits: Orbits | None, periods: int, age: int) -> tuple[NDArray[np.int64], Orbits]:
         """Label starts within some periods, from states of some age; return the rows that are left and their states."""
         catalogue = Catalogue.of(self.attractors, self.point_map)
         parts = slices(len(rows), CHUNK)
-        results: list[Settled | None] = [None] * len(parts)
+        left: dict[int, tuple[NDArray[np.int64], Orbits]] = {}
+        tally = np.zeros((len(parts), 2), np.int64)
 
         def work(number: int) -> None:
-            mine = rows[parts[number]]
+            mine = np.asarray(rows[parts[number]])
             states = Orbits.starting(self._begin(mine)) if orbits is None else orbits[parts[number]]
             settled = settle(self.point_map, states, catalogue, periods, age)
             self.labels[mine], self.times[mine] = settled.labels, settled.times
-            results[number] = settled
+            left[number] = (mine[settled.undecided], settled.orbits)
+            tally[number] = settled.steps, settled.inaccurate
 
         run_over(range(len(parts)), work, f"basins of {self.point_map.name}" if self.progress else None)
-        done = [r for r in results if r is not None]
-        self.steps += sum(r.steps for r in done)
-        self.inaccurate += sum(r.inaccurate for r in done)
-        left = [r.orbits for r in done]
-        return rows[self.labels[rows] == UNDECIDED], Orbits(
-            np.concatenate([o.points for o in left]),
-            np.concatenate([o.turns for o in left]),
-            np.concatenate([o.status for o in left]),
-        )
+        steps, inaccurate = tally.sum(axis=0)
+        self.steps += int(steps)
+        self.inaccurate += int(inaccurate)
+        remaining = [left[number] for number in range(len(parts))]
+        return np.concatenate([mine for mine, _ in remaining]), Orbits.joined([o for _, o in remaining])
 
     def _find_more(self, orbits: Orbits, extent: NDArray[np.float64], age: int) -> bool:
         """Search the orbits that are left for further attractors; tell whether there are any."""

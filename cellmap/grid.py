@@ -63,10 +63,15 @@ class CellGrid:
         lengths = {name: len(getattr(self, name)) for name in ("lower", "upper", "shape", "wraps")}
         if len(set(lengths.values())) != 1:
             raise ValueError(f"a grid needs one entry for each coordinate in each argument, and these have {lengths}")
-        for a, b in zip(self.lower, self.upper, strict=True):
+        for a, b, n in zip(self.lower, self.upper, self.shape, strict=True):
             if not a < b:
                 raise ValueError(
                     f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it"
+                )
+            if not float(np.spacing(max(abs(a), abs(b)))) <= (b - a) / n < float("inf"):
+                raise ValueError(
+                    f"lower={a!r}, upper={b!r}, shape={n}: no floating-point numbers separate cells of this width; "
+                    "take fewer cells, or a window of another size"
                 )
 
     @property
@@ -107,14 +112,14 @@ class CellGrid:
         inside = np.ones(p.shape[:-1], dtype=bool)
         for j, n in enumerate(self.shape):
             with np.errstate(invalid="ignore"):
-                place = (p[..., j] - self.lower[j]) / self.widths[j]
-                cell = np.floor(place)
-                if self.wraps[j]:
-                    cell = np.where(np.isfinite(cell), cell - n * np.floor(cell / n), np.nan)
-                else:
-                    # The division may round a point just below the upper edge onto it, and the edge just below itself.
-                    within = (p[..., j] >= self.lower[j]) & (p[..., j] < self.upper[j])
-                    cell = np.where(within, np.clip(cell, 0, n - 1), np.nan)
+                x, lower, width = p[..., j], self.lower[j], self.widths[j]
+                cell = np.floor((x - lower) / width)
+                # The division rounds: a point next to an edge may have come to the wrong side of it.
+                cell += x >= (cell + 1.0) * width + lower
+                cell -= x < cell * width + lower
+                within = (x >= lower) & (x < self.upper[j])
+                beyond = np.where(x < lower, np.minimum(cell, -1.0), np.maximum(cell, n))
+                cell = np.where(within, np.clip(cell, 0, n - 1), np.mod(beyond, n) if self.wraps[j] else np.nan)
             inside &= ~np.isnan(cell)
             index = index * n + np.nan_to_num(cell).astype(np.int64)
         return np.where(inside, index, -1)
@@ -141,3 +146,10 @@ class CellGrid:
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.shape))
         return f"{cells} cells ({in_bytes(8 * self.size)} for each number that is kept of a cell)"
+
+
+def grid_points(axes: Sequence[NDArray[np.float64]], part: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return some points of the product of axes, by their flat row-major numbers; shape (n, dimension)."""
+    numbers = np.arange(part.start, part.stop) if isinstance(part, slice) else part
+    index = np.unravel_index(numbers, tuple(map(len, axes)))
+    return np.stack([a[i] for a, i in zip(axes, index, strict=True)], axis=-1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .checks import finite_number, one_of, refuse_memory
 from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
-from .grid import CellGrid
+from .grid import CellGrid, grid_points
 from .kernels.contraction import WIDTH, basis_polynomials
 from .pointmap import CHUNK, CellTable, Cost, Orbits, PointMap, Status
 from .threads import run_over, slices
@@ -137,12 +137,12 @@ def table_memory(grid: CellGrid, order: int) -> int:
     Examples
     --------
     >>> table_memory(CellGrid((0, 0), (1, 1), (100, 100)), 5) // 1000
-    704
+    518
     """
     d = grid.dimension
-    tabulated = int(np.prod([len(nodes) for nodes in _nodes(grid, order)], dtype=object))
-    kept = int(np.prod([n + order for n in grid.shape], dtype=object))
-    return 8 * d * (2 * tabulated + kept) + 6 * grid.size
+    past = 2 * _PADDING[order]
+    tabulated = [n if wraps else n + 1 + past for n, wraps in zip(grid.shape, grid.wraps, strict=True)]
+    return 8 * d * (2 * int(np.prod(tabulated, dtype=object))) + 5 * grid.size
 
 
 def _nodes(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
@@ -159,32 +159,34 @@ def _coefficients(
     exact: PointMap, grid: CellGrid, order: int, progress: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
-    axes = _nodes(grid, order)
+    values = _displacements(exact, _nodes(grid, order), progress)
+    extent = np.array(grid.upper) - np.array(grid.lower)
+    with np.errstate(invalid="ignore"):
+        failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
+    if failed.any():
+        _fill_from_neighbours(values, failed)
+    for j in range(grid.dimension):
+        values = _filtered(values, j, order, grid.wraps[j])
+    # The look-up reads whole vectors, so that it may read past the last coefficient.
+    flat = np.zeros(values.size + WIDTH)
+    flat[: values.size] = values.ravel()
+    return flat[: values.size].reshape(values.shape), _cells_with_failed_corner(failed, grid, order)
+
+
+def _displacements(exact: PointMap, axes: list[NDArray[np.float64]], progress: bool) -> NDArray[np.float64]:
+    """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
     shape = tuple(map(len, axes))
-    d = grid.dimension
-    moved = np.empty((int(np.prod(shape)), d))
+    moved = np.empty((int(np.prod(shape)), len(axes)))
     turn = turns_of(exact.coordinates)[1]
 
     def tabulate(part: slice) -> None:
-        index = np.unravel_index(np.arange(part.start, part.stop), shape)
-        nodes = np.stack([a[i] for a, i in zip(axes, index, strict=True)], axis=-1)
+        nodes = grid_points(axes, part)
         orbits = Orbits.starting(nodes.copy())
         exact.advance(orbits, 1)
         moved[part] = orbits.points + orbits.turns * turn - nodes
 
     run_over(slices(len(moved), CHUNK), tabulate, f"tabulating {exact.name}" if progress else None)
-    extent = np.array(grid.upper) - np.array(grid.lower)
-    with np.errstate(invalid="ignore"):
-        failed = ~(np.abs(moved) <= _FARTHEST * extent).all(axis=-1).reshape(shape)
-    displacement = moved.reshape(*shape, d)
-    if failed.any():
-        _fill_from_neighbours(displacement, failed)
-    for j in range(d):
-        displacement = _filtered(displacement, j, order, grid.wraps[j])
-    flat = np.zeros(displacement.size + WIDTH)
-    flat[: displacement.size] = displacement.ravel()
-    coefficients = flat[: displacement.size].reshape(displacement.shape)
-    return coefficients, _cells_with_failed_corner(failed, grid, order)
+    return moved.reshape(*shape, len(axes))
 
 
 def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.bool_]) -> None:
@@ -210,6 +212,23 @@ def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: 
 
 def _filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
     """Return B-spline coefficients along one axis, those that the cells need: one for each cell and `order` more."""
+    shape = list(values.shape)
+    past = _PADDING[order]
+    shape[axis] = shape[axis] + order if wraps else shape[axis] - 1 - 2 * past + order
+    result = np.empty(shape)
+    # In slabs across another axis: little memory besides the result, and work for all threads.
+    across = 0 if axis else values.ndim - 1 if values.ndim == 2 else 1
+    size = max(1, shape[across] // 32)
+
+    def filter_slab(part: slice) -> None:
+        slab = (slice(None),) * across + (part,)
+        result[slab] = _filtered_slab(values[slab], axis, order, wraps)
+
+    run_over(slices(shape[across], size), filter_slab)
+    return result
+
+
+def _filtered_slab(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
     if wraps:
         n = values.shape[axis]
         if order > 1 and n > 1:
@@ -264,8 +283,7 @@ def _centre_errors(
     axes = [grid.axis(j) for j in range(grid.dimension)]
 
     def compare(part: slice) -> None:
-        index = np.unravel_index(np.arange(part.start, part.stop), grid.shape)
-        centres = np.stack([a[i] for a, i in zip(axes, index, strict=True)], axis=-1)
+        centres = grid_points(axes, part)
         images = []
         for advance in (exact.advance, interpolated):
             orbits = Orbits.starting(centres.copy())

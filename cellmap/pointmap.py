@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -76,6 +76,11 @@ class Orbits:
     def starting(cls, points: NDArray[np.float64]) -> Orbits:
         """Begin orbits at the rows of an array, which is kept and changed."""
         return cls(points, np.zeros(points.shape, np.int64), np.zeros(len(points), np.uint8))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Orbits]) -> Orbits:
+        """Put batches one behind the other."""
+        return cls(*(np.concatenate([getattr(o, name) for o in parts]) for name in ("points", "turns", "status")))
 
     def __getitem__(self, part: Any) -> Orbits:
         return Orbits(self.points[part], self.turns[part], self.status[part])

@@ -7,6 +7,7 @@ name, and an old file can never be mistaken for it.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.util
@@ -49,11 +50,19 @@ def generated_module(text: str) -> types.ModuleType:
         sys.modules[name] = module
         try:
             spec.loader.exec_module(module)
-        except OSError:
+        except Exception:
+            # Unreadable or damaged files: what is wrong with the text itself, if anything, shows below.
             del sys.modules[name]
+            _discard_compiled(path)
         else:
             return module
     return module_in_memory(text.replace("**KERNEL)", "**{**KERNEL, 'cache': False})"), name)
+
+
+def _discard_compiled(path: Path) -> None:
+    for compiled in path.parent.glob(f"__pycache__/{path.stem}.*.nb[ci]"):
+        with contextlib.suppress(OSError):
+            compiled.unlink()
 
 
 def module_in_memory(text: str, name: str, **scope: Any) -> types.ModuleType:

@@ -1,8 +1,8 @@
 """Tensor B-spline sums in LLVM vectors.
 
 The value of a tensor B-spline in a cell is a sum over (order + 1)^d coefficients, each with one value for each
-component of the map.  Coefficients of the last axis lie side by side with their components, so a row of them is a few
-SIMD vectors.  Rows are summed with the weights of the other axes, and the last axis is summed at the end.  LLVM's automatic
+component of the map.  Coefficients of the last axis lie side by side with their components, so a row is a few SIMD
+vectors.  Rows are summed with the weights of the other axes, and the last axis is summed at the end.  LLVM's automatic
 vectorisers do not find this; here it is said outright, and any processor gets the best it has for these vectors.
 """
 
