@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf, nextafter, ulp
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +69,7 @@ class CellGrid:
                 raise ValueError(
                     f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it"
                 )
-            if not float(np.spacing(max(abs(a), abs(b)))) <= (b - a) / n < float("inf"):
+            if not ulp(max(abs(a), abs(b))) <= (b - a) / n < inf:
                 raise ValueError(
                     f"lower={a!r}, upper={b!r}, shape={n}: no floating-point numbers separate cells of this width; "
                     "take fewer cells, or a window of another size"
@@ -111,15 +112,17 @@ class CellGrid:
         index = np.zeros(p.shape[:-1], dtype=np.int64)
         inside = np.ones(p.shape[:-1], dtype=bool)
         for j, n in enumerate(self.shape):
-            with np.errstate(invalid="ignore"):
-                x, lower, width = p[..., j], self.lower[j], self.widths[j]
+            x, lower, upper, width = p[..., j], self.lower[j], self.upper[j], self.widths[j]
+            with np.errstate(invalid="ignore", over="ignore"):
+                within = (x >= lower) & (x < upper)
+                if self.wraps[j]:
+                    turned = np.minimum(lower + np.mod(x - lower, upper - lower), nextafter(upper, -inf))
+                    x = np.where(within, x, turned)
                 cell = np.floor((x - lower) / width)
                 # The division rounds: a point next to an edge may have come to the wrong side of it.
                 cell += x >= (cell + 1.0) * width + lower
                 cell -= x < cell * width + lower
-                within = (x >= lower) & (x < self.upper[j])
-                beyond = np.where(x < lower, np.minimum(cell, -1.0), np.maximum(cell, n))
-                cell = np.where(within, np.clip(cell, 0, n - 1), np.mod(beyond, n) if self.wraps[j] else np.nan)
+                cell = np.where(within | self.wraps[j], np.clip(cell, 0, n - 1), np.nan)
             inside &= ~np.isnan(cell)
             index = index * n + np.nan_to_num(cell).astype(np.int64)
         return np.where(inside, index, -1)

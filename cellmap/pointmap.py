@@ -19,7 +19,7 @@ from .threads import progress_bar, run_over, slices
 if TYPE_CHECKING:
     from .grid import CellGrid
 
-CHUNK = 8192
+CHUNK = 16384
 """Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
 
 
@@ -36,6 +36,9 @@ class Status(IntEnum):
     """The orbit left the table of an interpolated map."""
     DIVERGED = 3
     """The orbit grew beyond all bounds, or the right-hand side was not finite on it."""
+
+
+_FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison
 
 
 class ToleranceWarning(UserWarning):
@@ -94,7 +97,7 @@ class Orbits:
     @property
     def alive(self) -> NDArray[np.bool_]:
         """Orbits that have a point."""
-        return self.status < Status.ESCAPED
+        return self.status < _FIRST_END
 
     def end(self, where: NDArray[Any], status: Status) -> None:
         """Mark orbits as ended."""

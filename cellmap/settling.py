@@ -85,7 +85,7 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
             found[resident], when[resident] = owner, max(k - RESIDENCE + 1, 0)
         last = k == age + periods
         over = (found >= 0) | ~now.alive
-        if last or np.count_nonzero(over) * 8 > len(over):
+        if last or np.count_nonzero(over) * 4 > len(over):
             rows = members[over]
             inaccurate += int(np.count_nonzero(now.status[over] == Status.INACCURATE))
             labels[rows] = np.where(found[over] >= 0, found[over], _codes(now.status[over]))
