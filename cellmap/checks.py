@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from keyword import iskeyword
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 def finite_number(name: str, value: Any, *, above: float | None = None, at_least: float | None = None) -> float:
     """Return a finite float, within bounds."""
     try:
+        if isinstance(value, str | bytes):
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name}={value!r}: give one real number") from None
@@ -60,8 +63,10 @@ def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     if not isinstance(params, Mapping):
         raise TypeError(f"params={params!r}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
     for name in params:
-        if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
-            raise ValueError(f"params has the name {name!r}: names are Python identifiers without a leading underscore")
+        if not isinstance(name, str) or not name.isidentifier() or iskeyword(name) or name.startswith("_"):
+            raise ValueError(
+                f"params has the name {name!r}: names are Python identifiers, not keywords, without a leading underscore"
+            )
     return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
 
 

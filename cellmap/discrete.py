@@ -72,13 +72,9 @@ def discrete_map(
 
     def advance(orbits: Orbits, periods: int) -> None:
         for _ in range(periods):
-            (alive,) = np.nonzero(orbits.alive)
-            if not len(alive):
-                return
-            now = orbits[alive]
-            _apply(kernel, parameters, now)
-            wrap_rows(now.points, now.turns, lower, turn)
-            orbits[alive] = now
+            for now in orbits.living():
+                _apply(kernel, parameters, now)
+                wrap_rows(now.points, now.turns, lower, turn)
 
     def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         compiled = discrete_kernel(timeless, d, names, True)
@@ -103,6 +99,7 @@ def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
     def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
         return function(x, p)
 
+    at_any_time.__qualname__ = getattr(function, "__qualname__", type(function).__name__)  # for error messages
     return at_any_time
 
 

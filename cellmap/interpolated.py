@@ -324,23 +324,16 @@ class _Advance:
         )
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
-        (alive,) = np.nonzero(orbits.alive)
-        everyone = len(alive) == len(orbits)
-        now = orbits if everyone else orbits[alive]
-        left = np.full(len(now), periods, np.int64)
-        for part in self._moving(now, left):
-            stopped = now[part]
-            if not self._integrate:
-                stopped.end(self._outside(stopped.points), Status.ESCAPED)
-            rest = np.flatnonzero(stopped.alive)
-            if len(rest):
-                carried = stopped[rest]
-                self._exact.advance(carried, 1)
-                stopped[rest] = carried
-            now[part] = stopped
-            left[part] = np.where(stopped.alive, left[part] - 1, 0)
-        if not everyone:
-            orbits[alive] = now
+        for now in orbits.living():
+            left = np.full(len(now), periods, np.int64)
+            for part in self._moving(now, left):
+                stopped = now[part]
+                if not self._integrate:
+                    stopped.end(self._outside(stopped.points), Status.ESCAPED)
+                for carried in stopped.living():
+                    self._exact.advance(carried, 1)
+                now[part] = stopped
+                left[part] = np.where(stopped.alive, left[part] - 1, 0)
 
     def _moving(self, orbits: Orbits, left: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         """Look up until every orbit is through, yielding those that the table cannot carry on."""

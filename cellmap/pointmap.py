@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -98,6 +98,17 @@ class Orbits:
     def alive(self) -> NDArray[np.bool_]:
         """Orbits that have a point."""
         return self.status < _FIRST_END
+
+    def living(self) -> Iterator[Orbits]:
+        """Yield those orbits that have a point, once, unless there are none; what is done to them is kept."""
+        alive = self.alive
+        if alive.all():
+            if len(self):
+                yield self
+        elif alive.any():
+            some = self[alive]
+            yield some
+            self[alive] = some
 
     def end(self, where: NDArray[Any], status: Status) -> None:
         """Mark orbits as ended."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
+from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
 from .kernels.options import LANES
 from .pointmap import Orbits, PointMap, Status
 from .system import ForcedSystem
@@ -22,7 +22,8 @@ from .system import ForcedSystem
 SMALLEST_TOLERANCE = 1e-14
 _PROBE = 16  # steps a period of the first trial step
 _LARGEST_FINITE_TRIAL = 4096  # an orbit that is still not finite with so many steps a period has diverged
-_RUNGS = np.unique([round(4 * 2 ** (k / 4)) for k in range(90)])
+_RUNGS_PER_OCTAVE = 4
+_SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 
 def stroboscopic_map(
@@ -98,13 +99,9 @@ def stroboscopic_map(
 
     def advance(orbits: Orbits, periods: int) -> None:
         for _ in range(periods):
-            (alive,) = np.nonzero(orbits.alive)
-            if not len(alive):
-                return
-            now = orbits[alive]
-            integrator.one_period(now)
-            wrap_rows(now.points, now.turns, lower, turn)
-            orbits[alive] = now
+            for now in orbits.living():
+                integrator.one_period(now)
+                wrap_rows(now.points, now.turns, lower, turn)
 
     return PointMap(
         name=system.name,
@@ -153,51 +150,54 @@ class _Integrator:
     def _parameters(self) -> NDArray[np.float64]:
         return np.array([float(v) for v in self.system.params.values()])
 
+    @functools.cached_property
+    def _ladder(self) -> NDArray[np.int64]:
+        """Numbers of steps to choose from, four to an octave."""
+        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(24 * _RUNGS_PER_OCTAVE)])
+        return np.unique(np.minimum(rungs, self.max_steps))
+
     def one_period(self, orbits: Orbits) -> None:
         """Move orbits on by one period in place, angles unwrapped, each with the steps it needs."""
         starts, images = orbits.points.copy(), orbits.points
-        ratios = np.full(len(starts), np.nan)
-        pending = np.arange(len(starts))
-        trial = np.empty_like(starts)
-        self._run(starts, pending, np.full(len(starts), 1), self.system.length / _PROBE, trial, ratios)
-        steps = self._enough_steps(np.full(len(starts), _PROBE), ratios * _PROBE)
-        while len(pending):
-            order = np.argsort(steps, kind="stable")
-            pending, steps = pending[order], steps[order]
-            self._run(starts, pending, steps, self.system.length, images, ratios)
-            ratio = ratios[pending]
-            finite = np.isfinite(ratio)
-            diverged = ~finite & (steps >= min(_LARGEST_FINITE_TRIAL, self.max_steps))
-            missed = finite & (ratio > 1.0) & (steps >= self.max_steps)
-            orbits.end(pending[diverged], Status.DIVERGED)
-            orbits.status[pending[missed]] = Status.INACCURATE
-            again = ~(ratio <= 1.0) & ~diverged & ~missed
-            pending, steps = pending[again], self._enough_steps(steps[again], ratio[again])
+        ladder, n = self._ladder, len(starts)
+        powers = ladder.astype(float) ** self.kernel.estimate_order
+        last_finite = min(int(np.searchsorted(ladder, _LARGEST_FINITE_TRIAL)), len(ladder) - 1)
+        ratios = np.empty(n)
+        members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
+        # One step of a sixteenth of the period tells how many steps the whole of it will take.
+        self._integrate(starts, members, 1, self.system.length / _PROBE, images, ratios)
+        ratios *= _PROBE
+        first = True
+        while len(members):
+            rungs = np.empty(len(members), np.int64)
+            leap = 3 * _RUNGS_PER_OCTAVE
+            next_rungs(members, taken, ratios, first, powers, _SAFETY, leap, last_finite, rungs)
+            if not first:
+                orbits.status[members[rungs == MISSED]] = Status.INACCURATE
+                orbits.end(members[rungs == DIVERGED], Status.DIVERGED)
+            again = int(np.count_nonzero(rungs >= 0))
+            ordered, taken, ends = np.empty(again, np.int64), np.empty(again, np.int64), np.empty(len(ladder), np.int64)
+            sort_by_rung(members, rungs, len(ladder), ordered, taken, ends)
+            members, first = ordered, False
+            begin = 0
+            for steps, end in zip(ladder.tolist(), ends.tolist(), strict=True):
+                if end > begin:
+                    self._integrate(starts, members[begin:end], steps, self.system.length, images, ratios)
+                    begin = end
 
-    def _enough_steps(self, steps: NDArray[np.int64], ratio: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the rung of the ladder of step numbers that should meet the tolerance, higher than one that missed."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            wanted = 1.1 * steps * ratio ** (1.0 / self.kernel.estimate_order)
-        wanted = np.where(np.isfinite(wanted), np.minimum(wanted, 8.0 * steps), 8.0 * steps)
-        wanted = np.where(ratio > 1.0, np.maximum(wanted, steps + 1), wanted)
-        return np.minimum(_RUNGS[np.searchsorted(_RUNGS, np.ceil(wanted))], self.max_steps).astype(np.int64)
-
-    def _run(
+    def _integrate(
         self,
         starts: NDArray[np.float64],
         members: NDArray[np.int64],
-        steps: NDArray[np.int64],
+        steps: int,
         length: float,
         images: NDArray[np.float64],
         ratios: NDArray[np.float64],
     ) -> None:
-        """Integrate members, sorted by their steps, in full blocks of equal steps."""
-        first = np.concatenate([[0], np.flatnonzero(np.diff(steps)) + 1, [len(steps)]])
-        for a, b in itertools.pairwise(first):
-            group = members[a:b]
-            blocks = np.empty((-(-len(group) // LANES), starts.shape[1], LANES))
-            errors = np.empty_like(blocks)
-            pack(starts, group, blocks)
-            start = self.phase * self.system.length
-            self.kernel.advance(blocks, np.full(len(blocks), steps[a]), start, length, self._parameters, errors)
-            unpack(blocks, errors, group, images, ratios, self.largest, self.rtol, self.atol)
+        """Integrate some starts over a time with a number of steps, in full blocks of lanes."""
+        blocks = np.empty((-(-len(members) // LANES), starts.shape[1], LANES))
+        errors = np.empty_like(blocks)
+        pack(starts, members, blocks)
+        begin = self.phase * self.system.length
+        self.kernel.advance(blocks, np.full(len(blocks), steps), begin, length, self._parameters, errors)
+        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol, self.atol)

@@ -119,12 +119,14 @@ class ForcedSystem:
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns and that the period is one."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        failure: Exception | None = None
         checked = False
         for fraction in (0.0, 0.21, 0.47, 0.83):
             t = fraction * self.length
             try:
                 now, later = self.derivative(t, places), self.derivative(t + self.length, places)
-            except (ValueError, ZeroDivisionError, OverflowError):
+            except (ValueError, ZeroDivisionError, OverflowError) as error:
+                failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
             except AttributeError as error:
                 raise ValueError(f"rhs asks for a parameter that params lacks ({error})") from error
@@ -149,4 +151,7 @@ class ForcedSystem:
                 )
             checked = True
         if not checked:
-            raise ValueError(f"rhs fails at every state tried, such as {tuple(places)}: check its domain")
+            raise ValueError(
+                f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that there "
+                "is one coordinate for each state variable"
+            ) from failure

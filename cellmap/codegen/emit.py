@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from ..kernels import simd_math
 from .expression import Expression
@@ -24,6 +24,14 @@ def assignment(node: Expression, name: Callable[[Expression], str], level: int) 
     else:
         right = f"{library(operation, level)}({', '.join(arguments)})"
     return f"{name(node)} = {right}"
+
+
+def in_chains(terms: Iterable[str]) -> str:
+    """Write a long sum as two sums side by side: a chain of multiply-adds waits for each of its links in turn."""
+    listed = list(terms)
+    if len(listed) < 4:
+        return " + ".join(listed)
+    return f"({' + '.join(listed[::2])}) + ({' + '.join(listed[1::2])})"
 
 
 def library(function: str, level: int) -> str:

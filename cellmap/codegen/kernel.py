@@ -81,7 +81,7 @@ def discrete_kernel(
     if traced is None:
         if tangent:
             return None
-        record = f"Parameters(({''.join(f'p{i}, ' for i in range(len(names)))}))" if names else "()"
+        record = f"Parameters({''.join(f'p{i}, ' for i in range(len(names)))})" if names else "()"
         state = "(" + "".join(f"x{j}, " for j in range(dimension)) + ")"
         targets = "".join(f"y{j}, " for j in range(dimension))
         zeros = tuple(f"e{j} = 0.0" for j in range(dimension))

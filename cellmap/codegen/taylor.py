@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .emit import input_name, library
+from .emit import in_chains, input_name, library
 from .expression import Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
@@ -105,19 +105,19 @@ class _Series:
     def _square(self, a: Expression, k: int) -> str:
         pairs = [(self.name(a, i), self.name(a, k - i)) for i in range((k + 1) // 2)]
         terms = [f"{x} * {y}" for x, y in pairs if x and y]
-        text = f"2.0 * ({' + '.join(terms)})" if terms else ""
+        text = f"2.0 * ({in_chains(terms)})" if terms else ""
         middle = self.name(a, k // 2) if k % 2 == 0 else ""
         return " + ".join(filter(None, (f"{middle} * {middle}" if middle else "", text)))
 
     def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> str:
         """Sum of a_i b_(k-i) over i from first to last."""
         pairs = [(self.name(a, i), self.name(b, k - i)) for i in range(first, last + 1)]
-        return " + ".join(f"{x} * {y}" for x, y in pairs if x and y)
+        return in_chains(f"{x} * {y}" for x, y in pairs if x and y)
 
     def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> str:
         """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
         pairs = [(i, self.name(a, i), self.name(b, k - i)) for i in range(1, last + 1)]
-        return " + ".join(f"{i}.0 * {x} * {y}" if i > 1 else f"{x} * {y}" for i, x, y in pairs if x and y)
+        return in_chains(f"{i}.0 * {x} * {y}" if i > 1 else f"{x} * {y}" for i, x, y in pairs if x and y)
 
     def _div(self, node: Expression, k: int) -> str:
         a, b = node.arguments
@@ -150,7 +150,7 @@ class _Series:
             raise ValueError("a power with a varying exponent has no recurrence here")
         e = self.name(exponent, 0)
         pairs = [(i, self.name(base, i), self.name(node, k - i)) for i in range(1, k + 1)]
-        terms = " + ".join(f"({e} * {i}.0 - {k - i}.0) * {x} * {y}" for i, x, y in pairs if x and y)
+        terms = in_chains(f"({e} * {i}.0 - {k - i}.0) * {x} * {y}" for i, x, y in pairs if x and y)
         return f"({terms}) * r{self.numbers[node]} * {1.0 / k!r}" if terms else ""
 
     def _pair(self, node: Expression, k: int, level: int) -> list[str]:
@@ -171,8 +171,8 @@ class _Series:
                 if i == k:
                     lines.append(f"{weight} = {i}.0 * {term}" if i > 1 else f"{weight} = {term}")
                 factors.append((weight, k - i))
-        own = " + ".join(f"{w} * {self.name(node, m)}" for w, m in factors)
-        other = " + ".join(f"{w} * {partner}_{m}" for w, m in factors)
+        own = in_chains(f"{w} * {self.name(node, m)}" for w, m in factors)
+        other = in_chains(f"{w} * {partner}_{m}" for w, m in factors)
         signs = {"sin": ("", "-"), "cos": ("-", ""), "sinh": ("", ""), "cosh": ("", "")}[operation]
         scale = repr(1.0 / k)
         lines.append(f"{target} = {signs[0]}{scale} * ({other})" if other else f"{target} = 0.0")
@@ -190,6 +190,6 @@ class _Series:
                 f"{partner}_0 = 1.0 {sign} {target} * {target}",
             ]
         pairs = [(i, self.name(u, i)) for i in range(1, k + 1)]
-        terms = " + ".join(f"{i}.0 * {x} * {partner}_{k - i}" for i, x in pairs if x)
+        terms = in_chains(f"{i}.0 * {x} * {partner}_{k - i}" for i, x in pairs if x)
         lines = [f"{target} = {1.0 / k!r} * ({terms})" if terms else f"{target} = 0.0"]
         return [*lines, f"{partner}_{k} = {'' if sign == '+' else '-'}({self._square(node, k)})"]

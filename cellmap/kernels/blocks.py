@@ -31,8 +31,8 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
             x = blocks[b, j, i]
             images[row, j] = x
             ratio = errors[b, j, i] / (atol + rtol * min(abs(x), largest[j]))
-            # Written so that a NaN wins.
-            worst = worst if ratio <= worst else ratio
+            # A NaN wins and stays: no comparison with it is true.
+            worst = ratio if ratio > worst or ratio != ratio else worst
             worst = worst if abs(x) < np.inf else np.nan
         ratios[row] = worst
 

@@ -1,0 +1,68 @@
+"""The exact map of the pendulum against other programs: one thread, equal error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from peers import best_time, diffrax_vmap, heyoka_batches, ours, pendulum, pynamicalsys_loop, scipy_stacked
+
+import cellmap
+
+STARTS = np.random.default_rng(0).uniform((-np.pi, -4.0), (np.pi, 4.0), (20_000, 2))
+LONG = 25  # periods a call of heyoka, so that the overhead of its calls from Python does not count
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return cellmap.stroboscopic_map(pendulum(), rtol=1e-14, atol=1e-14).iterate(STARTS, 1).unwrapped
+
+
+@pytest.mark.benchmark(group="exact map, one period of 20,000 starts")
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("method", ["auto", "DOP853"])
+def test_our_map(benchmark, say, one_thread, reference, method, tolerance):
+    step = ours(tolerance, method)
+    images = benchmark.pedantic(step, args=(STARTS,), rounds=5, warmup_rounds=1)
+    rate = len(STARTS) / benchmark.stats.stats.min
+    say(f"cellmap {method} {tolerance:g}: {rate:,.0f} periods/s, largest error {np.abs(images - reference).max():.1e}")
+
+
+def test_ratio_to_heyoka(say, one_thread, reference):
+    pytest.importorskip("heyoka")
+    # Looser and looser tolerances of ours, until the largest error would pass 1e-9, or heyoka's own.
+    rows = []
+    for tolerance in (1e-9, 2e-9, 4e-9, 8e-9):
+        step = ours(tolerance)
+        rows.append((np.abs(step(STARTS) - reference).max(), len(STARTS) / best_time(lambda s=step: s(STARTS))))
+    for tolerance in (1e-9, 1e-10, 1e-15):
+        error = np.abs(heyoka_batches(tolerance)(STARTS) - reference).max()
+        long = heyoka_batches(tolerance, periods=LONG)
+        rate = LONG * len(STARTS) / best_time(lambda run=long: run(STARTS), rounds=2)
+        say(f"heyoka batch {tolerance:g}: {rate:,.0f} periods/s, largest error {error:.1e}")
+        able = [r for e, r in rows if e <= max(error, 1e-9)] if error > 1e-11 else []
+        if able:
+            say(f"  cellmap at an error no larger than {max(error, 1e-9):.1e}: {max(able) / rate:.2f} times as fast")
+    tight = ours(1e-14)
+    say(f"cellmap 1e-14: {len(STARTS) / best_time(lambda: tight(STARTS)):,.0f} periods/s")
+
+
+@pytest.mark.parametrize(
+    ("peer", "module", "count", "tolerances"),
+    [
+        (scipy_stacked, "scipy", 10_000, (1e-9, 1e-10, 3e-11)),
+        (diffrax_vmap, "diffrax", 10_000, (1e-9, 1e-10)),
+        (pynamicalsys_loop, "pynamicalsys", 1000, (1e-9,)),
+    ],
+)
+def test_ratio_to_others(say, one_thread, reference, peer, module, count, tolerances):
+    pytest.importorskip(module)
+    starts, mine = STARTS[:count], ours(4e-9)
+    seconds = best_time(lambda: mine(STARTS)) / len(STARTS)
+    own_error = np.abs(mine(STARTS) - reference).max()
+    for tolerance in tolerances:
+        step = peer(tolerance)
+        error = np.abs(step(starts) - reference[:count]).max()
+        ratio = best_time(lambda run=step: run(starts), rounds=2) / count / seconds
+        say(
+            f"{module} {tolerance:g}: largest error {error:.1e}; cellmap at {own_error:.1e} is {ratio:.1f} times as fast"
+        )

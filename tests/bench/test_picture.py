@@ -1,0 +1,146 @@
+"""A picture of 500 x 500 starts over 50 periods, by table and by heyoka's batch mode on the same cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+import tracemalloc
+from math import pi
+
+import numpy as np
+import pytest
+from peers import best_time, heyoka_batches
+
+import cellmap
+from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
+from systems import dimensionless_parameters, dimensionless_pendulum
+
+PERIODS = 50
+SPEED = 2 * pi * 50  # rad/s of the drive: figure 19's pendulum in units of it
+WINDOW = 100 / SPEED
+GRID = CellGrid((-pi, -WINDOW), (pi, WINDOW), (500, 500))
+ROD = {"length": 0.0272, "frequency": 50.0, "damping": 10.0}
+PARAMETERS = dimensionless_parameters(amplitude=0.003, **ROD)
+
+
+def exact(tolerance=1e-9):
+    return stroboscopic_map(dimensionless_pendulum(**PARAMETERS), rtol=tolerance, atol=tolerance)
+
+
+def table(cells=256, order=5, point_map=None):
+    nodes = CellGrid((-pi, -1.3 * WINDOW), (pi, 1.3 * WINDOW), (cells, cells))
+    return interpolated_map(point_map or exact(), nodes, order=order, outside="integrate")
+
+
+def heyoka_slice(numbers):
+    """Integrate some starts over all periods in a process of its own; return the seconds that the integration took."""
+    alpha, beta, gamma = (PARAMETERS[name] for name in ("alpha", "beta", "gamma"))
+    run = heyoka_batches(1e-9, periods=PERIODS, equation=(gamma, -beta, alpha))
+    starts = GRID.centres().reshape(-1, 2)[numbers]
+    run(starts[:64])
+    began = time.perf_counter()
+    run(starts)
+    return time.perf_counter() - began
+
+
+def test_picture_against_heyoka(say):
+    pytest.importorskip("heyoka")
+    starts = GRID.centres().reshape(-1, 2)
+    point_map = exact()
+    # A tenth of the starts, spread over the picture, in one process for each core.
+    cores = cellmap.thread_count()
+    share = np.arange(0, len(starts), 10)
+    with multiprocessing.get_context("spawn").Pool(cores) as pool:
+        seconds = max(pool.map(heyoka_slice, np.array_split(share, cores))) * 10
+    say(f"picture of 500 x 500 starts, 50 periods, {cores} cores: heyoka batch 1e-9 {seconds:.2f} s")
+    reference = exact(1e-13).iterate(starts, PERIODS).unwrapped
+    for order, cells in ((5, 128), (5, 256), (5, 512), (3, 512)):
+        taken = best_time(lambda c=cells, o=order: table(c, o, point_map).iterate(starts, PERIODS))
+        error = np.median(
+            np.abs(table(cells, order, point_map).iterate(starts, PERIODS).unwrapped - reference).max(axis=-1)
+        )
+        say(
+            f"  order {order}, {cells} x {cells}: {taken:.3f} s with tabulation, median error {error:.1e}: "
+            f"{seconds / taken:.0f} times as fast"
+        )
+    direct = best_time(lambda: point_map.iterate(starts, PERIODS), rounds=1)
+    say(f"  cellmap's exact map: {direct:.2f} s, {seconds / direct:.1f} times as fast")
+
+
+def test_labels_against_direct_integration(say):
+    cases = [(a, w) for w in (100, 500) for a in (0.002, 0.003, 0.004, 0.010)]
+    for amplitude, window in cases:
+        width = window / SPEED
+        system = dimensionless_pendulum(**dimensionless_parameters(amplitude=amplitude, **ROD))
+        point_map, grid = stroboscopic_map(system), CellGrid((-pi, -width), (pi, width), (500, 500))
+        nodes = CellGrid((-pi, -1.3 * width), (pi, 1.3 * width), (512, 512))
+        icm = interpolated_map(point_map, nodes, outside="integrate")
+        wrong = (find_basins(icm, grid).labels != find_basins(point_map, grid).labels).mean()
+        say(f"A = {1e3 * amplitude:g} mm, {window} rad/s: {100 * wrong:.4f} % of labels differ from direct integration")
+
+
+def test_threads_starts_and_periods(say):
+    icm, point_map = table(), exact()
+    starts = GRID.centres().reshape(-1, 2)
+    work = {
+        "look-ups": lambda k=PERIODS: icm.iterate(starts, k),
+        "exact map": lambda: point_map.iterate(starts, 2),
+        "tabulation": lambda: table(1024, 5, point_map),
+        "labels": lambda: find_basins(icm, CellGrid(GRID.lower, GRID.upper, (1500, 1500))),
+    }
+    for name, run in work.items():
+        times = []
+        for threads in (1, 2):
+            cellmap.set_threads(threads)
+            times.append(best_time(run, rounds=4))
+        cellmap.set_threads(None)
+        say(f"{name}: two threads {times[0] / times[1]:.2f} times as fast as one")
+    base = best_time(work["look-ups"])
+    half = best_time(lambda: icm.iterate(starts[: len(starts) // 2], PERIODS))
+    double = best_time(lambda: work["look-ups"](k=2 * PERIODS))
+    say(f"look-ups: half the starts cost {half / base:.2f}, twice the periods {double / base:.2f}")
+
+
+def test_memory(say):
+    point_map = exact()
+    nodes = CellGrid((-pi, -WINDOW), (pi, WINDOW), (1024, 1024))
+    starts = CellGrid((-pi, -WINDOW), (pi, WINDOW), (1000, 1000))
+    find_basins(interpolated_map(point_map, nodes, outside="integrate"), starts)
+    tracemalloc.start()
+    icm = interpolated_map(point_map, nodes, outside="integrate")
+    basins = find_basins(icm, starts)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    kept = icm.table.coefficients.nbytes + basins.labels.nbytes + basins.settling_time.nbytes
+    say(f"memory: at most {peak / kept:.2f} times table, labels and settling times ({kept / 1e6:.0f} MB)")
+
+
+PROGRAM = """
+import time; began = time.perf_counter()
+import cellmap
+print(f"{time.perf_counter() - began:.2f}", end=" ")
+from math import cos, pi
+from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
+
+def rhs(t, x, p):
+    q, v = x
+    return v, q - q**3 - p.delta * v + p.gamma * cos(p.omega * t)
+
+duffing = ForcedSystem(rhs, {"delta": 0.15, "gamma": 0.2, "omega": 1.0}, period=2 * pi, coordinates=("q", "v"))
+grid = CellGrid(lower=(-2.2, -2.2), upper=(2.2, 2.2), shape=(500, 500))
+find_basins(interpolated_map(stroboscopic_map(duffing), grid), grid)
+print(f"{time.perf_counter() - began:.2f}")
+"""
+
+
+def test_first_basins_of_a_new_system(say, tmp_path):
+    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    for which in ("first", "second"):
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
+        )
+        imported, total = done.stdout.split()
+        say(f"{which} process: import {imported} s, first basins of a new system {total} s")
