@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, sort_key
 from .chaos import chaotic_attractors
-from .checks import finite_points, refuse_memory, whole_number
+from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
@@ -249,7 +249,7 @@ def find_basins(
     total = int(np.prod(shape, dtype=object))
     if not total:
         raise ValueError("starts is empty: give at least one start")
-    refuse_memory(f"labels of {total:,} starts", basins_memory(total), "take fewer starts")
+    claim_memory(f"labels of {total:,} starts", basins_memory(total), "take fewer starts")
     run = _Run(point_map, grid, given, total, max_periods, max_period, progress)
     run.find(list(attractors))
     found = run.in_use()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from keyword import iskeyword
@@ -65,7 +66,7 @@ def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     for name in params:
         if not isinstance(name, str) or not name.isidentifier() or iskeyword(name) or name.startswith("_"):
             raise ValueError(
-                f"params has the name {name!r}: names are Python identifiers, not keywords, without a leading underscore"
+                f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
             )
     return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
 
@@ -78,8 +79,9 @@ def memory_available() -> int | None:
         return None
 
 
-def refuse_memory(what: str, needed: int, remedy: str) -> None:
-    """Raise MemoryError where a job needs more memory than is free."""
+def claim_memory(what: str, needed: int, remedy: str) -> None:
+    """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free."""
+    logging.getLogger("cellmap").info("%s: %s of memory", what, in_bytes(needed))
     free = memory_available()
     if free is not None and needed > free:
         raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")

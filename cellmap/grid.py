@@ -9,7 +9,7 @@ from math import inf, nextafter, ulp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import in_bytes, refuse_memory, whole_number
+from .checks import claim_memory, in_bytes, whole_number
 from .coordinates import Coordinate
 
 
@@ -101,7 +101,7 @@ class CellGrid:
     def centres(self) -> NDArray[np.float64]:
         """Return the centres of all cells, shape ``(*shape, dimension)``."""
         needed = 8 * self.size * self.dimension
-        refuse_memory(f"the centres of {self.size:,} cells", needed, "take fewer cells")
+        claim_memory(f"the centres of {self.size:,} cells", needed, "take fewer cells")
         return np.stack(np.meshgrid(*map(self.axis, range(self.dimension)), indexing="ij"), axis=-1)
 
     def locate(self, points: ArrayLike) -> NDArray[np.int64]:

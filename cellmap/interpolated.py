@@ -10,7 +10,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import finite_number, one_of, refuse_memory
+from .checks import claim_memory, finite_number, one_of
 from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
 from .grid import CellGrid, grid_points
@@ -95,7 +95,7 @@ def interpolated_map(
         tolerance = finite_number("tolerance", tolerance, above=0.0)
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
-    refuse_memory(f"a table of {grid}", table_memory(grid, order), "take fewer cells or a lower order")
+    claim_memory(f"a table of {grid}", table_memory(grid, order), "take fewer cells or a lower order")
     coefficients, spoilt = _coefficients(exact, grid, order, progress)
     allowed = grid.widths * 0.05 if tolerance is None else np.full(grid.dimension, tolerance)
     smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))

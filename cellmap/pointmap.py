@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_points, in_bytes, refuse_memory, whole_number
+from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of
 from .kernels.blocks import wrap_rows
 from .threads import progress_bar, run_over, slices
@@ -284,7 +284,7 @@ class PointMap:
     def _images(self, points: ArrayLike, periods: int, progress: bool) -> Iterate:
         starts = finite_points("points", points, self.dimension)
         periods = whole_number("periods", periods)
-        refuse_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
+        claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
         orbits = Orbits.starting(starts.reshape(-1, self.dimension))
         lower, turn = turns_of(self.coordinates)
         wrap_rows(orbits.points, orbits.turns, lower, turn)
@@ -314,7 +314,7 @@ class PointMap:
         starts = finite_points("points", points, self.dimension)
         periods = whole_number("periods", periods)
         needed = (periods + 1) * 2 * starts.nbytes
-        refuse_memory(
+        claim_memory(
             f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less"
         )
         history = np.empty((periods + 1, starts.size // self.dimension, self.dimension))
@@ -379,8 +379,3 @@ def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
             ToleranceWarning,
             stacklevel=3,
         )
-
-
-def memory_statement(what: str, needed: int) -> str:
-    """Return the sentence that announces what a job will cost in memory."""
-    return f"{what}: {in_bytes(needed)} of memory"

@@ -152,6 +152,6 @@ class ForcedSystem:
             checked = True
         if not checked:
             raise ValueError(
-                f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that there "
-                "is one coordinate for each state variable"
+                f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
+                "there is one coordinate for each state variable"
             ) from failure
