@@ -20,6 +20,7 @@ from .threads import run_over, slices
 
 ORDERS = (1, 3, 5)
 _PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
+_ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
 _FARTHEST = 100.0  # an image so many windows away counts as none
 
 
@@ -51,8 +52,8 @@ def interpolated_map(
         What becomes of an orbit that leaves the window: it ends with the status ESCAPED, or the exact map carries it
         on until it is back.
     tolerance : float, optional
-        Largest difference allowed at a cell's centre, in the units of the coordinates.  By default a twentieth of a
-        cell's width in each coordinate.
+        Largest difference allowed at a cell's centre, in the units of the coordinates.  By default a share of a cell's
+        width in each coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -97,7 +98,7 @@ def interpolated_map(
     began = time.perf_counter()
     claim_memory(f"a table of {grid}", table_memory(grid, order), "take fewer cells or a lower order")
     coefficients, spoilt = _coefficients(exact, grid, order, progress)
-    allowed = grid.widths * 0.05 if tolerance is None else np.full(grid.dimension, tolerance)
+    allowed = grid.widths * _ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
     smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
     indicator, rough = _centre_errors(exact, smooth, allowed, progress)
     rough |= spoilt
