@@ -20,6 +20,7 @@ from .pointmap import Orbits, PointMap, Status
 from .system import ForcedSystem
 
 SMALLEST_TOLERANCE = 1e-14
+_FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _PROBE = 16  # steps a period of the first trial step
 _LARGEST_FINITE_TRIAL = 4096  # an orbit that is still not finite with so many steps a period has diverged
 _RUNGS_PER_OCTAVE = 4
@@ -95,7 +96,8 @@ def stroboscopic_map(
     kernel = flow_kernel(system.rhs, system.dimension, names, method, rtol)
     lower, turn = turns_of(system.axes)
     largest = np.where(turn > 0, 0.5 * turn, np.inf)
-    integrator = _Integrator(kernel, system, phase, rtol, atol, max_steps, largest)
+    fewest = _fewest_steps(system)
+    integrator = _Integrator(kernel, system, phase, rtol, atol, max_steps, largest, fewest)
 
     def advance(orbits: Orbits, periods: int) -> None:
         for _ in range(periods):
@@ -118,20 +120,41 @@ def stroboscopic_map(
             "period": system.length,
         },
         period=system.length,
-        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps),
+        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps, fewest),
     )
 
 
 def _tangent(
-    system: ForcedSystem, phase: float, tolerance: float, max_steps: int, points: NDArray[np.float64]
+    system: ForcedSystem, phase: float, tolerance: float, max_steps: int, fewest: int, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Images and derivatives from the variational equation, one lane for each direction."""
     d = system.dimension
     kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance)
     if kernel is None:
         raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
-    integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf))
+    integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf), fewest)
     return tangent_by_lanes(integrator.one_period, points, d)
+
+
+def _fewest_steps(system: ForcedSystem) -> int:
+    """Return the steps a period without which the integrator might step over a part of the forcing and not see it.
+
+    That is half the number of the highest harmonic that the right-hand side has at a state at rest, counting those of
+    at least a hundredth of the strongest.
+    """
+    state = [0.1 + 0.1 * j for j in range(system.dimension)]
+    times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
+    try:
+        with np.errstate(all="ignore"):
+            samples = np.array([system.rhs(t, tuple(state), system.parameters) for t in times.tolist()], dtype=float)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        return 1  # outside the domain of the right-hand side
+    if not np.isfinite(samples).all():
+        return 1
+    strength = np.abs(np.fft.rfft(samples, axis=0))[1:]
+    floor = 1e-12 * _FORCING_SAMPLES * np.abs(samples).max(axis=0)
+    present = (strength > 0.01 * strength.max(axis=0)) & (strength > floor)
+    return max(1, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +168,7 @@ class _Integrator:
     atol: float
     max_steps: int
     largest: NDArray[np.float64]
+    fewest_steps: int
 
     @functools.cached_property
     def _parameters(self) -> NDArray[np.float64]:
@@ -162,6 +186,7 @@ class _Integrator:
         ladder, n = self._ladder, len(starts)
         powers = ladder.astype(float) ** self.kernel.estimate_order
         last_finite = min(int(np.searchsorted(ladder, _LARGEST_FINITE_TRIAL)), len(ladder) - 1)
+        lowest = min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1)
         ratios = np.empty(n)
         members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
         # One step of a sixteenth of the period tells how many steps the whole of it will take.
@@ -171,7 +196,7 @@ class _Integrator:
         while len(members):
             rungs = np.empty(len(members), np.int64)
             leap = 3 * _RUNGS_PER_OCTAVE
-            next_rungs(members, taken, ratios, first, powers, _SAFETY, leap, last_finite, rungs)
+            next_rungs(members, taken, ratios, first, lowest, powers, _SAFETY, leap, last_finite, rungs)
             if not first:
                 orbits.status[members[rungs == MISSED]] = Status.INACCURATE
                 orbits.end(members[rungs == DIVERGED], Status.DIVERGED)

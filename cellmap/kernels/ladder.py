@@ -11,13 +11,13 @@ MET, DIVERGED, MISSED = -1, -2, -3
 
 
 @njit(**KERNEL)
-def next_rungs(members, taken, ratios, first, powers, safety, leap, last_finite, rungs):
+def next_rungs(members, taken, ratios, first, lowest, powers, safety, leap, last_finite, rungs):
     """Choose the next rung of each member, or say why there is none.
 
     ``taken[m]`` is the rung that gave ``ratios[members[m]]``, error estimate over tolerance; in the ``first`` round it
-    stands for a trial.  ``powers[k]`` is the number of steps of rung k to the order of the estimate, so that rung k
-    should do where ``powers[k] >= safety * ratio * powers[taken]``.  At most ``leap`` rungs are climbed at once.  From
-    rung ``last_finite`` on, an image that is not finite has diverged.
+    stands for a trial, and no rung below ``lowest`` is chosen.  ``powers[k]`` is the number of steps of rung k to the
+    order of the estimate, so that rung k should do where ``powers[k] >= safety * ratio * powers[taken]``.  At most
+    ``leap`` rungs are climbed at once.  From rung ``last_finite`` on, an image that is not finite has diverged.
     """
     last = powers.size - 1
     for m in range(members.size):
@@ -26,14 +26,14 @@ def next_rungs(members, taken, ratios, first, powers, safety, leap, last_finite,
             rungs[m] = MET
             continue
         if not ratio < np.inf:
-            rungs[m] = DIVERGED if rung >= last_finite else min(rung + leap, last)
+            rungs[m] = DIVERGED if rung >= last_finite else max(min(rung + leap, last), lowest)
             continue
         if rung == last and not first:
             rungs[m] = MISSED
             continue
         needed = safety * ratio * powers[rung]
-        low = 0 if first else rung + 1
-        high = min(rung + leap, last)
+        low = lowest if first else rung + 1
+        high = max(low, min(rung + leap, last))
         while low < high:
             middle = (low + high) // 2
             if powers[middle] >= needed:
