@@ -271,7 +271,7 @@ def find_basins(
         coordinates=point_map.coordinates,
         settings={"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)},
         inaccurate=run.inaccurate,
-        cost=Cost(seconds=time.perf_counter() - began, look_ups=run.steps),
+        cost=Cost(seconds=time.perf_counter() - began, steps=run.steps),
         point_map=point_map,
     )
 

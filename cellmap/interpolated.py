@@ -128,7 +128,7 @@ def interpolated_map(
         period=exact.period,
         exact=exact,
         table=table,
-        cost=Cost(seconds=time.perf_counter() - began),
+        cost=Cost(seconds=time.perf_counter() - began, steps=_tabulated(grid, order) + grid.size),
     )
 
 
@@ -141,9 +141,15 @@ def table_memory(grid: CellGrid, order: int) -> int:
     518
     """
     d = grid.dimension
-    past = 2 * _PADDING[order]
-    tabulated = [n if wraps else n + 1 + past for n, wraps in zip(grid.shape, grid.wraps, strict=True)]
-    return 8 * d * (2 * int(np.prod(tabulated, dtype=object))) + 5 * grid.size
+    return 16 * d * _tabulated(grid, order) + 5 * grid.size
+
+
+def _tabulated(grid: CellGrid, order: int) -> int:
+    """Count the nodes of a table, those past the ends of intervals included."""
+    past = 1 + 2 * _PADDING[order]
+    return int(
+        np.prod([n if wraps else n + past for n, wraps in zip(grid.shape, grid.wraps, strict=True)], dtype=object)
+    )
 
 
 def _nodes(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:

@@ -53,15 +53,12 @@ class Cost:
     ----------
     seconds : float
         Wall time.
-    evaluations : int
-        Right-hand sides, or function calls of a discrete map.
-    look_ups : int
-        Interpolations.
+    steps : int
+        Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
     """
 
     seconds: float = 0.0
-    evaluations: int = 0
-    look_ups: int = 0
+    steps: int = 0
 
 
 @dataclass(eq=False)

@@ -40,7 +40,7 @@ class ForcedSystem:
     ------
     TypeError, ValueError
         For parameters that are not finite numbers, a right-hand side that returns a wrong number of components, or a
-        period that the right-hand side does not have.
+        period or an angle that the right-hand side does not have.
 
     Examples
     --------
@@ -117,14 +117,18 @@ class ForcedSystem:
         return np.array(self.rhs(t, tuple(y), self.parameters), dtype=float)
 
     def _try_right_hand_side(self) -> None:
-        """Call the right-hand side at a few times and states; check what it returns and that the period is one."""
+        """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        angles = [(j, c) for j, c in enumerate(self.axes) if c.turn is not None]
         failure: Exception | None = None
         checked = False
         for fraction in (0.0, 0.21, 0.47, 0.83):
             t = fraction * self.length
             try:
                 now, later = self.derivative(t, places), self.derivative(t + self.length, places)
+                turned = [
+                    self.derivative(t, [*places[:j], places[j] + (c.turn or 0.0), *places[j + 1 :]]) for j, c in angles
+                ]
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
@@ -140,18 +144,26 @@ class ForcedSystem:
                 )
             if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
-            scale = max(1e-300, *(abs(v) for v in (*now, *later)))
-            if (
-                all(np.isfinite((*now, *later)))
-                and max(abs(a - b) for a, b in zip(now, later, strict=True)) > 1e-7 * scale
-            ):
+            if _differ(now, later):
                 raise ValueError(
                     f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
                     "of the forcing (any positive number for an unforced system)"
                 )
+            for (_, c), there in zip(angles, turned, strict=True):
+                if _differ(now, there):
+                    raise ValueError(
+                        f"coordinates: rhs is {now} and one turn of {c.name} further on {there}, so {c.name} is no "
+                        f"angle of turn {c.turn:g}; give its own turn, or its name alone if it lives on the line"
+                    )
             checked = True
         if not checked:
             raise ValueError(
                 f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
                 "there is one coordinate for each state variable"
             ) from failure
+
+
+def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether finite values differ by more than rounding and an approximate period explain."""
+    scale = max(1e-300, *(abs(v) for v in (*a, *b)))
+    return bool(np.isfinite((*a, *b)).all()) and max(abs(p - q) for p, q in zip(a, b, strict=True)) > 1e-7 * scale

@@ -6,7 +6,6 @@ what they compute and not on parameter values: sweeping a parameter compiles not
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from numba import njit
 
 from ..kernels import simd_math
 from ..kernels.options import INLINE
+from .captured import kept
 from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
@@ -42,13 +42,13 @@ class PeriodKernel:
     stages: int
 
 
-@functools.lru_cache(maxsize=256)
+@kept
 def traced_function(function: Callable[..., Any], dimension: int, names: Names) -> Trace | None:
     """Trace a function once; None where it cannot be traced."""
     return trace(function, dimension, names)
 
 
-@functools.lru_cache(maxsize=256)
+@kept
 def flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, method: str, rtol: float) -> PeriodKernel:
     """Compile the period of a flow with a method of that name."""
     traced = traced_function(rhs, dimension, names)
@@ -58,7 +58,7 @@ def flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, method: s
     return _finished(_compiled(chosen.write(traced), dimension, names), chosen)
 
 
-@functools.lru_cache(maxsize=256)
+@kept
 def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: float) -> PeriodKernel | None:
     """Compile the period of a flow with one tangent vector, 2 d components; None where derivatives are not known."""
     traced = traced_function(rhs, dimension, names)
@@ -72,7 +72,7 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
     return _finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
 
 
-@functools.lru_cache(maxsize=256)
+@kept
 def discrete_kernel(
     function: Callable[..., Any], dimension: int, names: Names, tangent: bool
 ) -> Callable[..., Any] | None:

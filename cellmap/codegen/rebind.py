@@ -73,7 +73,7 @@ def rebind(
         cells = tuple(types.CellType() for _ in f.__closure__ or ())
         twin = types.FunctionType(f.__code__, scope, f.__name__, None, cells)
         done[id(f)] = twin  # before anything is looked up in f: it may call itself
-        names = _global_names(f.__code__)
+        names = global_names(f.__code__)
         scope.update({n: substitute(f.__globals__[n]) for n in names if n in f.__globals__})
         for name in names - f.__globals__.keys():
             if (value := getattr(builtins, name, None)) is not None and callable(value):
@@ -103,9 +103,10 @@ def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -
     return functools.partial(copy(call), function) if isinstance(call, types.FunctionType) else function
 
 
-def _global_names(code: types.CodeType) -> set[str]:
+def global_names(code: types.CodeType) -> set[str]:
+    """Return the names that code, and the code inside it, looks up outside of itself."""
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            names |= _global_names(constant)
+            names |= global_names(constant)
     return names

@@ -1,0 +1,89 @@
+"""Values that a plain function reads besides its arguments.
+
+What is traced or compiled holds these values as constants, so it may be used again only while they are the same.
+"""
+
+from __future__ import annotations
+
+import functools
+import types
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .rebind import global_names
+
+R = TypeVar("R")
+
+
+def kept(build: Callable[..., R]) -> Callable[..., R]:
+    """Keep what is built from a function and hashable arguments, until a value that the function captures changes."""
+
+    @functools.lru_cache(maxsize=256)
+    def for_values(function: Any, values: tuple[Any, ...], *arguments: Any) -> R:
+        return build(function, *arguments)
+
+    @functools.wraps(build)
+    def for_function(function: Any, *arguments: Any) -> R:
+        try:
+            hash(function)
+        except TypeError:
+            raise TypeError(
+                f"{function!r} cannot be told from others: give a function, or an object with a hash "
+                "(such as one of a frozen dataclass)"
+            ) from None
+        return for_values(function, captured(function), *arguments)
+
+    return for_function
+
+
+def captured(function: Any) -> tuple[Any, ...]:
+    """Return the numbers and texts that a function, and the plain functions it calls, find in their surroundings.
+
+    Examples
+    --------
+    >>> stiffness = 2.0
+    >>> def force(x):
+    ...     return -stiffness * x
+    >>> captured(force)
+    (2.0,)
+    """
+    return tuple(_values(function, set(), frozenset()))
+
+
+def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
+    """Yield the constants below an item; `names` are those that the code around it mentions."""
+    if item is None:
+        return
+    if isinstance(item, int | float | complex | str | bytes | np.generic):
+        yield item
+        return
+    if id(item) in seen or isinstance(item, type | types.BuiltinFunctionType | np.ufunc):
+        return
+    seen.add(id(item))
+    if isinstance(item, types.FunctionType):
+        names = frozenset(global_names(item.__code__))
+        inner: list[Any] = [item.__globals__[n] for n in sorted(names) if n in item.__globals__]
+        inner += [c.cell_contents for c in item.__closure__ or ()]
+        inner += [item.__defaults__, item.__kwdefaults__]
+    elif isinstance(item, types.ModuleType):
+        if item.__name__ in {"math", "numpy"}:
+            return
+        inner = [vars(item)[n] for n in sorted(names) if n in vars(item)]
+    elif isinstance(item, np.ndarray):
+        yield item.dtype.str, item.shape, item.tobytes()
+        return
+    elif isinstance(item, list | tuple | set | frozenset):
+        inner = list(item)
+    elif isinstance(item, dict):
+        inner = [part for pair in item.items() for part in pair]
+    elif isinstance(item, functools.partial):
+        inner = [item.func, item.args, item.keywords]
+    elif isinstance(item, types.MethodType):
+        inner = [item.__func__, item.__self__]
+    else:
+        call = type(item).__call__ if callable(item) else None
+        inner = [getattr(item, "py_func", call), getattr(item, "__dict__", None)]
+    for part in inner:
+        yield from _values(part, seen, names)

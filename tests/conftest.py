@@ -1,0 +1,129 @@
+"""Problems, oracles and options that the whole suite shares."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from math import cos, inf, pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+import systems
+from cellmap import ForcedSystem, angle
+from cellmap.codegen.rebind import rebind
+from cellmap.codegen.trace import parameter_record
+from cellmap.threads import set_threads
+
+REFERENCE = Path(__file__).parent / "reference"
+
+settings.register_profile("cellmap", deadline=None, derandomize=True)
+settings.load_profile("cellmap")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-reference", action="store_true", help="redraw the reference pictures on purpose")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    # The kernels of the suite are kept with pytest's own cache: nothing is left in the user's.
+    if "CELLMAP_CACHE_DIR" not in os.environ and config.cache is not None:
+        os.environ["CELLMAP_CACHE_DIR"] = str(config.cache.mkdir("kernels"))
+
+
+@pytest.fixture(autouse=True)
+def default_threads() -> Iterator[None]:
+    """Leave no choice of threads to the next test."""
+    yield
+    set_threads(None)
+
+
+def double_pendulum(alpha: float, beta: float, ratio: float) -> ForcedSystem:
+    """Undamped double pendulum of paper.md: links of length 1, masses 1 and `ratio`, pivot at beta cos t."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
+        a, b, u, v = x
+        weight = p.alpha - p.beta * cos(t)
+        d = a - b
+        share = 1.0 + p.ratio * sin(d) ** 2
+        first = p.ratio * (u * u * sin(2.0 * d) + 2.0 * v * v * sin(d))
+        first += weight * ((2.0 + p.ratio) * sin(a) + p.ratio * sin(a - 2.0 * b))
+        second = p.ratio * v * v * sin(2.0 * d)
+        second += (1.0 + p.ratio) * (2.0 * u * u * sin(d) + weight * (sin(2.0 * a - b) - sin(b)))
+        return u, v, -first / (2.0 * share), second / (2.0 * share)
+
+    coordinates = (angle("theta1"), angle("theta2"), "v1", "v2")
+    return ForcedSystem(rhs, {"alpha": alpha, "beta": beta, "ratio": ratio}, 2 * pi, coordinates, "double pendulum")
+
+
+@pytest.fixture(scope="session")
+def problems() -> Mapping[str, ForcedSystem]:
+    """Smooth systems by the names that the table of images uses."""
+    w = 2.0 * pi * 50.0
+    return {
+        "pendulum, 3 mm": systems.driven_pendulum(),
+        "pendulum, 10 mm": systems.driven_pendulum(amplitude=0.010),
+        "vertically driven": systems.dimensionless_pendulum(0.1, -0.545, 0.08),
+        "Duffing": systems.two_well_duffing(),
+        "forced pendulum": systems.forced_pendulum(),
+        "double pendulum": double_pendulum(9.8 / (0.032 * w * w), 6.0 / 32.0, 0.25),
+    }
+
+
+@pytest.fixture(scope="session")
+def precise_images() -> list[dict[str, Any]]:
+    """Unwrapped images after one period, by mpmath with 25 digits: rows of problem, start and image."""
+    rows: list[dict[str, Any]] = json.loads((REFERENCE / "one_period.json").read_text(encoding="utf-8"))
+    return rows
+
+
+@pytest.fixture(scope="session")
+def precise_image() -> Callable[[ForcedSystem, ArrayLike], NDArray[np.float64]]:
+    """Oracle of 25 digits: mpmath's Taylor integrator on the same right-hand side.  Slow, one start at a time."""
+    import mpmath
+
+    def image(system: ForcedSystem, start: ArrayLike) -> NDArray[np.float64]:
+        with mpmath.workdps(25):
+            rhs = rebind(system.rhs, {"sin": mpmath.sin, "cos": mpmath.cos})
+            p = parameter_record(tuple(system.params))(*map(mpmath.mpf, system.params.values()))
+            state = [mpmath.mpf(float(v)) for v in np.asarray(start)]
+            solution = mpmath.odefun(lambda t, y: list(rhs(t, tuple(y), p)), mpmath.mpf(0), state)
+            return np.array([float(v) for v in solution(mpmath.mpf(system.length))])
+
+    return image
+
+
+@pytest.fixture(scope="session")
+def scipy_images() -> Callable[..., NDArray[np.float64]]:
+    """Oracle of about 12 digits: SciPy's DOP853 on the plain Python right-hand side, one start at a time, unwrapped."""
+
+    def images(
+        system: ForcedSystem, starts: ArrayLike, phase: float = 0.0, periods: float = 1.0, rtol: float = 1e-13
+    ) -> NDArray[np.float64]:
+        begin = phase * system.length
+        span = (begin, begin + periods * system.length)
+        ends = []
+        for start in np.atleast_2d(np.asarray(starts, dtype=float)):
+            solution = solve_ivp(system.fun, span, start, method="DOP853", rtol=rtol, atol=1e-14)
+            assert solution.success
+            ends.append(solution.y[:, -1])
+        return np.array(ends).reshape(np.shape(starts))
+
+    return images
+
+
+@pytest.fixture(scope="session")
+def allowance() -> Callable[..., NDArray[np.float64]]:
+    """Error that a tolerance allows at images: atol + rtol abs(x), where x of an angle counts half a turn at most."""
+
+    def allowed(system: ForcedSystem, images: NDArray[np.float64], rtol: float, atol: float) -> NDArray[np.float64]:
+        most = np.array([0.5 * c.turn if c.turn else inf for c in system.axes])
+        return atol + rtol * np.minimum(np.abs(images), most)
+
+    return allowed

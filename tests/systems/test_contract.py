@@ -1,0 +1,199 @@
+"""What every factory of a reference system must meet.  A new one is found by itself."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Callable
+from math import cos, exp, isfinite, pi, sin, sqrt
+from typing import Any, get_type_hints
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import systems
+from cellmap import ForcedSystem, PointMap, jacobian, stroboscopic_map
+from cellmap.codegen.kernel import traced_function
+from cellmap.codegen.rebind import rebind
+from cellmap.codegen.trace import parameter_record
+
+Factory = Callable[..., Any]
+
+
+def factories() -> dict[str, Factory]:
+    """Public functions of the package that return a system or a map and need no argument."""
+    found = {}
+    for module in pkgutil.iter_modules(systems.__path__, "systems."):
+        for name, function in inspect.getmembers(importlib.import_module(module.name), inspect.isfunction):
+            if name.startswith("_") or function.__module__ != module.name:
+                continue
+            result = get_type_hints(function).get("return")
+            arguments = inspect.signature(function).parameters.values()
+            if result in (ForcedSystem, PointMap) and all(a.default is not a.empty for a in arguments):
+                found[name] = function
+    return found
+
+
+FACTORIES = factories()
+FLOWS = [name for name, f in FACTORIES.items() if get_type_hints(f)["return"] is ForcedSystem]
+EVERY = pytest.mark.parametrize("name", FACTORIES)
+EVERY_FLOW = pytest.mark.parametrize("name", FLOWS)
+
+
+def span_of(system: ForcedSystem | PointMap) -> NDArray[np.float64]:
+    """Half the circle for angles; 100 for rates per second, 2 for other variables."""
+    coordinates = system.axes if isinstance(system, ForcedSystem) else system.coordinates
+    return np.array([0.5 * c.turn if c.turn else 100.0 if c.unit.endswith("/s") else 2.0 for c in coordinates])
+
+
+def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.float64]:
+    span = span_of(system)
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (count, len(span))) * span
+
+
+def test_the_factories_of_the_package_are_found() -> None:
+    known = {"driven_pendulum", "dimensionless_pendulum", "two_well_duffing", "forced_pendulum", "henon_map"}
+    assert known <= set(FACTORIES)
+
+
+@EVERY
+def test_a_factory_is_exported_and_documented(name: str) -> None:
+    factory = FACTORIES[name]
+    assert getattr(systems, name) is factory
+    text = inspect.getdoc(factory) or ""
+    assert "References\n----------" in text, "the source of the equation is missing"
+    assert any(year in text for year in map(str, range(1900, 2100))), "the year of the source is missing"
+    assert " = " in text.split("Parameters\n")[0], "the equation is missing"
+    assert ">>>" in text
+    for argument in inspect.signature(factory).parameters:
+        assert argument in text
+
+
+@EVERY
+def test_every_number_given_is_checked(name: str) -> None:
+    for argument in inspect.signature(FACTORIES[name]).parameters:
+        for bad in (float("nan"), float("inf"), None, "1.0", 1j):
+            with pytest.raises((TypeError, ValueError), match=f"{argument}.*=.*: give"):
+                FACTORIES[name](**{argument: bad})
+
+
+@EVERY
+def test_the_default_system_has_finite_parameters_and_a_name(name: str) -> None:
+    made = FACTORIES[name]()
+    assert all(isfinite(v) for v in made.params.values())
+    assert made.name and "<" not in made.name
+    again = FACTORIES[name]()
+    assert again.params == made.params
+
+
+@EVERY_FLOW
+def test_the_right_hand_side_is_one_function_for_all_values(name: str) -> None:
+    one = FACTORIES[name]()
+    arguments = inspect.signature(FACTORIES[name]).parameters.values()
+    other = FACTORIES[name](**{a.name: 1.1 * a.default for a in arguments})
+    assert other.rhs is one.rhs
+    assert other.length > 0.0
+
+
+@EVERY_FLOW
+def test_plain_python_scipy_and_the_trace_agree(name: str) -> None:
+    system = FACTORIES[name]()
+    names = tuple(system.params)
+    traced = traced_function(system.rhs, system.dimension, names)
+    assert traced is not None and traced.is_analytic
+    table: dict[str, Any] = {"sin": sin, "cos": cos, "sqrt": sqrt, "exp": exp}
+    arithmetic: dict[str, Callable[..., float]] = {
+        "add": lambda a, b: a + b,
+        "sub": lambda a, b: a - b,
+        "mul": lambda a, b: a * b,
+        "div": lambda a, b: a / b,
+        "neg": lambda a: -a,
+    }
+    for t, x in zip((0.0, 0.3, 0.8), random_starts(system, 3), strict=True):
+        values: dict[Any, float] = {traced.time: t * system.length}
+        values.update(zip(traced.states, map(float, x), strict=True))
+        values.update(zip(traced.parameters, system.params.values(), strict=True))
+        for node in traced.levels():
+            if node.operation == "constant":
+                values[node] = node.value
+            elif node.arguments:
+                function = arithmetic.get(node.operation) or table[node.operation]
+                values[node] = function(*(values[a] for a in node.arguments))
+        plain = system.derivative(t * system.length, tuple(map(float, x)))
+        assert [values[e] for e in traced.outputs] == pytest.approx(plain, rel=1e-14)
+        assert np.array_equal(system.fun(t * system.length, x), plain)
+
+
+@EVERY_FLOW
+def test_the_right_hand_side_repeats_itself_after_the_period(name: str) -> None:
+    """With 30 digits, so that a period that is nearly right does not pass."""
+    import mpmath
+
+    system = FACTORIES[name]()
+    with mpmath.workdps(30):
+        rhs = rebind(system.rhs, {n: getattr(mpmath, n) for n in ("sin", "cos", "exp", "sqrt")})
+        p = parameter_record(tuple(system.params))(*map(mpmath.mpf, system.params.values()))
+        for t, x in zip((0.0, 0.21, 0.73), random_starts(system, 3), strict=True):
+            begin, period = mpmath.mpf(t) * system.length, mpmath.mpf(system.length)
+            state = tuple(map(mpmath.mpf, map(float, x)))
+            now, later = rhs(begin, state, p), rhs(begin + period, state, p)
+            scale = max(abs(v) for v in now)
+            assert max(abs(a - b) for a, b in zip(now, later, strict=True)) < 1e-14 * scale
+
+
+@EVERY_FLOW
+def test_angles_are_angles(name: str) -> None:
+    """A whole turn of an angle changes nothing."""
+    system = FACTORIES[name]()
+    for x in random_starts(system, 5):
+        for j, coordinate in enumerate(system.axes):
+            if coordinate.turn:
+                turned = x.copy()
+                turned[j] += 3.0 * coordinate.turn
+                assert system.fun(0.3, turned) == pytest.approx(system.fun(0.3, x), rel=1e-11, abs=1e-11)
+
+
+@EVERY_FLOW
+def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArray[np.float64]]) -> None:
+    system = FACTORIES[name]()
+    starts = random_starts(system, 6)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(starts, 1).unwrapped
+    assert images == pytest.approx(scipy_images(system, starts, rtol=1e-12), rel=1e-9, abs=1e-9)
+
+
+@EVERY_FLOW
+def test_areas_shrink_by_the_damping(name: str) -> None:
+    """Liouville: det DP = exp(-damping x period)."""
+    system = FACTORIES[name]()
+    damping = next(system.params[n] for n in ("damping", "gamma") if n in system.params)
+    scale = span_of(system)
+    matrices = jacobian(stroboscopic_map(system), random_starts(system, 10)) * (scale[None, :] / scale[:, None])
+    assert np.linalg.det(matrices) == pytest.approx(exp(-damping * system.length), abs=1e-10)
+
+
+@EVERY_FLOW
+def test_with_params_takes_every_parameter(name: str) -> None:
+    system = FACTORIES[name]()
+    for parameter, value in system.params.items():
+        assert getattr(system.with_params(**{parameter: value * 1.25}).parameters, parameter) == value * 1.25
+
+
+@pytest.mark.parametrize("name", [n for n in FACTORIES if n not in FLOWS])
+def test_a_discrete_map_is_a_point_map(name: str) -> None:
+    made = FACTORIES[name]()
+    starts = 0.1 * random_starts(made, 20)
+    images = made.iterate(starts, 3)
+    assert np.isfinite(images.points).all()
+    h = 1e-6
+    for j in range(made.dimension):
+        moved = [starts + s * h * np.eye(made.dimension)[j] for s in (1, -1)]
+        slope = (made.iterate(moved[0], 1).unwrapped - made.iterate(moved[1], 1).unwrapped) / (2 * h)
+        assert jacobian(made, starts)[..., j] == pytest.approx(slope, abs=1e-8)
+
+
+def test_periods_are_the_familiar_ones() -> None:
+    assert systems.driven_pendulum().length == 0.02
+    assert systems.dimensionless_pendulum().length == 2 * pi
+    assert systems.two_well_duffing(frequency=2.0).length == pi

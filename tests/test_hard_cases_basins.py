@@ -1,0 +1,250 @@
+"""Hard cases of paper.md with known answers: what must not become an attractor, and what must not be lost."""
+
+from __future__ import annotations
+
+from math import pi, sin
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Kind,
+    PointMap,
+    Status,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    interpolated_map,
+    jacobian,
+    stroboscopic_map,
+)
+from cellmap.settling import DIVERGED, UNDECIDED
+
+STABLE_FROM = 2.329021135978e-3  # amplitude (m) at which the inverted state gains stability
+
+
+def strobe(**parameters: float) -> PointMap:
+    return stroboscopic_map(systems.driven_pendulum(**parameters))
+
+
+def scaled(alpha: float, beta: float, gamma: float) -> PointMap:
+    return stroboscopic_map(systems.dimensionless_pendulum(alpha, beta, gamma))
+
+
+def table(exact: PointMap, speed: float) -> PointMap:
+    return interpolated_map(exact, CellGrid((-pi, -speed), (pi, speed), (128, 128)), outside="integrate")
+
+
+def is_inverted(attractor) -> bool:
+    return attractor.period == 1 and abs(abs(attractor.points[0, 0]) - pi) < 1e-6 and not any(attractor.turns)
+
+
+# --- an unstable equilibrium on a node (case 3)
+
+
+@pytest.mark.parametrize("use", ["exact", "table"])
+def test_unstable_equilibrium_on_a_node_is_no_attractor(use):
+    """At 2 mm the multipliers of (pi, 0) are 1.1269 and 0.7265; rounding keeps its own orbit there for long."""
+    exact = strobe(amplitude=0.002)
+    point_map = exact if use == "exact" else table(exact, 120.0)
+    basins = find_basins(point_map, [[pi, 0.0], [-pi, 0.0], [1.0, 1.0]])
+    assert [a.name for a in basins.attractors] == ["fixed point (0, 0)"]
+    assert basins.labels[2] == 0
+    assert set(basins.labels[:2].tolist()) <= {UNDECIDED, 0}
+
+
+def test_grid_with_a_node_on_an_unstable_equilibrium():
+    width = 2 * pi / 50
+    grid = CellGrid((-width / 2, -10.2), (2 * pi - width / 2, 10.2), (50, 51))
+    nodes = grid.centres()
+    assert np.abs(nodes - [pi, 0.0]).max(axis=-1).min() < 1e-12
+    basins = find_basins(strobe(amplitude=0.002), grid)
+    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT]
+    assert np.count_nonzero(basins.labels == 0) >= grid.size - 1
+
+
+def test_saddle_between_two_wells_on_a_node():
+    """x'' = x - x^3 - 0.2 x', unforced: the node (0, 0) rests on the saddle for ever."""
+    wells = ForcedSystem(lambda t, x, p: (x[1], x[0] - x[0] ** 3 - p.d * x[1]), {"d": 0.2}, 2 * pi, ("x", "v"))
+    basins = find_basins(stroboscopic_map(wells), CellGrid((-1.5, -1.5), (1.5, 1.5), (15, 15)))
+    points = sorted(a.points[0].round(9).tolist() for a in basins.attractors)
+    assert points == [[-1.0, 0.0], [1.0, 0.0]]
+    assert basins.labels[7, 7] == UNDECIDED
+    assert np.count_nonzero(basins.labels == UNDECIDED) == 1
+
+
+@pytest.mark.parametrize("multiplier", [1.0001, 1.1, 3.0])
+def test_unstable_fixed_point_of_a_map_on_a_node(multiplier):
+    exact = discrete_map(lambda x, p: (p.m * x[0] - (p.m - 1) * x[0] ** 3, 0.3 * x[1]), {"m": multiplier}, ("x", "y"))
+    basins = find_basins(exact, [[0.0, 0.0], [0.0, 0.4]], max_periods=500)
+    assert basins.attractors == ()
+    assert basins.labels.tolist() == [UNDECIDED, UNDECIDED]
+
+
+# --- nothing attracts (cases 2 and 11)
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.1])
+@pytest.mark.parametrize("alpha", [0.25, 1.0])
+def test_without_damping_there_is_no_attractor(alpha, beta):
+    basins = find_basins(scaled(alpha, beta, 0.0), CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)), max_periods=50)
+    assert basins.attractors == ()
+    assert (basins.labels == UNDECIDED).all()
+    assert (basins.settling_time == -1).all()
+
+
+def test_tiny_damping_has_settled_nothing_after_fifty_periods():
+    basins = find_basins(strobe(damping=0.01), CellGrid((-pi, -100.0), (pi, 100.0), (8, 8)), max_periods=50)
+    assert (basins.labels == UNDECIDED).all()
+
+
+# --- slow convergence (case 4)
+
+
+def test_inverted_state_is_an_attractor_just_above_its_threshold():
+    """Multiplier 0.999372: 11,000 periods for a factor of a thousand.  Rest at 0.01 rad from upright must end there."""
+    exact = strobe(amplitude=STABLE_FROM + 1e-6)
+    assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(0.999372, abs=1e-6)
+    starts = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
+    basins = find_basins(table(exact, 120.0), starts, max_periods=30_000)
+    assert [is_inverted(a) for a in basins.attractors] == [True]
+    assert (basins.labels == 0).all()
+
+
+def test_inverted_state_is_no_attractor_just_below_its_threshold():
+    exact = strobe(amplitude=STABLE_FROM - 1e-6)
+    assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(1.000624, abs=1e-6)
+    starts = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
+    basins = find_basins(table(exact, 120.0), starts, max_periods=5000)
+    assert not any(is_inverted(a) for a in basins.attractors)
+
+
+@pytest.mark.parametrize("damping", [1e3, 1e4])
+def test_strong_damping_creeps_to_rest(damping):
+    """g/(l damping) = 0.36 and 0.036 /s (case 10): one slow multiplier near 1 and one that vanishes."""
+    exact = strobe(damping=damping, amplitude=0.0)
+    slow = np.exp(-9.8 / 0.0272 / damping * 0.02)
+    basins = find_basins(exact, [[0.3, 0.0], [-1.0, 50.0], [2.5, -50.0]], max_periods=20_000)
+    (a,) = basins.attractors
+    assert a.points == pytest.approx(np.zeros((1, 2)), abs=1e-9)
+    assert a.multipliers[0] == pytest.approx(slow, rel=1e-4)
+    assert (basins.labels == 0).all()
+
+
+# --- bifurcations of the report's system (cases 8 and 9)
+
+
+def test_principal_resonance():
+    """The hanging state (alpha 0.25, gamma 0.05) is lost at beta = 0.050027335537, to a motion of period 2."""
+    starts = CellGrid((-pi, -1.0), (pi, 1.0), (6, 6)).centres()
+    (below,) = find_attractors(scaled(0.25, 0.0495, 0.05), starts)
+    (above,) = find_attractors(scaled(0.25, 0.052, 0.05), starts)
+    assert (below.kind, below.points[0].round(9).tolist()) == (Kind.FIXED_POINT, [0.0, 0.0])
+    assert (above.kind, above.period, above.turns) == (Kind.PERIODIC, 2, (0, 0))
+    for beta, stable in ((0.050027335537 - 1e-6, True), (0.050027335537 + 1e-6, False)):
+        largest = np.abs(np.linalg.eigvals(jacobian(scaled(0.25, beta, 0.05), [0.0, 0.0]))).max()
+        assert (largest < 1) == stable
+
+
+def test_inverted_state_just_after_it_gains_stability():
+    """At 2.35 mm its multiplier is 0.987: a small basin, found from a coarse grid."""
+    basins = find_basins(strobe(amplitude=0.00235), CellGrid((-pi, -100.0), (pi, 100.0), (60, 60)))
+    assert any(is_inverted(a) for a in basins.attractors)
+    assert basins.verify(200).wrong == 0
+
+
+def test_resurrection():
+    """Near 103 mm the inverted state is stable again, in a window of 0.9 mm, and only there."""
+    starts = np.random.default_rng(0).uniform([pi - 0.01, -1.0], [pi + 0.01, 1.0], (20, 2))
+    stable = []
+    for amplitude in (0.1015, 0.1030, 0.1045):
+        found = find_attractors(strobe(amplitude=amplitude), starts, max_periods=200)
+        stable.append(any(is_inverted(a) for a in found))
+    assert stable == [False, True, False]
+
+
+# --- numbers beyond all bounds (case 16)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("speed", [1e20, 1e100, 1e200, 1e308, -1e200])
+def test_start_of_enormous_speed(speed):
+    """It has a label of its own, and its neighbour has the right one."""
+    basins = find_basins(strobe(), [[0.0, speed], [0.1, 1.0]], max_periods=60)
+    assert basins.labels.tolist() == [DIVERGED, 0]
+    assert basins.attractors[0].points == pytest.approx(np.zeros((1, 2)), abs=1e-9)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_starts_that_are_not_finite_are_refused(bad):
+    with pytest.raises(ValueError, match=r"starts\[1, 0\] = .*: remove starts that are not finite"):
+        find_basins(strobe(), [[0.0, 0.0], [bad, 0.0]])
+
+
+def test_enormous_amplitude():
+    """A pivot that moves 10^10 m gives accelerations of 10^15: every orbit ends, none is silently wrong."""
+    exact = strobe(amplitude=1e10)
+    grid = CellGrid((-pi, -1.0), (pi, 1.0), (2, 2))
+    image = exact.iterate(grid.centres(), 1)
+    assert (image.status == Status.DIVERGED).all()
+    assert np.isnan(image.points).all()
+    assert (find_basins(exact, grid, max_periods=3).labels == DIVERGED).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_negative_damping():
+    """The energy grows for ever: no attractor, and starts off the equilibrium diverge."""
+
+    def rhs(t, x, p):
+        return x[1], -sin(x[0]) + p.gain * x[1]
+
+    exact = stroboscopic_map(ForcedSystem(rhs, {"gain": 2.0}, 2 * pi, (angle("theta"), "v")))
+    basins = find_basins(exact, [[0.1, 0.0], [1.0, 1.0], [0.0, 0.0]], max_periods=60)
+    assert basins.attractors == ()
+    assert basins.labels.tolist() == [DIVERGED, DIVERGED, UNDECIDED]
+
+
+def test_blow_up_in_finite_time():
+    """x' = x^2 reaches infinity at t = 1/x: beyond x = 1 within the first period, later from smaller starts."""
+    exact = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[0] ** 2 - 0.01,), {}, 1.0, ("x",)))
+    basins = find_basins(exact, [[2.0], [0.2], [0.05], [-3.0]], max_periods=2000)
+    assert basins.labels.tolist() == [DIVERGED, DIVERGED, 0, 0]
+    assert basins.attractors[0].points == pytest.approx(np.array([[-0.1]]), abs=1e-9)
+
+
+# --- small things
+
+
+def test_attractor_much_smaller_than_the_window():
+    """Two wells 2e-6 apart in a window of length 2 are two attractors."""
+    tiny = discrete_map(
+        lambda x, p: (x[0] - 0.5 * x[0] * (x[0] ** 2 / 1e-12 - 1) / (1 + x[0] ** 2 / 1e-12),), {}, ("x",)
+    )
+    basins = find_basins(tiny, CellGrid((-1.0,), (1.0,), (50,)))
+    assert sorted(a.points[0, 0] for a in basins.attractors) == pytest.approx([-1e-6, 1e-6], rel=1e-6)
+    assert (np.diff(basins.labels) != 0).sum() == 1
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6])
+def test_units_do_not_matter(scale):
+    """The same two wells in other units."""
+    wells = discrete_map(lambda x, p: (x[0] + 0.5 * x[0] * (1 - (x[0] / p.s) ** 2),), {"s": scale}, ("x",))
+    basins = find_basins(wells, CellGrid((-1.5 * scale,), (1.5 * scale,), (40,)))
+    assert sorted(a.points[0, 0] / scale for a in basins.attractors) == pytest.approx([-1.0, 1.0], abs=1e-9)
+    assert [f.count for f in basins.fractions.values()] == [20, 20]
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1e-5])
+def test_attractors_close_to_each_other_are_two(distance):
+    def wells(x, p):
+        u = (x[0] - 0.4) / p.d
+        return (0.4 + p.d * (u + 0.5 * u * (1 - u * u)),)
+
+    exact = discrete_map(wells, {"d": distance}, ("x",))
+    starts = 0.4 + distance * np.linspace(-1.4, 1.4, 20)[:, None]
+    found = find_attractors(exact, starts)
+    assert sorted(a.points[0, 0] for a in found) == pytest.approx([0.4 - distance, 0.4 + distance], abs=1e-4 * distance)

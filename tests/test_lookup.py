@@ -1,0 +1,144 @@
+"""Look-ups of tabulated maps against SciPy's B-splines."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline, NdBSpline
+from scipy.ndimage import map_coordinates
+
+from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
+from cellmap.codegen.lookup import BLOCK, lookup_kernel
+from cellmap.kernels.contraction import WIDTH, basis_polynomials
+
+ORDERS = (1, 3, 5)
+
+
+def circle(x, p):
+    return (x[0] + 0.4 + 0.9 * sin(x[0]) + 0.2 * cos(2 * x[0]),)
+
+
+def line(x, p):
+    return (0.7 * sin(2 * x[0]) + 0.1 * x[0] ** 2,)
+
+
+def torus(x, p):
+    return x[0] + 0.5 * sin(x[1]), x[1] + 0.3 + 0.8 * sin(x[0]) * cos(x[1])
+
+
+def cylinder(x, p):
+    y = 0.8 * x[1] + 0.5 * sin(x[0])
+    return x[0] + y, y
+
+
+def plane(x, p):
+    return 0.6 * x[0] + 0.3 * sin(x[1]), 0.5 * x[1] - 0.2 * x[0] ** 2
+
+
+def space(x, p):
+    return 0.5 * x[0] + 0.2 * sin(x[1] * x[2]), 0.6 * x[1] + 0.1 * cos(x[0]), 0.4 * x[2] - 0.3 * x[0] * x[1]
+
+
+def four(x, p):
+    a, b, u, v = x
+    u, v = 0.8 * u + 0.2 * sin(a) + 0.1 * sin(a + b), 0.8 * v + 0.2 * sin(b) + 0.1 * sin(a + b)
+    return a + u, b + v, u, v
+
+
+TABLES = {
+    "circle": (circle, (angle("a"),), CellGrid((-pi,), (pi,), (24,))),
+    "line": (line, ("x",), CellGrid((-1.0,), (1.5,), (20,))),
+    "torus": (torus, (angle("a"), angle("b")), CellGrid((-pi, -pi), (pi, pi), (24, 18))),
+    "cylinder": (cylinder, (angle("a"), "v"), CellGrid((-pi, -1.0), (pi, 1.0), (20, 12))),
+    "plane": (plane, ("x", "y"), CellGrid((-1.0, -2.0), (1.0, 1.0), (12, 16))),
+    "space": (space, ("x", "y", "z"), CellGrid((-1.0,) * 3, (1.0, 1.5, 2.0), (6, 8, 7))),
+    "four": (four, (angle("a"), angle("b"), "u", "v"), CellGrid((-pi, -pi, -1, -1), (pi, pi, 1, 1), (8, 9, 5, 6))),
+}
+
+
+def tabulated(name: str, order: int, tolerance: float = 1e6) -> PointMap:
+    function, coordinates, grid = TABLES[name]
+    return interpolated_map(discrete_map(function, {}, coordinates), grid, order, tolerance=tolerance)
+
+
+def places_in(grid: CellGrid, number: int = 500) -> np.ndarray:
+    return np.random.default_rng(1).uniform(grid.lower, grid.upper, (number, grid.dimension))
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_basis_is_the_cardinal_spline(order):
+    spline = BSpline.basis_element(np.arange(order + 2.0))
+    places = np.linspace(0.0, 1.0, 17)[:-1]
+    for k, row in enumerate(basis_polynomials(order)):
+        assert np.polynomial.polynomial.polyval(places, row) == pytest.approx(spline(places + order - k), abs=1e-15)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_basis_adds_up_to_one(order):
+    total = np.sum(basis_polynomials(order), axis=0)
+    assert total == pytest.approx([1.0] + [0.0] * order, abs=1e-15)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("name", TABLES)
+def test_look_up_equals_scipys_tensor_spline(name, order):
+    icm = tabulated(name, order)
+    table = icm.table
+    points = places_in(table.grid)
+    knots = tuple(
+        a + (np.arange(n + 2 * order + 1) - order) * w
+        for a, n, w in zip(table.grid.lower, table.grid.shape, table.grid.widths, strict=True)
+    )
+    displacement = NdBSpline(knots, table.coefficients, order)(points)
+    assert icm.iterate(points, 1).unwrapped - points == pytest.approx(displacement, abs=1e-13)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("name", ["circle", "torus"])
+def test_periodic_table_equals_ndimage(name, order):
+    function, coordinates, grid = TABLES[name]
+    exact = discrete_map(function, {}, coordinates)
+    icm = tabulated(name, order)
+    nodes = np.stack(np.meshgrid(*(grid.edges(j)[:-1] for j in range(grid.dimension)), indexing="ij"), axis=-1)
+    moved = exact.iterate(nodes, 1).unwrapped - nodes
+    points = places_in(grid)
+    places = ((points - grid.lower) / grid.widths).T
+    expected = np.stack(
+        [map_coordinates(moved[..., j], places, order=order, mode="grid-wrap") for j in range(grid.dimension)], axis=-1
+    )
+    assert icm.iterate(points, 1).unwrapped - points == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("name", TABLES)
+def test_nodes_have_their_exact_images(name, order):
+    icm = tabulated(name, order)
+    grid = icm.table.grid
+    corners = [grid.edges(j)[:-1] if grid.wraps[j] else grid.edges(j) for j in range(grid.dimension)]
+    nodes = np.stack(np.meshgrid(*corners, indexing="ij"), axis=-1).reshape(-1, grid.dimension)
+    assert icm.iterate(nodes, 1).unwrapped == pytest.approx(icm.exact.iterate(nodes, 1).unwrapped, abs=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+def test_image_does_not_depend_on_the_neighbours(count):
+    icm = tabulated("cylinder", 5)
+    points = places_in(icm.table.grid, count)
+    together = icm.iterate(points, 3)
+    for i in {0, count // 2, count - 1}:
+        alone = icm.iterate(points[i], 3)
+        assert np.array_equal(alone.points, together.points[i], equal_nan=True)
+
+
+def test_rows_stop_where_the_table_ends_and_keep_their_periods():
+    # The table of the shift x -> x + 1 with four cells on [0, 4]: linear, coefficients 1 everywhere.
+    look_up = lookup_kernel(1, 1)
+    table = np.concatenate([np.ones(5), np.zeros(WIDTH)])
+    points, turns, left = np.array([[0.5], [3.5], [-0.5], [np.nan], [1.0]]), np.zeros((5, 1), np.int64), np.full(5, 3)
+    rough = np.array([False, False, True, False])
+    window = (np.zeros(1), np.ones(1), np.array([4]), np.zeros(1))
+    line = (np.array([-np.inf]), np.zeros(1))
+    look_up(points, turns, left, table, np.ones(1, np.int64), *window, rough, *line)
+    assert points[:, 0] == pytest.approx([2.5, 4.5, -0.5, np.nan, 2.0], nan_ok=True)
+    assert left.tolist() == [1, 2, 3, 3, 2]

@@ -1,0 +1,159 @@
+"""Forced systems: what they accept, and what they say where they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import cos, inf, nan, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import Coordinate, ForcedSystem, angle
+
+
+def duffing(t: float, x: Any, p: Any) -> tuple[float, float]:
+    q, v = x
+    return v, q - q**3 - p.delta * v + p.gamma * cos(p.omega * t)
+
+
+PARAMS = {"delta": 0.15, "gamma": 0.2, "omega": 2.0}
+
+
+def system(**changes: Any) -> ForcedSystem:
+    arguments: dict[str, Any] = {"rhs": duffing, "params": PARAMS, "period": pi, "coordinates": ("q", "v")}
+    return ForcedSystem(**{**arguments, **changes})
+
+
+def test_the_right_hand_side_in_plain_python_and_for_scipy() -> None:
+    one = system()
+    assert one.derivative(0.0, [1.0, 2.0]) == (2.0, -0.3 + 0.2)
+    assert np.array_equal(one.fun(0.0, np.array([1.0, 2.0])), one.derivative(0.0, (1.0, 2.0)))
+    assert one.fun(0.0, np.array([1.0, 2.0])).dtype == float
+
+
+def test_a_record_of_names_values_and_coordinates() -> None:
+    one = system(coordinates=(angle("q"), "v"), rhs=lambda t, x, p: (x[1], -sin(x[0])), name="swing")
+    assert one.dimension == 2
+    assert one.axes == (angle("q"), Coordinate("v"))
+    assert one.parameters.delta == 0.15
+    assert one.length == pi
+    assert repr(one) == "ForcedSystem(swing: delta=0.15, gamma=0.2, omega=2; period 3.14159)"
+    assert system().name == "duffing"
+
+
+def test_parameters_are_copied_and_become_floats() -> None:
+    given: dict[str, Any] = {"delta": 1, "gamma": np.float32(0.5), "omega": True * 2}
+    one = system(params=given)
+    given["delta"] = 7
+    assert one.params == {"delta": 1.0, "gamma": 0.5, "omega": 2.0}
+    assert all(type(v) is float for v in one.params.values())
+
+
+def test_changed_parameters_make_another_system() -> None:
+    one = system()
+    other = one.with_params(gamma=0.3)
+    assert (one.parameters.gamma, other.parameters.gamma) == (0.2, 0.3)
+    assert other.rhs is one.rhs
+    assert (other.name, other.axes, other.length) == (one.name, one.axes, one.length)
+    with pytest.raises(ValueError, match=r"params has no \['gama'\]: this system has \['delta', 'gamma', 'omega'\]"):
+        one.with_params(gama=0.3)
+
+
+def test_an_angle_must_be_one() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -sin(2 * pi * x[0] / 360.0)
+
+    degrees = angle("theta", "deg", turn=360.0)
+    assert system(rhs=rhs, coordinates=(degrees, "v")).axes[0] is degrees
+    assert system(rhs=rhs, coordinates=(angle("theta", turn=720.0), "v")).dimension == 2
+    with pytest.raises(ValueError, match=r"one turn of theta further on .*, so theta is no angle of turn 180"):
+        system(rhs=rhs, coordinates=(angle("theta", turn=180.0), "v"))
+
+
+def test_a_period_that_follows_a_parameter() -> None:
+    one = system(period=lambda p: 2 * pi / p.omega)
+    assert one.length == pi
+    assert one.with_params(omega=4.0).length == pi / 2
+
+
+def test_a_fixed_period_is_checked_against_changed_parameters() -> None:
+    with pytest.raises(ValueError, match="give the period of the forcing"):
+        system().with_params(omega=3.0)
+
+
+def test_functions_of_many_kinds() -> None:
+    class Duffing:
+        def __call__(self, t: float, x: Any, p: Any) -> tuple[float, float]:
+            return duffing(t, x, p)
+
+        def rhs(self, t: float, x: Any, p: Any) -> tuple[float, float]:
+            return duffing(t, x, p)
+
+    for rhs in (Duffing(), Duffing().rhs, partial(duffing), lambda t, x, p: list(duffing(t, x, p))):
+        assert system(rhs=rhs).derivative(0.0, (1.0, 2.0)) == duffing(0.0, (1.0, 2.0), system().parameters)
+
+
+def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
+    assert system(rhs=lambda t, x, p: (sqrt(cos(t) - 0.9), -x[1]), period=2 * pi).dimension == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"rhs": 3}, TypeError, r"rhs=3: give a function rhs\(t, x, p\)"),
+        ({"rhs": lambda t, x: x}, TypeError, r"rhs must be callable as rhs\(t, x, p\)"),
+        ({"rhs": lambda t, x, p: None}, TypeError, "rhs must be callable .* and return a tuple"),
+        ({"rhs": lambda t, x, p: 1.0}, TypeError, "rhs must be callable .* and return a tuple"),
+        ({"rhs": lambda t, x, p: (x[1],)}, ValueError, r"rhs returns 1 components for 2 coordinates \(q, v\)"),
+        ({"rhs": lambda t, x, p: (*x, 0.0)}, ValueError, r"rhs returns 3 components for 2 coordinates \(q, v\)"),
+        ({"rhs": lambda t, x, p: ("a", "b")}, TypeError, "its components must be real numbers"),
+        ({"rhs": lambda t, x, p: (1j, 0.0)}, TypeError, "its components must be real numbers"),
+        ({"rhs": lambda t, x, p: (x[1], p.absent)}, ValueError, "rhs asks for a parameter that params lacks"),
+        ({"rhs": lambda t, x, p: (sqrt(-1.0 - x[0]), x[1])}, ValueError, "rhs fails at every state tried"),
+        ({"period": 3.0}, ValueError, "period=3.0: rhs at t = .* give the period of the forcing"),
+        ({"period": 0.0}, ValueError, "period=0.0: give a number above 0"),
+        ({"period": -pi}, ValueError, "period=-3.14.*: give a number above 0"),
+        ({"period": nan}, ValueError, "period=nan: give a finite number"),
+        ({"period": inf}, ValueError, "period=inf: give a finite number"),
+        ({"period": None}, TypeError, "period=None: give one real number"),
+        ({"period": "pi"}, TypeError, "period='pi': give one real number"),
+        ({"period": "3.14"}, TypeError, "period='3.14': give one real number"),
+        ({"period": lambda p: nan}, ValueError, "period=nan: give a finite number"),
+        ({"params": {**PARAMS, "delta": nan}}, ValueError, r"params\['delta'\]=nan: give a finite number"),
+        ({"params": {**PARAMS, "delta": inf}}, ValueError, r"params\['delta'\]=inf: give a finite number"),
+        ({"params": {**PARAMS, "delta": "much"}}, TypeError, r"params\['delta'\]='much': give one real number"),
+        ({"params": {**PARAMS, "delta": "0.15"}}, TypeError, r"params\['delta'\]='0.15': give one real number"),
+        ({"params": {**PARAMS, "delta": None}}, TypeError, r"params\['delta'\]=None: give one real number"),
+        ({"params": {**PARAMS, "delta": 1j}}, TypeError, r"params\['delta'\]=1j: give one real number"),
+        ({"params": {**PARAMS, "delta": [1.0, 2.0]}}, TypeError, r"params\['delta'\]=\[1.0, 2.0\]: give one real"),
+        ({"params": {**PARAMS, "not a name": 1.0}}, ValueError, "params has the name 'not a name'"),
+        ({"params": {**PARAMS, "_hidden": 1.0}}, ValueError, "params has the name '_hidden'"),
+        ({"params": {**PARAMS, "lambda": 1.0}}, ValueError, "params has the name 'lambda'"),
+        ({"params": {**PARAMS, 3: 1.0}}, ValueError, "params has the name 3"),
+        ({"params": [0.15, 0.2]}, TypeError, "params=.*: give a mapping of names to numbers"),
+        ({"coordinates": (angle("q"), "v")}, ValueError, "so q is no angle of turn 6.28319; give its own turn"),
+        ({"coordinates": ()}, ValueError, "one different name for each state variable"),
+        ({"coordinates": ("q", "q")}, ValueError, "one different name for each state variable"),
+        ({"coordinates": ("q", 3)}, ValueError, "a coordinate needs a name"),
+        ({"coordinates": ("q",)}, ValueError, "not enough values to unpack .* one coordinate for each state variable"),
+    ],
+)
+def test_bad_systems_are_refused(changes: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        system(**changes)
+
+
+def test_a_parameter_may_have_the_name_of_a_method_of_tuples() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -p.count * x[0] + p.index
+
+    one = system(rhs=rhs, params={"count": 2.0, "index": 3.0})
+    assert one.derivative(0.0, (1.0, 0.0)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("period", [1e-9, 1e9])
+def test_tiny_and_huge_periods(period: float) -> None:
+    rhs: Callable[..., Any] = lambda t, x, p: (x[1], -x[0] + cos(2 * pi * t / period))  # noqa: E731
+    assert system(rhs=rhs, period=period).length == period
