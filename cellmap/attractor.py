@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .coordinates import Coordinate, difference
+from .coordinates import Coordinate
 
 
 class Kind(StrEnum):
@@ -108,7 +107,7 @@ class Attractor:
         if self.kind is Kind.CHAOTIC:
             return "chaotic"
         if self.kind is Kind.FIXED_POINT:
-            place = ", ".join(f"{v + 0.0:.3g}" for v in np.where(np.abs(self.points[0]) < 5e-13, 0.0, self.points[0]))
+            place = ", ".join(f"{v + 0.0:.3g}" for v in np.where(np.abs(self.points[0]) < 1e-9, 0.0, self.points[0]))
             return f"fixed point ({place})"
         text = f"{self.kind}, period {self.period}"
         for t in self.turns:
@@ -135,21 +134,3 @@ def sort_key(attractor: Attractor) -> tuple[Any, ...]:
         tuple(-t for t in attractor.turns),
         tuple(-rounded),
     )
-
-
-def same_orbit(a: Attractor, b: Attractor, scale: NDArray[np.float64]) -> bool:
-    """Tell whether two periodic attractors are one: the same points up to 1e-6 of the scale."""
-    if a.period != b.period or Kind.CHAOTIC in (a.kind, b.kind):
-        return False
-    return is_on(a.points[0], b.points, a.coordinates, 1e-6 * scale)
-
-
-def is_on(
-    point: NDArray[np.float64],
-    orbit: NDArray[np.float64],
-    coordinates: Sequence[Coordinate],
-    tolerance: NDArray[np.float64],
-) -> bool:
-    """Tell whether a point is one of those of an orbit."""
-    apart = np.abs(difference(orbit, point, coordinates))
-    return bool((apart <= tolerance).all(axis=-1).any())

@@ -17,7 +17,7 @@ from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
-from .search import find_attractors, region_extent, sort_out
+from .search import check_attractors, find_attractors, region_extent, sort_out
 from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, settle
 from .threads import run_over, slices
 
@@ -169,12 +169,24 @@ class Basins:
         drawn = np.random.default_rng(seed).integers(0, self.labels.size, n)
         drawn = drawn[self.labels.ravel()[drawn] != ESCAPED]
         starts = _starts(self.grid, self.starts, drawn)
+        # Far inside the neighbourhoods, so that these are not taken on trust.
         catalogue = Catalogue.of(self.attractors, exact)
+        close = catalogue.shrunk(0.01)
         labels = np.empty(len(drawn), np.int16)
 
         def label(part: slice) -> None:
             orbits = Orbits.starting(wrap(starts[part], exact.coordinates))
-            labels[part] = settle(exact, orbits, catalogue, self.settings["max_periods"]).labels
+            half = self.settings["max_periods"] // 2
+            early = settle(exact, orbits, close, half)
+            labels[part] = early.labels
+            before = catalogue.distances_of(early.orbits.points)
+            late = settle(exact, early.orbits, close, self.settings["max_periods"] - half, half)
+            # One that converges slowly is still on its way; one at rest elsewhere is not.
+            slow = late.undecided
+            owners = catalogue.owners_of(late.orbits.points)
+            nearer = catalogue.distances_of(late.orbits.points) < before[slow] * (1.0 - 1e-9)
+            late.labels[slow] = np.where((owners >= 0) & nearer, owners, UNDECIDED)
+            labels[part.start + early.undecided] = late.labels
 
         run_over(slices(len(drawn), CHUNK // 8), label)
         wrong = int(np.count_nonzero(labels != self.labels.ravel()[drawn]))
@@ -240,6 +252,7 @@ def find_basins(
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = whole_number("max_period", max_period, at_least=1)
+    check_attractors(attractors, point_map, "attractors")
     began = time.perf_counter()
     if isinstance(starts, CellGrid):
         grid, given, shape = starts.on(point_map.coordinates), None, starts.shape
@@ -375,7 +388,7 @@ class _Run:
         before = len(self.attractors)
         left, self.attractors = sort_out(self.point_map, orbits, self.attractors, self.max_period, extent, age)
         if age == self.max_periods and len(left):
-            self.attractors += chaotic_attractors(self.point_map, left.points)
+            self.attractors += chaotic_attractors(self.point_map, left.points, extent)
         return len(self.attractors) > before
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, Cover, Kind
-from .coordinates import turns_of
+from .coordinates import difference, turns_of
 from .jacobian import tangent
+from .periodic import resolution
 from .pointmap import Orbits, PointMap
 from .settling import box_keys, boxes_of
 
@@ -17,14 +18,17 @@ _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
 _BOXES = 64
+_LONGEST_RETURN = 128
 
 
-def chaotic_attractors(point_map: PointMap, states: NDArray[np.float64]) -> list[Attractor]:
+def chaotic_attractors(
+    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64] | None = None
+) -> list[Attractor]:
     """Return the chaotic attractors on which long-lived orbits move.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
-    1e-3 for each step, and as one on an attractor where volumes shrink along it.  Orbits that share boxes are on one
-    attractor.
+    1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
+    where it was sits on an unstable periodic point.  Orbits that share boxes are on one attractor.
 
     Parameters
     ----------
@@ -32,6 +36,8 @@ def chaotic_attractors(point_map: PointMap, states: NDArray[np.float64]) -> list
         The map; exponents come from its exact map.
     states : ndarray, shape (n, dimension)
         States that have outlived all transients.
+    extent : ndarray, shape (dimension,), optional
+        Size of the region of interest, 1 by default.
 
     Returns
     -------
@@ -41,7 +47,8 @@ def chaotic_attractors(point_map: PointMap, states: NDArray[np.float64]) -> list
     chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
     exponents, errors = lyapunov_exponents(point_map, chosen, _EXPONENT_PERIODS)
     with np.errstate(invalid="ignore"):
-        chaotic = (exponents[:, 0] > np.maximum(5.0 * errors, 1e-3)) & (exponents.sum(axis=-1) < -1e-6)
+        chaotic = (exponents[:, 0] > np.maximum(5.0 * errors, 1e-3)) & (np.abs(exponents.sum(axis=-1)) > 1e-6)
+    chaotic &= ~_returns(point_map, chosen, np.ones(point_map.dimension) if extent is None else extent)
     if not chaotic.any():
         return []
     orbit = Orbits.starting(chosen[chaotic].copy())
@@ -68,6 +75,18 @@ def chaotic_attractors(point_map: PointMap, states: NDArray[np.float64]) -> list
         )
         for group in groups
     ]
+
+
+def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which orbits come back to within rounding of where they were."""
+    orbit = Orbits.starting(states.copy())
+    back = np.zeros(len(states), bool)
+    for _ in range(_LONGEST_RETURN):
+        point_map.advance(orbit, 1)
+        apart = np.abs(difference(orbit.points, states, point_map.coordinates))
+        with np.errstate(invalid="ignore"):
+            back |= (apart <= 1e-7 * resolution(states, extent)).all(axis=-1)
+    return back
 
 
 def lyapunov_exponents(

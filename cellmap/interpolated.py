@@ -126,6 +126,7 @@ def interpolated_map(
             "exact": dict(exact.recipe),
         },
         period=exact.period,
+        tolerance=exact.tolerance,
         exact=exact,
         table=table,
         cost=Cost(seconds=time.perf_counter() - began, steps=_tabulated(grid, order) + grid.size),

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .checks import finite_points, whole_number
 from .coordinates import difference, wrap
-from .pointmap import Orbits, PointMap
+from .pointmap import Orbits, PointMap, follow
 
 
 class NotDifferentiableError(TypeError):
@@ -91,13 +91,13 @@ def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.
             return exact.tangent(points)
         except NotDifferentiableError:
             pass
-    return exact.iterate(points, 1).unwrapped, _central_differences(exact, points)
+    return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
 
 
 def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative by symmetric differences at three distances."""
     columns = []
-    centre = exact.iterate(points, 1).unwrapped
+    centre = follow(exact, points, 1).unwrapped
     for j in range(exact.dimension):
         h = 1e-2 * np.maximum(np.abs(points[..., j]), 1e-1)
         column = np.zeros(points.shape)
@@ -105,7 +105,7 @@ def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArra
             for sign in (1, -1):
                 moved = points.copy()
                 moved[..., j] += sign * k * h
-                image = exact.iterate(moved, 1)
+                image = follow(exact, moved, 1)
                 shift = difference(image.points, centre, exact.coordinates)
                 column = column + sign * weight * shift / (60.0 * h[..., None])
         columns.append(column)

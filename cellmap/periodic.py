@@ -19,7 +19,7 @@ def newton(
     point_map: PointMap,
     guesses: NDArray[np.float64],
     periods: NDArray[np.int64],
-    scale: NDArray[np.float64],
+    extent: NDArray[np.float64],
     reach: float = 0.5,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
@@ -32,10 +32,10 @@ def newton(
         Places to begin at.
     periods : ndarray of int, shape (n,)
         Steps after which each point is to return.
-    scale : ndarray, shape (dimension,)
-        Typical size of each coordinate.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest.
     reach : float, optional
-        A solution farther than this from its guess, in units of `scale`, does not count.
+        A solution farther than this from its guess, in units of `extent`, does not count.
 
     Returns
     -------
@@ -54,16 +54,17 @@ def newton(
             break
         images, matrices = tangent(exact, points[active], periods[active])
         residual = difference(images, points[active], exact.coordinates)
+        scale = resolution(points[active], extent)
         size = np.abs(residual / scale).max(axis=-1)
         with np.errstate(invalid="ignore"):
             usable = np.isfinite(size) & np.isfinite(matrices).all(axis=(-2, -1))
             usable &= (iteration < _FREE_ITERATIONS) | (size < 0.5 * last[active]) | (size < 1e-9)
             usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
         last[active] = size
-        active, residual, matrices = active[usable], residual[usable], matrices[usable]
+        active, residual, matrices, scale = active[usable], residual[usable], matrices[usable], scale[usable]
         step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
         points[active] += step
-        near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * scale).all(axis=-1)
+        near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * extent).all(axis=-1)
         # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
         done = near & (np.abs(step) <= 1e-8 * scale).all(axis=-1)
         settled[active[done]] = True
@@ -71,8 +72,13 @@ def newton(
     return wrap(points, exact.coordinates), settled
 
 
+def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size against which differences of points count as small: their own, or 1, or that of a smaller region."""
+    return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
+
+
 def stable_orbit(
-    point_map: PointMap, point: NDArray[np.float64], period: int, scale: NDArray[np.float64]
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> Attractor | None:
     """Return the attractor through a periodic point; None where its multipliers do not prove it stable.
 
@@ -80,15 +86,15 @@ def stable_orbit(
     """
     exact = point_map.exact or point_map
     points, turns, matrices = _follow(exact, point, period)
+    same = 1e-8 * resolution(points[0], extent)
     for q in range(1, period):
-        if (
-            period % q == 0
-            and (np.abs(difference(points[q % period], points[0], exact.coordinates)) <= 1e-7 * scale).all()
-        ):
+        if period % q == 0 and (np.abs(difference(points[q], points[0], exact.coordinates)) <= same).all():
             points, turns, matrices = _follow(exact, point, q)
             period = q
             break
     # Mirror images are equally far away; the largest coordinates decide between them.
+    size = np.abs(points).max(axis=0)
+    scale = np.where(size > 0, size, 1.0)
     rounded = np.round(points / scale, 6)
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)

@@ -216,6 +216,8 @@ class PointMap:
         Plain values from which :func:`rebuild_map` makes the map again, given the system.
     period : float
         Time that one step takes; 1 for a discrete map.
+    tolerance : tuple of float
+        Relative and absolute error of one step of an exact map.
     exact : PointMap or None
         The map that an interpolated map was made from.
     table : CellTable or None
@@ -232,6 +234,7 @@ class PointMap:
     advance: Callable[[Orbits, int], None] = field(repr=False)
     recipe: Mapping[str, Any]
     period: float = 1.0
+    tolerance: tuple[float, float] = (4e-16, 0.0)
     exact: PointMap | None = None
     table: CellTable | None = None
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
@@ -248,7 +251,7 @@ class PointMap:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
-        images = self._images(points, 1, progress=False)
+        images = follow(self, points, 1)
         warn_of_tolerance(images.status, self)
         return images.points
 
@@ -274,22 +277,9 @@ class PointMap:
         ToleranceWarning
             Where the tolerance of the integrator was not met; those images have the status INACCURATE.
         """
-        images = self._images(points, periods, progress)
+        images = follow(self, points, periods, progress)
         warn_of_tolerance(images.status, self)
         return images
-
-    def _images(self, points: ArrayLike, periods: int, progress: bool) -> Iterate:
-        starts = finite_points("points", points, self.dimension)
-        periods = whole_number("periods", periods)
-        claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
-        orbits = Orbits.starting(starts.reshape(-1, self.dimension))
-        lower, turn = turns_of(self.coordinates)
-        wrap_rows(orbits.points, orbits.turns, lower, turn)
-        orbits.turns[:] = 0
-        label = f"{periods} periods of {self.name}" if progress else None
-        run_over(slices(len(orbits), CHUNK), lambda part: self.advance(orbits[part], periods), label)
-        shape = starts.shape
-        return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), self.coordinates)
 
     def orbit(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
         """Return points and all their images, the number of the period on the first axis.
@@ -364,6 +354,21 @@ class PointMap:
             return MapError(np.nan, np.nan, np.nan, 0)
         median, high, largest = (float(q) for q in np.quantile(errors, (0.5, 0.99, 1.0)))
         return MapError(median, high, largest, errors.size)
+
+
+def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+    """Iterate points as :meth:`PointMap.iterate` does, without a warning of missed tolerances."""
+    starts = finite_points("points", points, point_map.dimension)
+    periods = whole_number("periods", periods)
+    claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
+    orbits = Orbits.starting(starts.reshape(-1, point_map.dimension))
+    lower, turn = turns_of(point_map.coordinates)
+    wrap_rows(orbits.points, orbits.turns, lower, turn)
+    orbits.turns[:] = 0
+    label = f"{periods} periods of {point_map.name}" if progress else None
+    run_over(slices(len(orbits), CHUNK), lambda part: point_map.advance(orbits[part], periods), label)
+    shape = starts.shape
+    return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates)
 
 
 def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .attractor import Attractor, is_on, same_orbit, sort_key
+from .attractor import Attractor, sort_key
 from .chaos import chaotic_attractors
 from .checks import finite_points, whole_number
 from .coordinates import difference, turns_of, wrap
@@ -18,7 +18,9 @@ from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
 
 _FIRST_LOOK = 32  # periods before ends are polished for the first time
-_REPRESENTATIVES = 8  # ends that are polished at a time
+_LOOKED_AT = 256  # ends among which those to be polished are chosen
+_REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
+_SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1
 
 
@@ -62,6 +64,9 @@ def find_attractors(
     (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
     """
     states = finite_points("starts", starts, point_map.dimension).reshape(-1, point_map.dimension)
+    if not len(states):
+        raise ValueError("starts is empty: give at least one start")
+    check_attractors(known, point_map, "known")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = whole_number("max_period", max_period, at_least=1)
     extent = region_extent(point_map, states)
@@ -75,8 +80,18 @@ def find_attractors(
         if age == max_periods:
             break
     if len(orbits):
-        attractors += chaotic_attractors(point_map, orbits.points)
+        attractors += chaotic_attractors(point_map, orbits.points, extent)
     return tuple(sorted(attractors, key=sort_key))
+
+
+def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
+    """Refuse what is not a sequence of attractors of this map's coordinates."""
+    if isinstance(attractors, Attractor | str) or not all(isinstance(a, Attractor) for a in attractors):
+        raise TypeError(f"{name}={attractors!r}: give a sequence of Attractor, such as other basins' attractors")
+    for a in attractors:
+        if a.coordinates != point_map.coordinates:
+            theirs, ours = (", ".join(map(str, c)) for c in (a.coordinates, point_map.coordinates))
+            raise ValueError(f"{name} holds an attractor in ({theirs}), and the map is one of ({ours})")
 
 
 def sort_out(
@@ -115,16 +130,15 @@ def new_attractors(
     extent: NDArray[np.float64],
 ) -> list[Attractor]:
     """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
-    ends = states[_spread(states, point_map, extent)]
-    for guesses, periods in _likely_returns(point_map, ends, max_period, extent):
+    for guesses, periods in _guesses(point_map, states, max_period, extent):
         found: list[Attractor] = []
         solutions, settled = newton(point_map, guesses, periods, extent)
-        for point, period in zip(solutions[settled], periods[settled], strict=True):
-            listed = [*known, *found]
-            if any(a.period and is_on(point, a.points, a.coordinates, 1e-6 * extent) for a in listed):
+        for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
+            # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
+            if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
                 continue
-            attractor = stable_orbit(point_map, point, int(period), extent)
-            if attractor is None or any(same_orbit(attractor, a, extent) for a in listed):
+            attractor = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
+            if attractor is None or not _carried(point_map, attractor):
                 continue
             neighbourhood = trapping_neighbourhood(point_map, attractor, extent)
             if neighbourhood is not None:
@@ -134,35 +148,58 @@ def new_attractors(
     return []
 
 
-def _spread(states: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]) -> list[int]:
-    """Choose rows that lie far apart, each the farthest from those before it."""
-    chosen = [0]
-    nearest = np.full(len(states), np.inf)
-    for _ in range(_REPRESENTATIVES - 1):
-        shift = difference(states, states[chosen[-1]], point_map.coordinates) / extent
-        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
-        farthest = int(np.argmax(nearest))
-        if nearest[farthest] <= 1e-12:
-            break
-        chosen.append(farthest)
-    return chosen
+def _carried(point_map: PointMap, attractor: Attractor) -> bool:
+    """Whether the map carries orbits along the attractor; a table that orbits leave does not, where it has no cells."""
+    orbit = Orbits.starting(attractor.points.copy())
+    point_map.advance(orbit, 1)
+    return bool(orbit.alive.all())
 
 
-def _likely_returns(
-    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
+def _guesses(
+    point_map: PointMap, states: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns."""
+    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
+
+    Guesses are ends that lie far apart, and ends whose orbits come back closest.
+    """
+    ends = states[np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).round().astype(np.int64))]
+    distance = _return_distances(point_map, ends, max_period, extent)
+    patience = np.argsort(distance[1:].min(axis=0), kind="stable")
+    chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
+    chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
+    ends, distance = ends[chosen], distance[:, chosen]
     yield ends, np.ones(len(ends), np.int64)
-    if max_period == 1:
-        return
+    if max_period > 1:
+        closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
+        rank, row = np.nonzero(np.take_along_axis(distance, closest, axis=0) < 0.2)
+        if len(row):
+            yield ends[row], closest[rank, row]
+
+
+def _return_distances(
+    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each end from its image after each number of periods, shape (max_period + 1, n)."""
     orbit = Orbits.starting(ends.copy())
     distance = np.full((max_period + 1, len(ends)), np.inf)
     for q in range(1, max_period + 1):
         point_map.advance(orbit, 1)
         shift = difference(orbit.points, ends, point_map.coordinates) / extent
         distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
-    closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
-    likely = np.take_along_axis(distance, closest, axis=0) < 0.2
-    rank, row = np.nonzero(likely)
-    if len(row):
-        yield ends[row], closest[rank, row]
+    return distance
+
+
+def _far_apart(
+    ends: NDArray[np.float64], rows: NDArray[np.int64], point_map: PointMap, extent: NDArray[np.float64]
+) -> list[int]:
+    """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
+    chosen = [int(rows[0])]
+    nearest = np.full(len(rows), np.inf)
+    for _ in range(_REPRESENTATIVES - 1):
+        shift = difference(ends[rows], ends[chosen[-1]], point_map.coordinates) / extent
+        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
+        farthest = int(np.argmax(nearest))
+        if nearest[farthest] <= 1e-12:
+            break
+        chosen.append(int(rows[farthest]))
+    return chosen

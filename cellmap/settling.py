@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,25 @@ class Catalogue:
             tuple((k, a.cover) for k, a in enumerate(attractors) if a.cover is not None),
             turns_of(point_map.coordinates)[1],
         )
+
+    def owners_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the number of the attractor in whose neighbourhood each point is, -1 for none."""
+        found, when = np.full(len(points), -1, np.int64), np.empty(len(points), np.int64)
+        capture(points, found, when, 0, self.centres, self.metrics, self.owners, self.turn)
+        return found
+
+    def distances_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance to the nearest attractor, in radii of its neighbourhood; inf where there is none."""
+        if not len(self.owners):
+            return np.full(len(points), np.inf)
+        shift = points[:, None, :] - self.centres
+        around = np.where(self.turn > 0, self.turn, 1.0)
+        shift -= np.where(self.turn > 0, self.turn * np.round(shift / around), 0.0)
+        return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.metrics, shift)).min(axis=1))
+
+    def shrunk(self, factor: float) -> Catalogue:
+        """Return the catalogue with smaller neighbourhoods."""
+        return replace(self, metrics=self.metrics / factor**2)
 
 
 @dataclass(frozen=True, eq=False)

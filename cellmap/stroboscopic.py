@@ -120,6 +120,7 @@ def stroboscopic_map(
             "period": system.length,
         },
         period=system.length,
+        tolerance=(rtol, atol),
         tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps, fewest),
     )
 

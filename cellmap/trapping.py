@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Neighbourhood
 from .coordinates import difference, turns_of
 from .jacobian import jacobian
-from .pointmap import PointMap
+from .pointmap import PointMap, Status, follow
 
-_SHELLS = np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05])
-_SHRINK = 0.75
-_TRIALS = 60
+_DIRECTIONS = 96  # on a circle
+_FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next, where the map is not linear; else 1.1
+_COARSE = 2.0  # where it is, and the surface is small:
+_STRAIGHT = 0.01  # of the largest one
+_FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
 
 
 def trapping_neighbourhood(
@@ -20,11 +22,12 @@ def trapping_neighbourhood(
 ) -> Neighbourhood | None:
     """Return ellipsoids around a periodic attractor in which every orbit is verified to approach it.
 
-    The metric solves the discrete Lyapunov equation of the derivative of one round, so that the linear map contracts
-    in it by a known factor c < 1.  The ellipsoids are shrunk until the exact map itself shortens the distance to the
-    attractor, by a factor of at most (1 + c)/2 in one round, at every point of a dense sample: eleven shells, on each
-    of them directions so close that the factor, which is smooth, cannot pass 1 between them.  A distance that falls in
-    every round leaves no other attractor in the ellipsoid.
+    The metric is the sum of the squares of what the derivative of one round does to a vector in all later rounds, so
+    that the linear map contracts in it by a known factor c < 1.  From the smallest ellipsoid in which the exact map is
+    not blurred by its own tolerance, the ellipsoids grow as long as the exact map shortens the distance to the
+    attractor, by a factor of at most (1 + c)/2 in one round, everywhere on their surfaces.  Surfaces and directions
+    are sampled as closely as the map bends: coarsely where it is all but linear, with steps of some percent of the
+    radius beyond.  A distance that falls in every round leaves no other attractor in the ellipsoid.
 
     Parameters
     ----------
@@ -33,39 +36,110 @@ def trapping_neighbourhood(
     attractor : Attractor
         A periodic attractor.
     extent : ndarray, shape (dimension,)
-        Size of the region of interest; no ellipsoid is larger than a quarter of it.
+        Size of the region of interest; no half-width of an ellipsoid is larger than a quarter of it.
 
     Returns
     -------
     Neighbourhood or None
-        None where even the smallest ellipsoid tried fails.
+        None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
     """
     exact = point_map.exact or point_map
-    period = attractor.period
     turn = turns_of(exact.coordinates)[1]
-    limit = np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0
-    matrices = jacobian(exact, attractor.points, period)
+    reach = _FARTHEST * (1.0 + np.abs(attractor.points).max(axis=0))
+    limit = np.minimum(np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0, reach)
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])))
-    metrics = np.array([_lyapunov_metric(m / contraction, limit) for m in matrices])
-    allowed = 0.5 * (1.0 + contraction)
-    directions = _directions(exact.dimension)
-    factor = np.linalg.cholesky(np.linalg.inv(metrics))  # unit sphere -> unit ellipsoid
-    offsets = np.einsum("qij,nj->qni", factor, directions)
-    radius = _largest_radius(factor, limit)
-    for _ in range(_TRIALS):
-        measured = _contraction(exact, attractor, metrics, offsets, radius)
-        if measured <= allowed:
-            return Neighbourhood(attractor.points, metrics / radius**2, measured)
-        radius *= _SHRINK
-    return None
+    matrices = jacobian(exact, attractor.points, attractor.period)
+    shells = [
+        _Shells(exact, centre, attractor.period, matrix, contraction, limit)
+        for centre, matrix in zip(attractor.points, matrices, strict=True)
+    ]
+    radii = [shell.largest_verified() for shell in shells]
+    if not all(radius > 0.0 for radius, _ in radii):
+        return None
+    metrics = np.array([shell.metric / radius**2 for shell, (radius, _) in zip(shells, radii, strict=True)])
+    return Neighbourhood(attractor.points, metrics, max(factor for _, factor in radii))
 
 
-def _lyapunov_metric(matrix: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve M' S M - S = -Q for S, with Q the metric of the scales."""
-    from scipy.linalg import solve_discrete_lyapunov
+class _Shells:
+    """Surfaces around one point of an attractor, from small to large."""
 
-    metric: NDArray[np.float64] = solve_discrete_lyapunov(matrix.T, np.diag(1.0 / scale**2))
-    return 0.5 * (metric + metric.T)
+    def __init__(
+        self,
+        exact: PointMap,
+        centre: NDArray[np.float64],
+        period: int,
+        matrix: NDArray[np.float64],
+        contraction: float,
+        limit: NDArray[np.float64],
+    ) -> None:
+        self.exact, self.centre, self.period, self.matrix = exact, centre, period, matrix
+        # In units of the limits all coordinates are of one size.
+        self.metric = _metric(matrix * limit / limit[:, None] / contraction) / np.outer(limit, limit)
+        root = np.linalg.cholesky(self.metric)
+        inverse_root = np.linalg.inv(root).T  # unit sphere -> unit ellipsoid
+        self.offsets = _directions(exact.dimension) @ inverse_root.T
+        self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
+        self.fine = _FINE.get(exact.dimension, 1.1)
+        self.allowed = 0.5 * (1.0 + contraction)
+        rtol, atol = exact.tolerance
+        noise = 2.0 * period * (atol + rtol * (np.abs(centre) + limit * 1e-3))
+        self.smallest = float(np.sqrt(noise @ np.abs(self.metric) @ noise)) / (0.5 * (self.allowed - self.linear))
+        self.largest = float((limit / np.sqrt((inverse_root**2).sum(axis=-1))).min())
+
+    def largest_verified(self) -> tuple[float, float]:
+        """Return the largest radius up to which all surfaces pass, 0 where none does, and their largest factor."""
+        radius, worst = 0.0, self.linear
+        following, coarse = max(self.smallest, 1e-12 * self.largest), True
+        while radius < self.largest and following <= self.largest:
+            growth = _COARSE if coarse else self.fine
+            batch = np.minimum(following * growth ** np.arange(4 if coarse else 16), self.largest)
+            factors, bend = self._factors(batch)
+            failed = np.flatnonzero(~(factors <= self.allowed))
+            passed = int(failed[0]) if len(failed) else len(batch)
+            if passed:
+                radius, worst = float(batch[passed - 1]), max(worst, float(factors[:passed].max()))
+            if len(failed) and not coarse:
+                break
+            linear = bend <= 0.1 * (self.allowed - self.linear)
+            coarse = coarse and linear and not len(failed) and radius < _STRAIGHT * self.largest
+            following = min(radius * (_COARSE if coarse else self.fine), self.largest) if radius else following
+        return radius, worst
+
+    def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Bound the factor by which one round changes the distance on each surface; also say how far the map bends.
+
+        There are two bounds, what is seen and what the linear part allows with the rest that is seen, each with what
+        may happen between neighbouring directions; the smaller one holds.
+        """
+        shift = radii[:, None, None] * self.offsets
+        images = follow(self.exact, (self.centre + shift).reshape(-1, self.exact.dimension), self.period)
+        after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
+        seen = self._norm(after) / radii[:, None]
+        rest = self._norm(after - shift @ self.matrix.T) / radii[:, None]
+        alive = images.status.reshape(seen.shape) < Status.ESCAPED
+        seen, rest = np.where(alive, seen, np.inf), np.where(alive, rest, np.inf)
+        with np.errstate(invalid="ignore"):
+            bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
+        return np.where(np.isnan(bound), np.inf, bound), float(rest.max())
+
+    def _norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.sqrt(np.maximum(np.einsum("sni,ij,snj->sn", vectors, self.metric, vectors), 0.0)))
+
+
+def _between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add to values on a circle of directions half of what they change to the next; others are dense enough."""
+    if values.shape[1] != _DIRECTIONS:
+        return values
+    return np.asarray(values + 0.5 * np.abs(values - np.roll(values, 1, axis=1)))
+
+
+def _metric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return S = sum of (M^k)' M^k over all k, by doubling: S - M' S M = 1, so M shortens lengths in S."""
+    total, power = np.eye(len(matrix)), np.array(matrix)
+    while np.abs(power).max() > 1e-9 and np.abs(total).max() < 1e200:
+        total = total + power.T @ total @ power
+        power = power @ power
+    return np.asarray(0.5 * (total + total.T))
 
 
 def _directions(dimension: int) -> NDArray[np.float64]:
@@ -73,37 +147,7 @@ def _directions(dimension: int) -> NDArray[np.float64]:
     if dimension == 1:
         return np.array([[1.0], [-1.0]])
     if dimension == 2:
-        angles = np.arange(96) * (2 * np.pi / 96)
+        angles = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
         return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     vectors = np.random.default_rng(0).standard_normal((128 * dimension, dimension))
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def _largest_radius(factor: NDArray[np.float64], limit: NDArray[np.float64]) -> float:
-    """Return the radius at which an ellipsoid first touches the limit of a coordinate."""
-    half_widths = np.sqrt((factor**2).sum(axis=-1))
-    return float((limit / half_widths).min())
-
-
-def _contraction(
-    exact: PointMap, attractor: Attractor, metrics: NDArray[np.float64], offsets: NDArray[np.float64], radius: float
-) -> float:
-    """Return the largest factor by which a round shortens the distance, over all sampled points; inf on failure."""
-    worst = 0.0
-    for centre, metric, directions in zip(attractor.points, metrics, offsets, strict=True):
-        shift = radius * _SHELLS[:, None, None] * directions
-        flat = (centre + shift).reshape(-1, exact.dimension)
-        images = exact.iterate(flat, attractor.period)
-        if (images.status != 0).any():
-            return np.inf
-        after = difference(images.points, centre, exact.coordinates).reshape(shift.shape)
-        before_norm = np.sqrt(np.einsum("sni,ij,snj->sn", shift, metric, shift))
-        after_norm = np.sqrt(np.einsum("sni,ij,snj->sn", after, metric, after))
-        ratio = after_norm / before_norm
-        if exact.dimension == 2:
-            # What the factor may add between neighbouring directions of a shell.
-            ratio = ratio + 0.5 * np.abs(ratio - np.roll(ratio, 1, axis=1))
-        worst = max(worst, float(ratio.max()))
-        if not np.isfinite(worst) or worst > 1.0:
-            return np.inf
-    return worst
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -294,7 +294,7 @@ def test_truncated_file(stored, tmp_path, share):
 
 
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_flipped_bit_is_an_error_or_changes_nothing(stored, tmp_path, place, bit):
     damaged = bytearray(stored.read_bytes())
     damaged[int(place * len(damaged))] ^= 1 << bit

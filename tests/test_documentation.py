@@ -1,0 +1,76 @@
+"""The programs on the pages run as they are printed, and links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+from cellmap import Basins
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def programs(page: Path) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    yield
+    plt.close("all")
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if programs(p)], ids=lambda p: p.name)
+def test_programs_run(page, tmp_path, monkeypatch):
+    """From top to bottom, as one program, in an empty folder; names of an earlier block serve the later ones."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    for number, text in enumerate(programs(page), 1):
+        exec(compile(text, f"{page.name}, program {number}", "exec"), names)
+
+
+def test_program_of_the_readme_is_ten_lines_and_draws_a_picture(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (text,) = programs(ROOT / "README.md")
+    names: dict[str, object] = {}
+    exec(text.replace("plot_basins(find_basins(icm, grid))", "basins = find_basins(icm, grid)"), names)
+    basins = names["basins"]
+    assert isinstance(basins, Basins)
+    assert [round(float(f.share), 2) for f in basins.fractions.values()] == [0.5, 0.5]
+    assert len([line for line in text.splitlines() if line.strip()]) <= 10
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_to_files_and_headings(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if "://" in target or target.startswith("mailto:"):
+            continue
+        name, _, heading = target.partition("#")
+        other = page.parent / name if name else page
+        if "docs/_static" in str(other) or "_static" in name:
+            continue  # pictures that a study draws
+        assert other.exists(), target
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", other.read_text(encoding="utf-8"), re.MULTILINE)
+            assert heading in [re.sub(r"[^\w -]", "", t.lower()).replace(" ", "-") for t in titles], target
+
+
+def test_every_public_name_is_in_the_reference():
+    import cellmap
+
+    reference = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    missing = [name for name in cellmap.__all__ if not re.search(rf"\b{name}\b", reference)]
+    assert missing == []
+
+
+def test_every_verb_of_make_is_described():
+    rules = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    described = re.findall(r"^\t@echo \"make ([a-z-]+) ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(rules) - {"help"} == set(described)
