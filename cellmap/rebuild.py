@@ -85,6 +85,10 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     """
     if dict(source.params) != dict(basins.params):
         raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
+    axes = source.axes if isinstance(source, ForcedSystem) else source.coordinates
+    if axes != basins.coordinates:
+        theirs, ours = (", ".join(map(repr, c)) for c in (axes, basins.coordinates))
+        raise ValueError(f"source has the coordinates ({theirs}) and the basins ({ours})")
     starts = basins.grid if basins.grid is not None else basins.starts
     assert starts is not None
     point_map = rebuild_map(source, basins.settings["map"])

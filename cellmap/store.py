@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import os
 import platform
@@ -69,8 +70,13 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     >>> bool((same.labels == halves.labels).all())
     True
     """
-    path = Path(path)
+    path = _as_path(path)
     pictures = basins if isinstance(basins, Mapping) else {_ONLY: basins}
+    for picture in pictures.values():
+        if not isinstance(picture, Basins):
+            raise TypeError(
+                f"basins={picture!r}: give Basins, as find_basins returns them, or a mapping of names to them"
+            )
     if not pictures or any(not name or "/" in name for name in pictures):
         raise ValueError(
             f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
@@ -87,6 +93,7 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
             file.attrs["machine"] = platform.machine()
             for key, picture in pictures.items():
                 _write(file.create_group(key), picture)
+            file.attrs["digest"] = _digest(file)
         with temporary.open("rb") as stream:
             os.fsync(stream.fileno())
         temporary.chmod(0o666 & ~_umask())
@@ -121,7 +128,7 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
     StoreError
         For a file that is truncated or damaged, that something else wrote, or that a newer cellmap wrote.
     """
-    path = Path(path)
+    path = _as_path(path)
     if not path.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
     try:
@@ -132,6 +139,10 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
                 raise StoreError(
                     f"{str(path)!r} has layout {file.attrs['schema']} and this cellmap knows {SCHEMA}: update cellmap"
                 )
+            if file.attrs["digest"] != _digest(file):
+                raise StoreError(
+                    f"{str(path)!r} is damaged: its contents are not those that were written; write it again"
+                )
             names = list(file)
             chosen = names[0] if name is None and len(names) == 1 else name
             if chosen in names:
@@ -141,6 +152,36 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeDecodeError) as error:
         raise StoreError(f"{str(path)!r} is truncated, damaged or no HDF5 file: write it again ({error})") from error
     raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
+
+
+def _as_path(path: Any) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise TypeError(f"path={path!r}: give the name of a file") from None
+
+
+def _digest(file: h5py.File) -> str:
+    """Hash of all that a file holds: names, attributes and arrays."""
+    digest = hashlib.sha256()
+
+    def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        digest.update(name.encode())
+        for key in sorted(set(item.attrs) - {"digest"}):
+            digest.update(f"{key}={np.asarray(item.attrs[key]).tolist()!r}".encode())
+        if isinstance(item, h5py.Dataset):
+            values = np.asarray(item[()])
+            digest.update(f"{values.dtype.str}{values.shape}".encode() + values.tobytes())
+
+    add("/", file)
+    file.visititems(add)
+    return digest.hexdigest()
+
+
+def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+    """Store an array compressed, a scalar as it is."""
+    packed = {"compression": "gzip", "shuffle": True, "fletcher32": True} if np.ndim(values) else {}
+    return group.create_dataset(name, data=values, **packed)
 
 
 def _umask() -> int:
@@ -156,18 +197,16 @@ def _write(file: h5py.Group, basins: Basins) -> None:
     file.attrs["coordinates"] = json.dumps([dataclasses.asdict(c) for c in basins.coordinates])
     file.attrs["inaccurate"] = basins.inaccurate
     file.attrs["cost"] = json.dumps(dataclasses.asdict(basins.cost))
-    labels = file.create_dataset("labels", data=basins.labels, compression="gzip", shuffle=True, fletcher32=True)
+    labels = _add_array(file, "labels", basins.labels)
     labels.attrs["meaning"] = json.dumps({str(k): basins.label_name(k) for k in basins.fractions} | _codes())
-    file.create_dataset(
-        "settling_time", data=basins.settling_time, compression="gzip", shuffle=True, fletcher32=True
-    ).attrs["unit"] = "periods"
+    _add_array(file, "settling_time", basins.settling_time).attrs["unit"] = "periods"
     if basins.grid is not None:
         grid = file.create_group("grid")
         grid.attrs.update(
             lower=basins.grid.lower, upper=basins.grid.upper, shape=basins.grid.shape, wraps=basins.grid.wraps
         )
     if basins.starts is not None:
-        file.create_dataset("starts", data=basins.starts, compression="gzip", shuffle=True, fletcher32=True)
+        _add_array(file, "starts", basins.starts)
     group = file.create_group("attractors")
     for k, attractor in enumerate(basins.attractors):
         _write_attractor(group.create_group(str(k)), attractor)

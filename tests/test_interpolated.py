@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tracemalloc
-import warnings
 from math import cos, exp, fabs, floor, pi, sin, sqrt
 
 import numpy as np
@@ -332,13 +331,14 @@ def test_indicator_is_the_error_at_the_centres_in_cell_widths():
     assert icm.table.indicator == pytest.approx(error.max(axis=-1), rel=1e-3, abs=1e-9)
 
 
-def test_default_tolerance_is_a_twentieth_of_a_cell():
-    icm = interpolated_map(exact_map("circle"), CellGrid((-pi,), (pi,), (3,)), outside="integrate", tolerance=COARSE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        default = interpolated_map(exact_map("circle"), CellGrid((-pi,), (pi,), (3,)), outside="integrate")
-    assert np.array_equal(default.table.rough, icm.table.indicator > 0.05)
-    assert default.table.rough.any()
+@pytest.mark.parametrize(("order", "cells", "share"), [(1, 16, 0.05), (3, 12, 1e-3), (5, 9, 1e-4)])
+@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+def test_default_tolerance_is_a_share_of_a_cell(order, cells, share):
+    grid = CellGrid((-pi,), (pi,), (cells,))
+    lax, default = (interpolated_map(exact_map("circle"), grid, order, tolerance=t) for t in (COARSE, None))
+    assert not lax.table.rough.any()
+    assert np.array_equal(default.table.rough, lax.table.indicator > share)
+    assert 0 < default.table.rough.mean() < 1
 
 
 def test_warns_where_most_cells_are_rough():
@@ -390,6 +390,7 @@ def test_error_is_reproducible(pendulum_table):
     assert first.median != other.median
 
 
+@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
 def test_error_counts_the_points_that_have_an_image():
     icm = tabulated("line", (100,), outside="escape")
     assert icm.error(1000).points == 1000
