@@ -226,4 +226,5 @@ class _Integrator:
         pack(starts, members, blocks)
         begin = self.phase * self.system.length
         self.kernel.advance(blocks, np.full(len(blocks), steps), begin, length, self._parameters, errors)
-        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol, self.atol)
+        margin = self.kernel.margin(max(self.rtol, self.atol))
+        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol / margin, self.atol / margin)

@@ -8,7 +8,8 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
-from cellmap import Basins
+import systems
+from cellmap import Basins, CellGrid, find_basins, interpolated_map, stroboscopic_map
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -45,6 +46,21 @@ def test_program_of_the_readme_is_ten_lines_and_draws_a_picture(monkeypatch, tmp
     assert isinstance(basins, Basins)
     assert [round(float(f.share), 2) for f in basins.fractions.values()] == [0.5, 0.5]
     assert len([line for line in text.splitlines() if line.strip()]) <= 10
+
+
+@pytest.mark.slow
+def test_what_is_said_of_a_fractal_boundary():
+    """own-system.md: one label in twelve, one in 25, and shares that agree to 0.002."""
+    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500))
+    exact = stroboscopic_map(systems.two_well_duffing())
+    precise = stroboscopic_map(systems.two_well_duffing(), rtol=1e-13, atol=1e-13)
+    by_table, direct, best = (find_basins(m, grid) for m in (interpolated_map(exact, grid), exact, precise))
+    assert (by_table.labels != direct.labels).mean() == pytest.approx(1 / 12, abs=0.02)
+    assert (direct.labels != best.labels).mean() == pytest.approx(1 / 25, abs=0.01)
+    check = by_table.verify(2000)
+    assert check.low < (by_table.labels != direct.labels).mean() < check.high
+    for other in (by_table, direct):
+        assert other.fractions[0].share == pytest.approx(best.fractions[0].share, abs=0.002)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

@@ -33,13 +33,14 @@ class PeriodKernel:
     """A compiled period.
 
     ``advance`` is the compiled function, ``estimate_order`` the order at which its error estimate shrinks, ``stages``
-    the right-hand sides (or series) a step.
+    the right-hand sides (or series) a step, ``margin(tolerance)`` how far the estimate has to stay below a tolerance.
     """
 
     advance: Callable[..., Any]
     method: str
     estimate_order: int
     stages: int
+    margin: Callable[[float], float]
 
 
 @kept
@@ -113,7 +114,8 @@ def _compiled(code: StepCode, dimension: int, names: Names) -> Callable[..., Any
 
 
 def _finished(advance: Callable[..., Any], method: Method) -> PeriodKernel:
-    return PeriodKernel(advance, method.name, method.estimate_order, len(method.tableau.nodes) if method.tableau else 1)
+    stages = len(method.tableau.nodes) if method.tableau else 1
+    return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin)
 
 
 def _tableau(method: Method) -> Any:
