@@ -91,18 +91,18 @@ def test_taylor_meets_a_loose_tolerance_at_random_starts(
 
 
 @pytest.mark.parametrize("name", ["Duffing", "double pendulum"])
-@pytest.mark.parametrize(("method", "tolerance"), [("DOP853", 1e-6), ("RK45", 1e-7)])
-def test_local_errors_stay_within_the_tolerance(
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("DOP853", 1e-4), ("DOP853", 1e-6), ("RK45", 1e-3), ("RK45", 1e-5), ("RK45", 1e-7)]
+)
+def test_loose_tolerances_are_met(
     problems: Mapping[str, ForcedSystem], allowance: ImagesOf, name: str, method: str, tolerance: float
 ) -> None:
-    """The estimates of the steps are summed as they are; what the flow stretches, it stretches errors as well."""
+    """The flow stretches the errors of large steps most; the margin under the tolerance makes up for it."""
     system, starts = problems[name], starts_of(name, 5_000)
-    tight = stroboscopic_map(system, rtol=1e-13, atol=1e-13, method="DOP853")
-    exact = tight.iterate(starts, 1).unwrapped
-    stretch = np.linalg.svd(jacobian(tight, starts), compute_uv=False).max(axis=-1, keepdims=True)
+    exact = stroboscopic_map(system, rtol=1e-13, atol=1e-13, method="DOP853").iterate(starts, 1).unwrapped
     strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method)
     error = np.abs(strobe.iterate(starts, 1).unwrapped - exact)
-    assert (error <= allowance(system, exact, tolerance, tolerance) * np.maximum(stretch, 1.0)).all()
+    assert (error <= allowance(system, exact, tolerance, tolerance)).all()
 
 
 def test_agreement_with_scipy_at_random_starts(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:

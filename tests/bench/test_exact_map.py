@@ -63,6 +63,4 @@ def test_ratio_to_others(say, one_thread, reference, peer, module, count, tolera
         step = peer(tolerance)
         error = np.abs(step(starts) - reference[:count]).max()
         ratio = best_time(lambda run=step: run(starts), rounds=2) / count / seconds
-        say(
-            f"{module} {tolerance:g}: largest error {error:.1e}; cellmap at {own_error:.1e}: {ratio:.1f} times as fast"
-        )
+        say(f"{module} {tolerance:g}: largest error {error:.1e}; cellmap at {own_error:.1e}: {ratio:.1f} times as fast")
