@@ -38,9 +38,9 @@ def stroboscopic_map(
     """Return the map from a state to the state one period later.
 
     Every image meets ``error <= atol + rtol * abs(image)`` in each component by the estimate of the integrator, summed
-    over the period with a margin for what the flow stretches (for an angle, ``abs(image)`` counts at most half a turn).  Each start takes the number of steps
-    that its own error asks for, so its image does not depend on its neighbours.  A start that misses the tolerance
-    with `max_steps` keeps its best value and the status INACCURATE.
+    over the period with a margin for what the flow stretches (for an angle, ``abs(image)`` counts at most half a turn).
+    Each start takes the number of steps that its own error asks for, so its image does not depend on its neighbours.
+    A start that misses the tolerance with `max_steps` keeps its best value and the status INACCURATE.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cellmap import ForcedSystem, angle, jacobian, stroboscopic_map
+from cellmap import ForcedSystem, angle, stroboscopic_map
 from cellmap.codegen.kernel import flow_kernel
 from cellmap.codegen.module import generated_module
 from cellmap.kernels.options import LANES
