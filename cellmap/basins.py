@@ -388,7 +388,7 @@ class _Run:
         before = len(self.attractors)
         left, self.attractors = sort_out(self.point_map, orbits, self.attractors, self.max_period, extent, age)
         if age == self.max_periods and len(left):
-            self.attractors += chaotic_attractors(self.point_map, left.points, extent)
+            self.attractors += chaotic_attractors(self.point_map, left.points, extent, self.attractors, age)
         return len(self.attractors) > before
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +13,30 @@ from .coordinates import difference, turns_of
 from .jacobian import tangent
 from .periodic import resolution
 from .pointmap import Orbits, PointMap
-from .settling import box_keys, boxes_of
+from .settling import Catalogue, box_keys, boxes_of
 
 _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
 _BOXES = 64
 _LONGEST_RETURN = 128
+_ENDURANCE = 5  # times its age that a chaotic orbit has to last on
+_LOOK_EVERY = 50
 
 
 def chaotic_attractors(
-    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64] | None = None
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    extent: NDArray[np.float64] | None = None,
+    known: Sequence[Attractor] = (),
+    age: int = 0,
 ) -> list[Attractor]:
     """Return the chaotic attractors on which long-lived orbits move.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
     1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
-    where it was sits on an unstable periodic point.  Orbits that share boxes are on one attractor.
+    where it was sits on an unstable periodic point.  If any of the orbits ends on a known attractor within five times
+    the periods that they have lasted, all of them are transients.  Orbits that share boxes are on one attractor.
 
     Parameters
     ----------
@@ -38,6 +46,10 @@ def chaotic_attractors(
         States that have outlived all transients.
     extent : ndarray, shape (dimension,), optional
         Size of the region of interest, 1 by default.
+    known : sequence of Attractor, optional
+        Attractors that the orbits might still end on.
+    age : int, optional
+        Periods that the orbits have lasted.
 
     Returns
     -------
@@ -52,6 +64,11 @@ def chaotic_attractors(
     if not chaotic.any():
         return []
     orbit = Orbits.starting(chosen[chaotic].copy())
+    catalogue = Catalogue.of(known, point_map)
+    for _ in range(0, _ENDURANCE * age, _LOOK_EVERY):
+        point_map.advance(orbit, _LOOK_EVERY)
+        if not orbit.alive.all() or (catalogue.owners_of(orbit.points) >= 0).any():
+            return []
     history = np.empty((_SAMPLE_PERIODS, *orbit.points.shape))
     for k in range(_SAMPLE_PERIODS):
         point_map.advance(orbit, 1)

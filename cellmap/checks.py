@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def finite_number(name: str, value: Any, *, above: float | None = None, at_least: float | None = None) -> float:
+def finite_number(
+    name: str, value: Any, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
+) -> float:
     """Return a finite float, within bounds."""
     try:
         if isinstance(value, str | bytes):
@@ -26,15 +28,19 @@ def finite_number(name: str, value: Any, *, above: float | None = None, at_least
         raise ValueError(f"{name}={value!r}: give a number above {above:g}")
     if at_least is not None and not number >= at_least:
         raise ValueError(f"{name}={value!r}: give a number of at least {at_least:g}")
+    if at_most is not None and not number <= at_most:
+        raise ValueError(f"{name}={value!r}: give a number of at most {at_most:g}")
     return number
 
 
-def whole_number(name: str, value: Any, at_least: int = 0) -> int:
+def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62) -> int:
     """Return an int, within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name}={value!r}: give a whole number")
     if value < at_least:
         raise ValueError(f"{name}={value!r}: give a whole number of at least {at_least}")
+    if value > at_most:
+        raise ValueError(f"{name}={value!r}: give a whole number of at most {at_most}")
     return int(value)
 
 

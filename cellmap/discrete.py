@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import parameter_values
-from .codegen.kernel import discrete_kernel
+from .codegen.kernel import discrete_kernel, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
@@ -66,7 +66,8 @@ def discrete_map(
     name = name or getattr(function, "__name__", type(function).__name__)
     _check_components(function, values, axes)
     timeless = _timeless(function)
-    kernel = discrete_kernel(timeless, d, names, False)
+    symbolic = traces_faithfully(timeless, d, values)
+    kernel = discrete_kernel(timeless, d, names, False, symbolic)
     parameters = np.array([float(v) for v in values.values()])
     lower, turn = turns_of(axes)
 
@@ -77,7 +78,7 @@ def discrete_map(
                 wrap_rows(now.points, now.turns, lower, turn)
 
     def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        compiled = discrete_kernel(timeless, d, names, True)
+        compiled = discrete_kernel(timeless, d, names, True, symbolic)
         if compiled is None:
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)

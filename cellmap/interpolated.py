@@ -365,6 +365,6 @@ class _Advance:
         for j in range(points.shape[1]):
             if circle[j]:
                 place[:, j] -= circle[j] * np.floor(place[:, j] / circle[j])
-                place[:, j] = np.where(place[:, j] < circle[j], place[:, j], 0.0)
+                place[:, j] = np.where((place[:, j] >= 0.0) & (place[:, j] < circle[j]), place[:, j], 0.0)
             outside |= ~((place[:, j] >= 0.0) & (place[:, j] <= cells[j]))
         return outside

@@ -80,7 +80,7 @@ def find_attractors(
         if age == max_periods:
             break
     if len(orbits):
-        attractors += chaotic_attractors(point_map, orbits.points, extent)
+        attractors += chaotic_attractors(point_map, orbits.points, extent, attractors, age)
     return tuple(sorted(attractors, key=sort_key))
 
 

@@ -28,7 +28,7 @@ class Catalogue:
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     owners: NDArray[np.int64]
-    covers: tuple[tuple[int, Cover], ...]
+    covers: tuple[tuple[int, Cover, NDArray[np.int64]], ...]
     turn: NDArray[np.float64]
 
     @classmethod
@@ -41,7 +41,11 @@ class Catalogue:
             np.concatenate([np.empty((0, d)), *(n.centres for _, n in regions)]),
             np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
             np.array([k for k, n in regions for _ in n.centres], np.int64),
-            tuple((k, a.cover) for k, a in enumerate(attractors) if a.cover is not None),
+            tuple(
+                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes))
+                for k, a in enumerate(attractors)
+                if a.cover is not None
+            ),
             turns_of(point_map.coordinates)[1],
         )
 
@@ -98,8 +102,8 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
     inaccurate = steps = 0
     for k in range(age, age + periods + 1):
         capture(now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn)
-        for row, (owner, cover) in enumerate(catalogue.covers):
-            residence[row] = np.where(inside_cover(cover, now.points, point_map), residence[row] + 1, 0)
+        for row, (owner, cover, keys) in enumerate(catalogue.covers):
+            residence[row] = np.where(inside_cover(cover, now.points, point_map, keys), residence[row] + 1, 0)
             resident = (residence[row] >= RESIDENCE) & (found < 0)
             found[resident], when[resident] = owner, max(k - RESIDENCE + 1, 0)
         last = k == age + periods
@@ -123,12 +127,14 @@ def _codes(status: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.where(status == Status.ESCAPED, ESCAPED, np.where(status == Status.DIVERGED, DIVERGED, UNDECIDED))
 
 
-def inside_cover(cover: Cover, points: NDArray[np.float64], point_map: PointMap) -> NDArray[np.bool_]:
-    """Tell which points lie in the boxes of a cover."""
-    keys = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
-    known = box_keys(cover.boxes, cover.boxes)
-    place = np.minimum(np.searchsorted(known, keys), len(known) - 1)
-    return np.asarray(known[place] == keys)
+def inside_cover(
+    cover: Cover, points: NDArray[np.float64], point_map: PointMap, keys: NDArray[np.int64] | None = None
+) -> NDArray[np.bool_]:
+    """Tell which points lie in the boxes of a cover; its sorted keys may be given."""
+    known = box_keys(cover.boxes, cover.boxes) if keys is None else keys
+    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
+    place = np.minimum(np.searchsorted(known, places), len(known) - 1)
+    return np.asarray(known[place] == places)
 
 
 def boxes_of(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import finite_number, one_of, whole_number
-from .codegen.kernel import PeriodKernel, flow_kernel, tangent_flow_kernel
+from .codegen.kernel import PeriodKernel, flow_kernel, tangent_flow_kernel, traces_faithfully
 from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
@@ -20,9 +20,10 @@ from .pointmap import Orbits, PointMap, Status
 from .system import ForcedSystem
 
 SMALLEST_TOLERANCE = 1e-14
+LARGEST_TOLERANCE = 0.1
+MOST_STEPS = 2**31
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _PROBE = 16  # steps a period of the first trial step
-_LARGEST_FINITE_TRIAL = 4096  # an orbit that is still not finite with so many steps a period has diverged
 _RUNGS_PER_OCTAVE = 4
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
@@ -88,15 +89,16 @@ def stroboscopic_map(
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem")
     phase = finite_number("phase", phase)
-    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE)
+    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
     atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
     one_of("method", method, METHOD_NAMES)
-    max_steps = whole_number("max_steps", max_steps, at_least=4)
+    max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
     names = tuple(system.params)
-    kernel = flow_kernel(system.rhs, system.dimension, names, method, rtol)
+    symbolic = traces_faithfully(system.rhs, system.dimension, system.params)
+    kernel = flow_kernel(system.rhs, system.dimension, names, method, rtol, symbolic)
     lower, turn = turns_of(system.axes)
     largest = np.where(turn > 0, 0.5 * turn, np.inf)
-    fewest = _fewest_steps(system)
+    fewest = _fewest_steps(system, max(rtol, atol))
     integrator = _Integrator(kernel, system, phase, rtol, atol, max_steps, largest, fewest)
 
     def advance(orbits: Orbits, periods: int) -> None:
@@ -130,32 +132,35 @@ def _tangent(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Images and derivatives from the variational equation, one lane for each direction."""
     d = system.dimension
-    kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance)
+    symbolic = traces_faithfully(system.rhs, d, system.params)
+    kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance) if symbolic else None
     if kernel is None:
         raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
     integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf), fewest)
     return tangent_by_lanes(integrator.one_period, points, d)
 
 
-def _fewest_steps(system: ForcedSystem) -> int:
+def _fewest_steps(system: ForcedSystem, tolerance: float) -> int:
     """Return the steps a period without which the integrator might step over a part of the forcing and not see it.
 
-    That is half the number of the highest harmonic that the right-hand side has at a state at rest, counting those of
-    at least a hundredth of the strongest.
+    That is half the number of the highest harmonic that the right-hand side has at one of two states, counting those
+    that move the image by more than the tolerance and have a ten-millionth of the strength of the strongest.
     """
-    state = [0.1 + 0.1 * j for j in range(system.dimension)]
     times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
-    try:
-        with np.errstate(all="ignore"):
-            samples = np.array([system.rhs(t, tuple(state), system.parameters) for t in times.tolist()], dtype=float)
-    except (ValueError, ZeroDivisionError, OverflowError):
-        return 1  # outside the domain of the right-hand side
-    if not np.isfinite(samples).all():
-        return 1
-    strength = np.abs(np.fft.rfft(samples, axis=0))[1:]
-    floor = 1e-12 * _FORCING_SAMPLES * np.abs(samples).max(axis=0)
-    present = (strength > 0.01 * strength.max(axis=0)) & (strength > floor)
-    return max(1, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
+    fewest = 1
+    for size in (0.1, 1.1):
+        state = tuple(size + 0.1 * j for j in range(system.dimension))
+        try:
+            with np.errstate(all="ignore"):
+                samples = np.array([system.rhs(t, state, system.parameters) for t in times.tolist()], dtype=float)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the right-hand side
+        if np.isfinite(samples).all():
+            strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / _FORCING_SAMPLES
+            floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), tolerance / system.length)
+            present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
+            fewest = max(fewest, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
+    return fewest
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +183,14 @@ class _Integrator:
     @functools.cached_property
     def _ladder(self) -> NDArray[np.int64]:
         """Numbers of steps to choose from, four to an octave."""
-        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(24 * _RUNGS_PER_OCTAVE)])
+        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
         return np.unique(np.minimum(rungs, self.max_steps))
 
     def one_period(self, orbits: Orbits) -> None:
         """Move orbits on by one period in place, angles unwrapped, each with the steps it needs."""
         starts, images = orbits.points.copy(), orbits.points
         ladder, n = self._ladder, len(starts)
-        powers = ladder.astype(float) ** self.kernel.estimate_order
-        last_finite = min(int(np.searchsorted(ladder, _LARGEST_FINITE_TRIAL)), len(ladder) - 1)
+        before = np.full((n, 2), -1.0)
         lowest = min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1)
         ratios = np.empty(n)
         members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
@@ -197,7 +201,8 @@ class _Integrator:
         while len(members):
             rungs = np.empty(len(members), np.int64)
             leap = 3 * _RUNGS_PER_OCTAVE
-            next_rungs(members, taken, ratios, first, lowest, powers, _SAFETY, leap, last_finite, rungs)
+            order = self.kernel.estimate_order
+            next_rungs(members, taken, ratios, before, order, first, lowest, ladder, _SAFETY, leap, rungs)
             if not first:
                 orbits.status[members[rungs == MISSED]] = Status.INACCURATE
                 orbits.end(members[rungs == DIVERGED], Status.DIVERGED)

@@ -88,7 +88,12 @@ class ForcedSystem:
     @property
     def length(self) -> float:
         """Period as a number, for the present parameters."""
-        return self.period(self.parameters) if callable(self.period) else self.period
+        if not callable(self.period):
+            return self.period
+        try:
+            return self.period(self.parameters)
+        except (AttributeError, ArithmeticError, TypeError) as error:
+            raise ValueError(f"period={self.period!r} fails for the parameters {self.parameters}: {error}") from error
 
     @property
     def parameters(self) -> Any:
@@ -134,6 +139,11 @@ class ForcedSystem:
                 continue  # outside the domain of the right-hand side; other places may be inside
             except AttributeError as error:
                 raise ValueError(f"rhs asks for a parameter that params lacks ({error})") from error
+            except IndexError as error:
+                names = ", ".join(c.name for c in self.axes)
+                raise ValueError(
+                    f"rhs asks for more state variables than there are coordinates ({names}): name each ({error})"
+                ) from error
             except TypeError as error:
                 raise TypeError(f"rhs must be callable as rhs(t, x, p) and return a tuple: {error}") from error
             if len(now) != self.dimension:

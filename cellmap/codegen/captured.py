@@ -39,14 +39,14 @@ def kept(build: Callable[..., R]) -> Callable[..., R]:
 
 
 def captured(function: Any) -> tuple[Any, ...]:
-    """Return the numbers and texts that a function, and the plain functions it calls, find in their surroundings.
+    """Return the code of a function and of the plain functions it calls, and the values that they find around them.
 
     Examples
     --------
     >>> stiffness = 2.0
     >>> def force(x):
     ...     return -stiffness * x
-    >>> captured(force)
+    >>> captured(force)[1:]
     (2.0,)
     """
     return tuple(_values(function, set(), frozenset()))
@@ -63,6 +63,7 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
         return
     seen.add(id(item))
     if isinstance(item, types.FunctionType):
+        yield item.__code__
         names = frozenset(global_names(item.__code__))
         inner: list[Any] = [item.__globals__[n] for n in sorted(names) if n in item.__globals__]
         inner += [c.cell_contents for c in item.__closure__ or ()]
@@ -83,7 +84,8 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
     elif isinstance(item, types.MethodType):
         inner = [item.__func__, item.__self__]
     else:
+        plain = getattr(item, "py_func", None)
         call = type(item).__call__ if callable(item) else None
-        inner = [getattr(item, "py_func", call), getattr(item, "__dict__", None)]
+        inner = [plain] if plain is not None else [call, getattr(item, "__dict__", None)]
     for part in inner:
         yield from _values(part, seen, names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -22,11 +23,19 @@ _FOLD: dict[str, Callable[..., float]] = {
     "fmax": max,
 }
 
+_OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
+
 FUNCTIONS = (
     "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
     "hypot ceil asinh acosh atanh erf"
 ).split()
 """Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
+
+
+def operation_on_numbers(name: str) -> Callable[..., float]:
+    """Return an operation on numbers by its name."""
+    fold: Callable[..., float] = _FOLD.get(name) or getattr(math, name)
+    return fold
 
 
 class UntraceableError(TypeError):
@@ -129,9 +138,8 @@ class Graph:
         """Apply an operation; constants are folded, and factors and summands without effect vanish."""
         arguments = tuple(self.lift(a) for a in operands)
         if all(a.operation == "constant" for a in arguments):
-            fold = _FOLD.get(operation) or getattr(math, operation)
             try:
-                return self.constant(fold(*(a.value for a in arguments)))
+                return self.constant(operation_on_numbers(operation)(*(a.value for a in arguments)))
             except (ValueError, ZeroDivisionError, OverflowError):
                 pass
         values = [a.value if a.operation == "constant" else None for a in arguments]
@@ -172,10 +180,15 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
 
     def make(name: str) -> Callable[..., Any]:
         def function(*arguments: Any) -> Any:
+            if name in _OF_ANY_NUMBER:
+                several = tuple(arguments[0]) if len(arguments) == 1 else arguments
+                if len(several) != 2:
+                    return functools.reduce(function, several)
+                arguments = several
             for argument in arguments:
                 if isinstance(argument, Expression):
                     return argument.graph.apply(name, *arguments)
-            return (_FOLD.get(name) or getattr(math, name))(*arguments)
+            return operation_on_numbers(name)(*arguments)
 
         return function
 

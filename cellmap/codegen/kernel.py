@@ -6,7 +6,7 @@ what they compute and not on parameter values: sweeping a parameter compiles not
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ from .methods import Method, choose_method
 from .module import generated_module, module_in_memory
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
-from .trace import Trace, parameter_record, trace
+from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
 
@@ -49,10 +49,19 @@ def traced_function(function: Callable[..., Any], dimension: int, names: Names) 
     return trace(function, dimension, names)
 
 
+def traces_faithfully(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> bool:
+    """Whether a function can be traced, and its trace gives what the function itself gives in plain Python."""
+    names, values = tuple(params), tuple(params.values())
+    traced = traced_function(function, dimension, names)
+    return traced is not None and is_faithful(traced, function, values, parameter_record(names)(*values))
+
+
 @kept
-def flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, method: str, rtol: float) -> PeriodKernel:
-    """Compile the period of a flow with a method of that name."""
-    traced = traced_function(rhs, dimension, names)
+def flow_kernel(
+    rhs: Callable[..., Any], dimension: int, names: Names, method: str, rtol: float, symbolic: bool = True
+) -> PeriodKernel:
+    """Compile the period of a flow with a method of that name, from its trace or, if not `symbolic`, as it is."""
+    traced = traced_function(rhs, dimension, names) if symbolic else None
     chosen = choose_method(method, traced, rtol)
     if traced is None:
         return _finished(_called(rhs, called_steps(dimension, len(names), _tableau(chosen)), dimension, names), chosen)
@@ -75,10 +84,10 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
 
 @kept
 def discrete_kernel(
-    function: Callable[..., Any], dimension: int, names: Names, tangent: bool
+    function: Callable[..., Any], dimension: int, names: Names, tangent: bool, symbolic: bool = True
 ) -> Callable[..., Any] | None:
     """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
-    traced = traced_function(function, dimension, names)
+    traced = traced_function(function, dimension, names) if symbolic else None
     if traced is None:
         if tangent:
             return None

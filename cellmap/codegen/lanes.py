@@ -27,6 +27,9 @@ from cellmap.kernels.options import KERNEL
 
 """
 
+CHECKED = 256
+"""Steps between two looks at whether any lane of a block is still finite."""
+
 SIGNATURE = "void(float64[:, :, ::1], int64[::1], float64, float64, float64[::1], float64[:, :, ::1])"
 
 
@@ -63,6 +66,13 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
         *indent(4, (f"x{j} = x_{j}[i]" for j in components)),
         *indent(4, code.per_lane),
         *indent(4, (f"x_{j}[i] = y{j}; e_{j}[i] += abs(e{j})" for j in components)),
+        # Many steps are taken where few have failed: there it pays to see that no lane is finite any more.
+        f"            if step % {CHECKED} == {CHECKED - 1} and steps[b] >= {CHECKED}:",
+        "                finite = 0",
+        f"                for i in range({LANES}):",
+        "                    finite += " + " and ".join(f"abs(x_{j}[i]) < math.inf" for j in components),
+        "                if finite == 0:",
+        "                    break",
     ]
     return HEADER + "\n".join(lines) + "\n"
 

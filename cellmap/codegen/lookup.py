@@ -77,7 +77,7 @@ def _text(d: int, order: int) -> str:
             f"u{a} = (x{a} - origin{a}) * inverse{a}",
             f"if circle{a} > 0.0:",
             f"    u{a} -= circle{a} * floor(u{a} / circle{a})",
-            f"    u{a} = u{a} if u{a} < circle{a} else 0.0",
+            f"    u{a} = u{a} if 0.0 <= u{a} < circle{a} else 0.0",
         ]
     inside = " and ".join(f"0.0 <= u{a} <= cells{a}" for a in axes)
     body.append(f"inside = {inside}")

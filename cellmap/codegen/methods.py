@@ -61,7 +61,9 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
     """
     analytic = trace is not None and trace.is_analytic and _powers_have_recurrences(trace)
     if name == "auto":
-        name = "Taylor" if analytic and trace is not None and _series_work(trace) <= 8 else "DOP853"
+        name = (
+            "Taylor" if analytic and trace is not None and _is_entire(trace) and _series_work(trace) <= 8 else "DOP853"
+        )
     if name == "Taylor":
         if not analytic:
             raise ValueError(
@@ -76,6 +78,21 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
 def _powers_have_recurrences(trace: Trace) -> bool:
     levels = trace.levels()
     return all(n.operation != "pow" or levels[n.arguments[1]] == 0 for n in levels)
+
+
+def _is_entire(trace: Trace) -> bool:
+    """Whether the state enters through products and sines alone, whose series hide nothing.
+
+    A series sees the function at one point.  Where tanh is saturated, or at the foot of a narrow bell, all of its
+    coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.
+    """
+    levels = trace.levels()
+    plain = {"add", "sub", "mul", "neg", "sin", "cos", "state"}
+    return all(
+        node.operation in plain or (node.operation == "div" and levels[node.arguments[1]] != STATEFUL)
+        for node, level in levels.items()
+        if level == STATEFUL
+    )
 
 
 def _series_work(trace: Trace) -> int:

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import functools
+import math
+import random
 from collections import namedtuple
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order, is_analytic
+from .expression import (
+    Expression,
+    Graph,
+    UntraceableError,
+    elementary_functions,
+    in_order,
+    is_analytic,
+    operation_on_numbers,
+)
 from .rebind import rebind
 
 CONSTANT, TIMED, STATEFUL = range(3)
@@ -62,3 +72,44 @@ def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Se
     except (UntraceableError, TypeError, AttributeError):
         return None
     return Trace(graph, states, time, symbols, outputs)
+
+
+def is_faithful(
+    traced: Trace, function: Callable[..., Sequence[Any]], parameters: tuple[float, ...], record: Any
+) -> bool:
+    """Compare a trace with its function, in plain Python, at a few places of several sizes.
+
+    A function may do what its trace does not show: catch exceptions, or ask for the type of a number.
+    """
+    rng = random.Random(0)
+    for size in (0.0, 0.1, 1.0, 1.0, 10.0):
+        state = tuple(size * rng.uniform(-1.0, 1.0) for _ in traced.states)
+        t = rng.uniform(0.0, 10.0)
+        try:
+            expected = [float(v) for v in function(t, state, record)]
+        except (ArithmeticError, ValueError):
+            continue  # outside the domain of the function
+        if len(expected) != len(traced.outputs):
+            return False
+        seen = evaluate(traced, t, state, parameters)
+        scale = max([1e-300, *(abs(v) for v in expected if v == v)])
+        if any(
+            not abs(a - b) <= 1e-9 * scale for a, b in zip(expected, seen, strict=True) if a == a and abs(a) < 1e300
+        ):
+            return False
+    return True
+
+
+def evaluate(traced: Trace, t: float, state: Sequence[float], parameters: Sequence[float]) -> list[float]:
+    """Return the values of the expressions of a trace; NaN where an operation is not defined."""
+    inputs = {"time": lambda _: t, "state": state.__getitem__, "parameter": parameters.__getitem__, "constant": float}
+    values: dict[Expression, float] = {}
+    for node in in_order(traced.outputs):
+        if node.operation in inputs:
+            values[node] = inputs[node.operation](node.value)
+            continue
+        try:
+            values[node] = float(operation_on_numbers(node.operation)(*(values[a] for a in node.arguments)))
+        except (ArithmeticError, ValueError, TypeError):
+            values[node] = math.nan
+    return [values[e] for e in traced.outputs]

@@ -9,38 +9,50 @@ from .options import KERNEL
 
 MET, DIVERGED, MISSED = -1, -2, -3
 
+KINK = 2.0  # order to which errors fall at best where a right-hand side has a kink
+ASYMPTOTIC = 512.0  # steps a period from which on errors are taken to fall as they will
+
 
 @njit(**KERNEL)
-def next_rungs(members, taken, ratios, first, lowest, powers, safety, leap, last_finite, rungs):
+def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safety, leap, rungs):
     """Choose the next rung of each member, or say why there is none.
 
     ``taken[m]`` is the rung that gave ``ratios[members[m]]``, error estimate over tolerance; in the ``first`` round it
-    stands for a trial, and no rung below ``lowest`` is chosen.  ``powers[k]`` is the number of steps of rung k to the
-    order of the estimate, so that rung k should do where ``powers[k] >= safety * ratio * powers[taken]``.  At most
-    ``leap`` rungs are climbed at once.  From rung ``last_finite`` on, an image that is not finite has diverged.
+    stands for a trial, and no rung below ``lowest`` is chosen.  Rung k has ``steps[k]`` steps and should do where
+    ``steps[k]**order >= safety * ratio * steps[taken]**order``.  At most ``leap`` rungs are climbed at once, or twice
+    as many from an image that is not finite.  ``before[members[m]]`` holds ratio and steps of the round before, -1 for
+    none; where the ratio falls so slowly that the last rung would not do, as it does across a kink, there is no next.
     """
-    last = powers.size - 1
+    last = steps.size - 1
     for m in range(members.size):
-        ratio, rung = ratios[members[m]], taken[m]
+        member, rung = members[m], taken[m]
+        ratio = ratios[member]
+        finite = ratio < np.inf
         if ratio <= 1.0 and not first:
             rungs[m] = MET
-            continue
-        if not ratio < np.inf:
-            rungs[m] = DIVERGED if rung >= last_finite else max(min(rung + leap, last), lowest)
-            continue
-        if rung == last and not first:
-            rungs[m] = MISSED
-            continue
-        needed = safety * ratio * powers[rung]
-        low = lowest if first else rung + 1
-        high = max(low, min(rung + leap, last))
-        while low < high:
-            middle = (low + high) // 2
-            if powers[middle] >= needed:
-                high = middle
-            else:
-                low = middle + 1
-        rungs[m] = high
+        elif rung == last and not first:
+            rungs[m] = MISSED if finite else DIVERGED
+        elif not finite:
+            rungs[m] = max(min(rung + 2 * leap, last), lowest)
+        else:
+            low = lowest if first else rung + 1
+            if before[member, 1] >= ASYMPTOTIC and steps[rung] >= 1.4 * before[member, 1]:
+                growth = np.log(steps[rung] / before[member, 1])
+                seen = np.log(before[member, 0] / ratio) / growth
+                if seen < 0.6 * order and np.log(ratio) > max(seen, KINK) * np.log(steps[last] / steps[rung]):
+                    rungs[m] = MISSED
+                    continue
+            if not first:
+                before[member, 0], before[member, 1] = ratio, steps[rung]
+            needed = (safety * ratio) ** (1.0 / order) * steps[rung]
+            high = max(low, min(rung + leap, last))
+            while low < high:
+                middle = (low + high) // 2
+                if steps[middle] >= needed:
+                    high = middle
+                else:
+                    low = middle + 1
+            rungs[m] = high
 
 
 @njit(**KERNEL)
