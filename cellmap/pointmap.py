@@ -35,7 +35,7 @@ class Status(IntEnum):
     ESCAPED = 2
     """The orbit left the table of an interpolated map."""
     DIVERGED = 3
-    """The orbit grew beyond all bounds, or the right-hand side was not finite on it."""
+    """The orbit grew beyond all bounds, or the right-hand side was not finite on it, or no step was short enough."""
 
 
 _FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison

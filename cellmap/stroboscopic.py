@@ -204,7 +204,11 @@ class _Integrator:
             order = self.kernel.estimate_order
             next_rungs(members, taken, ratios, before, order, first, lowest, ladder, _SAFETY, leap, rungs)
             if not first:
-                orbits.status[members[rungs == MISSED]] = Status.INACCURATE
+                missed = members[rungs == MISSED]
+                orbits.status[missed] = Status.INACCURATE
+                # An image without one right digit is none.
+                tolerance = max(self.rtol, self.atol) / self.kernel.margin(max(self.rtol, self.atol))
+                orbits.end(missed[ratios[missed] * tolerance > 1.0], Status.DIVERGED)
                 orbits.end(members[rungs == DIVERGED], Status.DIVERGED)
             again = int(np.count_nonzero(rungs >= 0))
             ordered, taken, ends = np.empty(again, np.int64), np.empty(again, np.int64), np.empty(len(ladder), np.int64)

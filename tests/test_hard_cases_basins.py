@@ -14,7 +14,6 @@ from cellmap import (
     Kind,
     PointMap,
     Status,
-    ToleranceWarning,
     angle,
     discrete_map,
     find_attractors,
@@ -197,14 +196,13 @@ def test_enormous_amplitude():
 
 
 def test_negative_damping():
-    """The energy grows for ever: no attractor; starts off the equilibrium turn too fast to follow, then diverge."""
+    """The energy grows for ever: no attractor, and starts off the equilibrium diverge."""
 
     def rhs(t, x, p):
         return x[1], -sin(x[0]) + p.gain * x[1]
 
     exact = stroboscopic_map(ForcedSystem(rhs, {"gain": 2.0}, 2 * pi, (angle("theta"), "v")))
-    with pytest.warns(ToleranceWarning, match="on the way of 2 of 3 starts"):
-        basins = find_basins(exact, [[0.1, 0.0], [1.0, 1.0], [0.0, 0.0]], max_periods=60)
+    basins = find_basins(exact, [[0.1, 0.0], [1.0, 1.0], [0.0, 0.0]], max_periods=60)
     assert basins.attractors == ()
     assert basins.labels.tolist() == [DIVERGED, DIVERGED, UNDECIDED]
 
