@@ -11,7 +11,7 @@ from .lanes import StepCode
 from .runge_kutta import Tableau, traced_steps
 from .tableaus import dop853, rk45
 from .taylor import taylor_steps
-from .trace import STATEFUL, Trace
+from .trace import CONSTANT, STATEFUL, Trace
 
 
 @dataclass(frozen=True)
@@ -81,17 +81,18 @@ def _powers_have_recurrences(trace: Trace) -> bool:
 
 
 def _is_entire(trace: Trace) -> bool:
-    """Whether the state enters through products and sines alone, whose series hide nothing.
+    """Whether state and time enter through products and sines alone, whose series hide nothing.
 
     A series sees the function at one point.  Where tanh is saturated, or at the foot of a narrow bell, all of its
     coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.
     """
     levels = trace.levels()
-    plain = {"add", "sub", "mul", "neg", "sin", "cos", "state"}
+    plain = {"add", "sub", "mul", "neg", "sin", "cos", "state", "time"}
     return all(
-        node.operation in plain or (node.operation == "div" and levels[node.arguments[1]] != STATEFUL)
+        level == CONSTANT
+        or node.operation in plain
+        or (node.operation == "div" and levels[node.arguments[1]] == CONSTANT)
         for node, level in levels.items()
-        if level == STATEFUL
     )
 
 
