@@ -123,16 +123,21 @@ def stroboscopic_map(
         },
         period=system.length,
         tolerance=(rtol, atol),
-        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps, fewest),
+        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps, fewest, symbolic),
     )
 
 
 def _tangent(
-    system: ForcedSystem, phase: float, tolerance: float, max_steps: int, fewest: int, points: NDArray[np.float64]
+    system: ForcedSystem,
+    phase: float,
+    tolerance: float,
+    max_steps: int,
+    fewest: int,
+    symbolic: bool,
+    points: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Images and derivatives from the variational equation, one lane for each direction."""
     d = system.dimension
-    symbolic = traces_faithfully(system.rhs, d, system.params)
     kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance) if symbolic else None
     if kernel is None:
         raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
