@@ -8,24 +8,35 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_number, parameter_values
+from .checks import finite_number, finite_points, parameter_values
+from .codegen.rebind import over_arrays
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates
 
-RightHandSide = Callable[[float, Sequence[float], Any], Sequence[float]]
+RightHandSide = Callable[..., Sequence[float]]
+"""``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
+
+StateFunction = Callable[[float, Sequence[float], Any], Sequence[float]]
+"""Functions ``f(t, x, p)`` of time, state and parameters that return a tuple."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForcedSystem:
     """A system dx/dt = rhs(t, x, p) whose right-hand side repeats itself after one period.
 
+    A right-hand side that jumps, as dry friction does, is given with its `switches`: functions whose zeros are the
+    surfaces where it jumps, and whose signs s it takes as a fourth argument.  On a surface that attracts from both
+    sides the solution slides or sticks, in the sense of Filippov (1988): s takes the value between -1 and 1 that keeps
+    it there.
+
     Parameters
     ----------
     rhs : callable
         Pure function ``rhs(t, x, p)`` of time, the tuple of state variables and the named tuple of parameters; returns
-        the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.
+        the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.  With `switches` it is
+        ``rhs(t, x, p, s)``, where s is the tuple of their signs.
     params : mapping of str to float
         Parameters by name; the right-hand side reads them as ``p.name``.
     period : float or callable
@@ -35,12 +46,23 @@ class ForcedSystem:
         Name of each state variable; use :func:`angle` for those on a circle.
     name : str, optional
         Name for files and plots; by default the name of `rhs`.
+    switches : callable, optional
+        Switching functions: ``switches(t, x, p)`` returns the tuple of smooth functions at whose zeros `rhs` jumps.
+        Between the surfaces, and for fixed signs, `rhs` must be smooth; on a surface it must be affine in its sign
+        (any function of one sign is).
+    outputs : mapping of str to callable, optional
+        Further quantities by name, functions ``f(t, x, p)`` that return a tuple: energies, positions of parts; see
+        :meth:`output`.
 
     Raises
     ------
     TypeError, ValueError
         For parameters that are not finite numbers, a right-hand side that returns a wrong number of components, or a
         period or an angle that the right-hand side does not have.
+
+    References
+    ----------
+    Filippov, *Differential Equations with Discontinuous Righthand Sides* (1988).
 
     Examples
     --------
@@ -60,6 +82,8 @@ class ForcedSystem:
     period: float | Callable[[Any], float]
     coordinates: Iterable[str | Coordinate] = ()
     name: str = ""
+    switches: StateFunction | None = None
+    outputs: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(self.rhs):
@@ -68,6 +92,10 @@ class ForcedSystem:
         set_field("params", parameter_values(self.params))
         set_field("coordinates", as_coordinates(self.coordinates))
         set_field("name", self.name or getattr(self.rhs, "__name__", type(self.rhs).__name__))
+        if self.switches is not None and not callable(self.switches):
+            raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
+        if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
+            raise TypeError(f"outputs={self.outputs!r}: give functions f(t, x, p) by name")
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
 
@@ -113,18 +141,55 @@ class ForcedSystem:
             raise ValueError(f"params has no {sorted(unknown)}: this system has {sorted(self.params)}")
         return replace(self, params={**self.params, **changes})
 
-    def derivative(self, t: float, x: Sequence[float]) -> tuple[float, ...]:
-        """Return the right-hand side at one time and state, evaluated in plain Python."""
-        return tuple(self.rhs(t, tuple(x), self.parameters))
+    def signs(self, t: float, x: Sequence[float]) -> tuple[float, ...]:
+        """Return the signs of the switching functions at one time and state: -1, 1, and 0 on a surface."""
+        if self.switches is None:
+            return ()
+        return tuple(float(np.sign(h)) for h in self.switches(t, tuple(x), self.parameters))
+
+    def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
+        """Return the right-hand side at one time and state, evaluated in plain Python.
+
+        Where it jumps, `signs` choose the side; by default they are those of the switching functions, and on a surface
+        the mean of both sides is returned.
+        """
+        if self.switches is None:
+            return tuple(self.rhs(t, tuple(x), self.parameters))
+        return tuple(self.rhs(t, tuple(x), self.parameters, self.signs(t, x) if signs is None else tuple(signs)))
 
     def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
-        return np.array(self.rhs(t, tuple(y), self.parameters), dtype=float)
+        return np.array(self.derivative(t, y), dtype=float)
+
+    def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
+        """Return a further quantity along states.
+
+        Parameters
+        ----------
+        name : str
+            One of `outputs`.
+        t : array_like, shape (...)
+            Times, which broadcast against the states.
+        states : array_like, shape (..., dimension)
+            States.
+
+        Returns
+        -------
+        ndarray, shape (..., components)
+            Values of the function.
+        """
+        if name not in self.outputs:
+            raise ValueError(f"name={name!r}: the outputs of {self.name} are {sorted(self.outputs) or 'none'}")
+        points = finite_points("states", states, self.dimension)
+        times, *columns = np.broadcast_arrays(np.asarray(t, dtype=float), *np.moveaxis(points, -1, 0))
+        function = over_arrays(self.outputs[name])
+        return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
 
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
         angles = [(j, c) for j, c in enumerate(self.axes) if c.turn is not None]
+        functions = "rhs" if self.switches is None else "rhs or switches"
         failure: Exception | None = None
         checked = False
         for fraction in (0.0, 0.21, 0.47, 0.83):
@@ -138,14 +203,18 @@ class ForcedSystem:
                 failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
             except AttributeError as error:
-                raise ValueError(f"rhs asks for a parameter that params lacks ({error})") from error
+                raise ValueError(f"{functions} asks for a parameter that params lacks ({error})") from error
             except IndexError as error:
                 names = ", ".join(c.name for c in self.axes)
                 raise ValueError(
-                    f"rhs asks for more state variables than there are coordinates ({names}): name each ({error})"
+                    f"{functions} asks for more state variables than there are coordinates ({names}): name each "
+                    f"({error})"
                 ) from error
             except TypeError as error:
-                raise TypeError(f"rhs must be callable as rhs(t, x, p) and return a tuple: {error}") from error
+                form = (
+                    "rhs(t, x, p)" if self.switches is None else "rhs(t, x, p, s), and switches as switches(t, x, p),"
+                )
+                raise TypeError(f"rhs must be callable as {form} and return a tuple: {error}") from error
             if len(now) != self.dimension:
                 names = ", ".join(c.name for c in self.axes)
                 raise ValueError(

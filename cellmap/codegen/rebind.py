@@ -30,6 +30,10 @@ def _canonical_names() -> dict[Any, str]:
 
 CANONICAL_NAMES = _canonical_names()
 
+_ARRAY_FUNCTIONS: dict[str, Any] = {name: f for f, name in CANONICAL_NAMES.items() if isinstance(f, np.ufunc)}
+for _name in ("fmin", "fmax", "hypot"):
+    _ARRAY_FUNCTIONS[_name] = functools.partial(lambda f, *several: functools.reduce(f, several), getattr(np, _name))
+
 
 class _Namespace(types.ModuleType):
     """Stand-in for a module such as ``math``: listed functions are replaced, the rest is the module's own."""
@@ -90,6 +94,18 @@ def rebind(
         return finished
 
     return _rebind_callable(getattr(function, "py_func", function), copy)
+
+
+def over_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Copy a plain function of numbers into one of arrays.
+
+    Examples
+    --------
+    >>> from math import sin
+    >>> over_arrays(lambda angle: 2 * sin(angle))(np.zeros(3))
+    array([0., 0., 0.])
+    """
+    return rebind(function, _ARRAY_FUNCTIONS)
 
 
 def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -> Callable[..., Any]:
