@@ -159,7 +159,7 @@ class ForcedSystem:
 
     def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
-        return np.array(self.derivative(t, y), dtype=float)
+        return np.array(self.derivative(t, tuple(y)), dtype=float)
 
     def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
         """Return a further quantity along states.
