@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import finite_number, one_of, whole_number
-from .codegen.kernel import PeriodKernel, flow_kernel, tangent_flow_kernel, traces_faithfully
+from .codegen.kernel import (
+    PeriodKernel,
+    flow_kernel,
+    switching_kernel,
+    tangent_flow_kernel,
+    traces_faithfully,
+)
 from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
@@ -93,9 +99,8 @@ def stroboscopic_map(
     atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
     one_of("method", method, METHOD_NAMES)
     max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
-    names = tuple(system.params)
-    symbolic = traces_faithfully(system.rhs, system.dimension, system.params)
-    kernel = flow_kernel(system.rhs, system.dimension, names, method, rtol, symbolic)
+    symbolic = system.switches is not None or traces_faithfully(system.rhs, system.dimension, system.params)
+    kernel = _kernel(system, method, rtol, symbolic)
     lower, turn = turns_of(system.axes)
     largest = np.where(turn > 0, 0.5 * turn, np.inf)
     fewest = _fewest_steps(system, max(rtol, atol))
@@ -127,6 +132,21 @@ def stroboscopic_map(
     )
 
 
+def _kernel(system: ForcedSystem, method: str, rtol: float, symbolic: bool) -> PeriodKernel:
+    names = tuple(system.params)
+    if system.switches is None:
+        return flow_kernel(system.rhs, system.dimension, names, method, rtol, symbolic)
+    if method not in {"auto", "Taylor"}:
+        raise ValueError(f"method={method!r}: a right-hand side that jumps is integrated by method='Taylor'")
+    kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
+    if kernel is None:
+        raise TypeError(
+            f"rhs of {system.name} has switches and must therefore be plain arithmetic and analytic functions of math "
+            "for fixed signs, without branches on the state: write branches with the signs s"
+        )
+    return kernel
+
+
 def _tangent(
     system: ForcedSystem,
     phase: float,
@@ -138,7 +158,11 @@ def _tangent(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Images and derivatives from the variational equation, one lane for each direction."""
     d = system.dimension
-    kernel = tangent_flow_kernel(system.rhs, d, tuple(system.params), tolerance) if symbolic else None
+    names, kernel = tuple(system.params), None
+    if system.switches is not None:
+        kernel = switching_kernel((system.rhs, system.switches), d, names, tolerance, True)
+    elif symbolic:
+        kernel = tangent_flow_kernel(system.rhs, d, names, tolerance)
     if kernel is None:
         raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
     integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf), fewest)
@@ -157,7 +181,7 @@ def _fewest_steps(system: ForcedSystem, tolerance: float) -> int:
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
             with np.errstate(all="ignore"):
-                samples = np.array([system.rhs(t, state, system.parameters) for t in times.tolist()], dtype=float)
+                samples = np.array([system.derivative(t, state) for t in times.tolist()])
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from .expression import Expression, Graph, UntraceableError, in_order
@@ -22,11 +22,14 @@ def tangent_trace(trace: Trace) -> Trace:
     graph = trace.graph
     d = len(trace.states)
     directions = tuple(graph.node("state", value=d + j) for j in range(d))
-    derivatives = _along(graph, trace.outputs, dict(zip(trace.states, directions, strict=True)))
+    derivatives = along(graph, trace.outputs, dict(zip(trace.states, directions, strict=True)))
     return replace(trace, states=(*trace.states, *directions), outputs=(*trace.outputs, *derivatives))
 
 
-def _along(graph: Graph, outputs: Sequence[Expression], seeds: dict[Expression, Expression]) -> tuple[Expression, ...]:
+def along(
+    graph: Graph, outputs: Sequence[Expression], seeds: Mapping[Expression, Expression]
+) -> tuple[Expression, ...]:
+    """Return the derivatives of expressions along a direction, given those of the inputs (others rest)."""
     zero = graph.constant(0.0)
     known: dict[Expression, Expression | None] = dict(seeds)
     for node in in_order(outputs):

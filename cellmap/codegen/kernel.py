@@ -7,7 +7,7 @@ what they compute and not on parameter values: sweeping a parameter compiles not
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numba import njit
@@ -18,11 +18,13 @@ from .captured import kept
 from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
+from .filippov import SwitchingTrace, switching_trace
 from .lanes import StepCode, lane_module
-from .methods import Method, choose_method
+from .methods import Method, choose_method, taylor_margin, taylor_order
 from .module import generated_module, module_in_memory
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
+from .switching import switching_module
 from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
@@ -80,6 +82,35 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
         return None
     chosen = choose_method("auto", tangent, rtol)
     return _finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
+
+
+@kept
+def switching_kernel(
+    functions: tuple[Callable[..., Any], Callable[..., Any]], dimension: int, names: Names, rtol: float, tangent: bool
+) -> PeriodKernel | None:
+    """Compile the period of a right-hand side that jumps, given with its switching functions; None if untraceable.
+
+    With `tangent` it carries one tangent vector, 2 d components.
+    """
+    traced = traced_switching(functions, dimension, names)
+    if traced is None or not traced.is_analytic:
+        return None
+    if tangent:
+        try:
+            traced = replace(traced, motion=tangent_trace(traced.motion))
+        except UntraceableError:
+            return None
+    order = taylor_order(rtol)
+    advance = generated_module(switching_module(traced, order, len(names))).advance
+    return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin)
+
+
+@kept
+def traced_switching(
+    functions: tuple[Callable[..., Any], Callable[..., Any]], dimension: int, names: Names
+) -> SwitchingTrace | None:
+    """Trace a right-hand side with its switching functions once; None where it cannot be traced."""
+    return switching_trace(*functions, dimension, names)
 
 
 @kept

@@ -9,18 +9,20 @@ everything that depends on time alone is computed once for all lanes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from .emit import in_chains, input_name, library
 from .expression import Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
+_MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
 def taylor_steps(trace: Trace, order: int) -> StepCode:
     """Write one step of the Taylor method of the given order for a traced, analytic right-hand side."""
-    series = _Series(trace, order)
+    series = Series(trace, order)
     once = series.at_order(CONSTANT, 0)
     per_step = ["t0 = t"]
     per_lane = [f"s{j}_0 = x{j}" for j in range(len(trace.states))]
@@ -38,14 +40,24 @@ def taylor_steps(trace: Trace, order: int) -> StepCode:
     return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
 
 
-class _Series:
-    """Names and recurrences of the coefficients of every node."""
+class Series:
+    """Names and recurrences of the coefficients of every node.
 
-    def __init__(self, trace: Trace, order: int) -> None:
-        self.trace, self.order = trace, order
-        self.levels = trace.levels()
-        self.nodes = [n for n in in_order(trace.outputs) if n.arguments]
+    ``extra`` expressions are expanded besides those of the trace.  With ``one_clock`` all lanes share the time.
+    """
+
+    def __init__(self, trace: Trace, order: int, extra: tuple[Expression, ...] = (), one_clock: bool = True) -> None:
+        self.trace, self.order, self.extra = trace, order, extra
+        self.levels = replace(trace, outputs=(*trace.outputs, *extra)).levels()
+        if not one_clock:
+            self.levels = {n: STATEFUL if level == TIMED else level for n, level in self.levels.items()}
+        ordered = in_order((*trace.outputs, *extra))
+        self.nodes = [n for n in ordered if n.arguments]
         self.numbers = {n: i for i, n in enumerate(self.nodes)}
+        self.modal: set[Expression] = set()
+        for node in ordered:
+            if node.operation in _MODES or not self.modal.isdisjoint(node.arguments):
+                self.modal.add(node)
 
     def name(self, node: Expression, k: int) -> str:
         """Name of coefficient k of a node; empty where it vanishes."""
@@ -53,14 +65,20 @@ class _Series:
             return ("t0", "h")[k] if k < 2 else ""
         if k and self.levels.get(node, CONSTANT) == CONSTANT:
             return ""
-        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}"}
+        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}", **_MODES}
         return input_name(node, inputs) or f"v{self.numbers[node]}_{k}"
 
-    def at_order(self, level: int, k: int) -> list[str]:
-        """Statements for coefficient k of all nodes of one level."""
+    def at_order(
+        self, level: int, k: int, of_lanes: bool | None = None, only: tuple[Expression, ...] | None = None
+    ) -> list[str]:
+        """Statements for coefficient k of all nodes of one level, or of those that some expressions need.
+
+        Constants differ from lane to lane where they depend on the mode; `of_lanes` chooses these or the others.
+        """
+        wanted = self.numbers.keys() if only is None else set(in_order(only))
         lines: list[str] = []
         for node in self.nodes:
-            if self.levels[node] == level:
+            if self.levels[node] == level and node in wanted and of_lanes in (None, node in self.modal):
                 lines += self._statements(node, k, level)
         return lines
 
