@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import cos, pi, sin
+from math import sin
 from typing import Any
 
 from cellmap import ForcedSystem, angle
 from cellmap.checks import finite_number
+
+from .oscillator import forced_oscillator
 
 
 def forced_pendulum(damping: float = 0.2, forcing: float = 2.0, frequency: float = 1.0) -> ForcedSystem:
@@ -42,18 +43,15 @@ def forced_pendulum(damping: float = 0.2, forcing: float = 2.0, frequency: float
     >>> forced_pendulum().derivative(0.0, (0.0, 1.0))
     (1.0, 1.8)
     """
-    params = {
-        "damping": finite_number("damping", damping, at_least=0.0),
-        "forcing": finite_number("forcing", forcing),
-        "frequency": finite_number("frequency", frequency, above=0.0),
-    }
-    return ForcedSystem(_pendulum, params, period=_period, coordinates=(angle("theta"), "v"), name="forced pendulum")
+    return forced_oscillator(
+        "forced pendulum",
+        _pendulum,
+        damping=finite_number("damping", damping, at_least=0.0),
+        forcing=forcing,
+        frequency=frequency,
+        position=angle("theta"),
+    )
 
 
-def _pendulum(t: float, x: Sequence[float], p: Any) -> tuple[float, float]:
-    theta, v = x
-    return v, -p.damping * v - sin(theta) + p.forcing * cos(p.frequency * t)
-
-
-def _period(p: Any) -> float:
-    return 2.0 * pi / p.frequency
+def _pendulum(theta: float, v: float, p: Any) -> float:
+    return -p.damping * v - sin(theta)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import cmath
 import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable
-from math import cos, exp, isfinite, pi, sin, sqrt
+from math import cos, exp, inf, isfinite, pi, sin, sqrt
 from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import systems
 from cellmap import ForcedSystem, PointMap, jacobian, stroboscopic_map
@@ -38,8 +40,14 @@ def factories() -> dict[str, Factory]:
 
 FACTORIES = factories()
 FLOWS = [name for name, f in FACTORIES.items() if get_type_hints(f)["return"] is ForcedSystem]
+SMOOTH_FLOWS = [name for name in FLOWS if FACTORIES[name]().switches is None]
+DAMPED_FLOWS = [name for name in SMOOTH_FLOWS if {"damping", "gamma"} & FACTORIES[name]().params.keys()]
+MAPS = [name for name in FACTORIES if name not in FLOWS]
 EVERY = pytest.mark.parametrize("name", FACTORIES)
 EVERY_FLOW = pytest.mark.parametrize("name", FLOWS)
+EVERY_SMOOTH_FLOW = pytest.mark.parametrize("name", SMOOTH_FLOWS)
+EVERY_MAP = pytest.mark.parametrize("name", MAPS)
+ELEMENTARY = ("sin", "cos", "exp", "sqrt")
 
 
 def span_of(system: ForcedSystem | PointMap) -> NDArray[np.float64]:
@@ -51,6 +59,31 @@ def span_of(system: ForcedSystem | PointMap) -> NDArray[np.float64]:
 def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.float64]:
     span = span_of(system)
     return np.random.default_rng(0).uniform(-1.0, 1.0, (count, len(span))) * span
+
+
+def starts_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
+    """Random starts whose orbits are not on their way to infinity after a period."""
+    starts = random_starts(system, 10 * count)
+    images = stroboscopic_map(system).iterate(starts, 1).unwrapped
+    farthest = [inf if c.turn else 10.0 * span for c, span in zip(system.axes, span_of(system), strict=True)]
+    staying = (np.abs(images) <= farthest).all(axis=-1)  # NaN, where an orbit has diverged, does not stay
+    assert np.count_nonzero(staying) >= count
+    return starts[staying][:count]
+
+
+def growth_of_volumes(system: ForcedSystem, start: NDArray[np.float64]) -> float:
+    """Liouville: the exponential of the divergence, integrated along the orbit of one period by SciPy."""
+    rhs = rebind(system.rhs, {n: getattr(cmath, n) for n in ELEMENTARY})
+    directions = 1e-30j * np.eye(system.dimension)  # complex steps: derivatives without cancellation
+
+    def fun(t: float, y: NDArray[np.float64]) -> list[float]:
+        places = [tuple(y[:-1] + step) for step in directions]
+        divergence = sum(rhs(t, place, system.parameters)[j].imag for j, place in enumerate(places)) / 1e-30
+        return [*system.derivative(t, tuple(y[:-1])), divergence]
+
+    solution = solve_ivp(fun, (0.0, system.length), [*start, 0.0], method="DOP853", rtol=1e-13, atol=1e-14)
+    assert solution.success
+    return exp(solution.y[-1, -1])
 
 
 def test_the_factories_of_the_package_are_found() -> None:
@@ -97,7 +130,7 @@ def test_the_right_hand_side_is_one_function_for_all_values(name: str) -> None:
     assert other.length > 0.0
 
 
-@EVERY_FLOW
+@EVERY_SMOOTH_FLOW
 def test_plain_python_scipy_and_the_trace_agree(name: str) -> None:
     system = FACTORIES[name]()
     names = tuple(system.params)
@@ -126,14 +159,14 @@ def test_plain_python_scipy_and_the_trace_agree(name: str) -> None:
         assert np.array_equal(system.fun(t * system.length, x), plain)
 
 
-@EVERY_FLOW
+@EVERY_SMOOTH_FLOW
 def test_the_right_hand_side_repeats_itself_after_the_period(name: str) -> None:
     """With 30 digits, so that a period that is nearly right does not pass."""
     import mpmath
 
     system = FACTORIES[name]()
     with mpmath.workdps(30):
-        rhs = rebind(system.rhs, {n: getattr(mpmath, n) for n in ("sin", "cos", "exp", "sqrt")})
+        rhs = rebind(system.rhs, {n: getattr(mpmath, n) for n in ELEMENTARY})
         p = parameter_record(tuple(system.params))(*map(mpmath.mpf, system.params.values()))
         for t, x in zip((0.0, 0.21, 0.73), random_starts(system, 3), strict=True):
             begin, period = mpmath.mpf(t) * system.length, mpmath.mpf(system.length)
@@ -155,22 +188,32 @@ def test_angles_are_angles(name: str) -> None:
                 assert system.fun(0.3, turned) == pytest.approx(system.fun(0.3, x), rel=1e-11, abs=1e-11)
 
 
-@EVERY_FLOW
+@EVERY_SMOOTH_FLOW
 def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArray[np.float64]]) -> None:
     system = FACTORIES[name]()
-    starts = random_starts(system, 6)
+    starts = starts_that_stay(system, 6)
     images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(starts, 1).unwrapped
     assert images == pytest.approx(scipy_images(system, starts, rtol=1e-12), rel=1e-9, abs=1e-9)
 
 
-@EVERY_FLOW
-def test_areas_shrink_by_the_damping(name: str) -> None:
-    """Liouville: det DP = exp(-damping x period)."""
+@EVERY_SMOOTH_FLOW
+def test_volumes_grow_by_the_divergence(name: str) -> None:
+    system = FACTORIES[name]()
+    scale, starts = span_of(system), starts_that_stay(system, 10)
+    matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
+    expected = [growth_of_volumes(system, start) for start in starts]
+    assert np.linalg.det(matrices) == pytest.approx(expected, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", DAMPED_FLOWS)
+def test_viscous_damping_shrinks_every_volume_alike(name: str) -> None:
+    """det DP = exp(-damping x period), once for each degree of freedom."""
     system = FACTORIES[name]()
     damping = next(system.params[n] for n in ("damping", "gamma") if n in system.params)
     scale = span_of(system)
-    matrices = jacobian(stroboscopic_map(system), random_starts(system, 10)) * (scale[None, :] / scale[:, None])
-    assert np.linalg.det(matrices) == pytest.approx(exp(-damping * system.length), abs=1e-10)
+    matrices = jacobian(stroboscopic_map(system), starts_that_stay(system, 10)) * (scale[None, :] / scale[:, None])
+    expected = exp(-damping * system.length * system.dimension / 2)
+    assert np.linalg.det(matrices) == pytest.approx(expected, abs=1e-10)
 
 
 @EVERY_FLOW
@@ -180,7 +223,7 @@ def test_with_params_takes_every_parameter(name: str) -> None:
         assert getattr(system.with_params(**{parameter: value * 1.25}).parameters, parameter) == value * 1.25
 
 
-@pytest.mark.parametrize("name", [n for n in FACTORIES if n not in FLOWS])
+@EVERY_MAP
 def test_a_discrete_map_is_a_point_map(name: str) -> None:
     made = FACTORIES[name]()
     starts = 0.1 * random_starts(made, 20)

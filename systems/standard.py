@@ -1,0 +1,47 @@
+"""The standard map of Chirikov: a rotor that is kicked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sin
+from typing import Any
+
+from cellmap import PointMap, angle, discrete_map
+
+
+def standard_map(k: float = 0.971635) -> PointMap:
+    """Return the standard map: p' = p + k sin theta, theta' = theta + p'.
+
+    Areas are preserved, so there are no attractors.
+
+    Parameters
+    ----------
+    k : float, optional
+        Strength of the kicks.  The default is where the last circle that goes round breaks up (Greene 1979).
+
+    Returns
+    -------
+    PointMap
+        Map of the state (theta, p).  Both are angles, as the map repeats itself along p too; the momentum on the line
+        is that of :attr:`Iterate.unwrapped`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a parameter that is not a finite number.
+
+    References
+    ----------
+    Chirikov, Physics Reports 52 (1979) 263; Greene, Journal of Mathematical Physics 20 (1979) 1183.
+
+    Examples
+    --------
+    >>> standard_map(k=1.0)([0.0, 1.0])
+    array([1., 1.])
+    """
+    return discrete_map(_kick, {"k": k}, (angle("theta"), angle("p")), name="standard")
+
+
+def _kick(x: Sequence[float], p: Any) -> tuple[float, float]:
+    momentum = x[1] + p.k * sin(x[0])
+    return x[0] + momentum, momentum

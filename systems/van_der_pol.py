@@ -1,0 +1,49 @@
+"""Van der Pol's oscillator under a harmonic force."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cellmap import ForcedSystem
+from cellmap.checks import finite_number
+
+from .oscillator import forced_oscillator
+
+
+def van_der_pol_oscillator(mu: float = 1.0, forcing: float = 0.5, frequency: float = 1.1) -> ForcedSystem:
+    """Return van der Pol's oscillator: x'' - mu (1 - x^2) x' + x = forcing cos(frequency t).
+
+    Parameters
+    ----------
+    mu : float, optional
+        Strength of the damping, at least 0; it is negative for small oscillations and positive for large ones.
+    forcing : float, optional
+        Amplitude of the force.
+    frequency : float, optional
+        Angular frequency of the force, above 0.
+
+    Returns
+    -------
+    ForcedSystem
+        System of the state (x, v) and of period 2 pi / `frequency`.  All quantities are dimensionless.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parameters that are not finite numbers within their bounds.
+
+    References
+    ----------
+    Van der Pol, Philosophical Magazine 2 (1926) 978, without the force, and 3 (1927) 65, with it.
+
+    Examples
+    --------
+    >>> van_der_pol_oscillator().derivative(0.0, (2.0, 1.0))
+    (1.0, -4.5)
+    """
+    mu = finite_number("mu", mu, at_least=0.0)
+    return forced_oscillator("van der Pol", _van_der_pol, mu=mu, forcing=forcing, frequency=frequency)
+
+
+def _van_der_pol(x: float, v: float, p: Any) -> float:
+    return p.mu * (1.0 - x * x) * v - x
