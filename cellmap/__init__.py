@@ -28,16 +28,24 @@ from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
 from .threads import set_threads as set_threads
 from .threads import thread_count as thread_count
+from .trajectory import Trajectory as Trajectory
+from .trajectory import trajectory as trajectory
 
 if TYPE_CHECKING:
+    from .plot import animate as animate
     from .plot import plot_basins as plot_basins
+    from .plot import plot_phase_portrait as plot_phase_portrait
+    from .plot import plot_time_series as plot_time_series
     from .store import StoreError as StoreError
     from .store import load_basins as load_basins
     from .store import save_basins as save_basins
 
 __version__ = "0.1.0"
 
-_LATE = {"plot_basins": "plot", "load_basins": "store", "save_basins": "store", "StoreError": "store"}
+_LATE = {
+    **dict.fromkeys(("plot_basins", "plot_time_series", "plot_phase_portrait", "animate"), "plot"),
+    **dict.fromkeys(("load_basins", "save_basins", "StoreError"), "store"),
+}
 """Names whose modules load matplotlib or h5py, and load only when they are used."""
 
 __all__ = [  # noqa: RUF022 (in the order of use)
@@ -52,6 +60,8 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Iterate",
     "Status",
     "ToleranceWarning",
+    "trajectory",
+    "Trajectory",
     "jacobian",
     "find_attractors",
     "Attractor",
@@ -59,6 +69,9 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "find_basins",
     "Basins",
     "plot_basins",
+    "plot_time_series",
+    "plot_phase_portrait",
+    "animate",
     "save_basins",
     "load_basins",
     "StoreError",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isclose, pi
 from typing import Any
 
 import numpy as np
@@ -107,8 +110,7 @@ class Attractor:
         if self.kind is Kind.CHAOTIC:
             return "chaotic"
         if self.kind is Kind.FIXED_POINT:
-            place = ", ".join(f"{v + 0.0:.3g}" for v in np.where(np.abs(self.points[0]) < 1e-9, 0.0, self.points[0]))
-            return f"fixed point ({place})"
+            return f"fixed point ({_place(self.points[0], self.coordinates)})"
         text = f"{self.kind}, period {self.period}"
         for t in self.turns:
             if t:
@@ -120,6 +122,34 @@ class Attractor:
             return f"Attractor(chaotic, largest exponent {self.exponents[0]:.4g})"
         place = ", ".join(f"{v:.6g}" for v in self.points[0])
         return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g})"
+
+
+def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
+    """Return the names of attractors; those that several share are told apart by a point."""
+    names = [a.name for a in attractors]
+    for digits in range(3, 18):
+        repeated = {name for name, times in Counter(names).items() if times > 1}
+        for k, a in enumerate(attractors):
+            if names[k] in repeated:
+                place = _place(a.points[0], a.coordinates, digits)
+                names[k] = f"{a.kind} ({place})" if a.kind is Kind.FIXED_POINT else f"{a.name}, through ({place})"
+    return tuple(names)
+
+
+def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits: int = 3) -> str:
+    """Write a point with its angles in multiples of pi where they are whole ones; the seam has one name only."""
+    texts = []
+    for v, c in zip(point.tolist(), coordinates, strict=True):
+        if c.turn is not None and c.lower is not None:
+            rounds = (v - c.lower) / c.turn
+            if abs(rounds - round(rounds)) < 1e-6:
+                v = min(c.lower + c.turn, c.lower, key=abs)
+            half_turns = round(2.0 * v / c.turn)
+            if isclose(c.turn, 2 * pi) and half_turns and abs(v - half_turns * pi) < 1e-6:
+                texts.append({1: "π", -1: "-π"}.get(half_turns, f"{half_turns}π"))
+                continue
+        texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 else "0")
+    return ", ".join(texts)
 
 
 def sort_key(attractor: Attractor) -> tuple[Any, ...]:

@@ -24,7 +24,8 @@ from cellmap import (
     plot_basins,
     stroboscopic_map,
 )
-from cellmap.plot import CODE_COLOURS, COLOURS, label_colours, multiple_of_pi
+from cellmap.plot.axes import multiple_of_pi
+from cellmap.plot.colours import CODE_COLOURS, COLOURS, label_colours
 from cellmap.settling import DIVERGED, ESCAPED, UNDECIDED
 
 mpl.use("Agg")

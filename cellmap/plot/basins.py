@@ -3,29 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from fractions import Fraction
-from math import gcd, isclose, pi
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
-from .attractor import Kind
-from .basins import Basins
-from .coordinates import Coordinate
-from .settling import DIVERGED, ESCAPED, UNDECIDED
-
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
-"""Colours that people with any colour vision can tell apart (Okabe and Ito 2008)."""
-
-CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black"}
-"""Colours of the labels that are not attractors: left the window, diverged, undecided."""
+from ..attractor import Kind, distinct_names
+from ..basins import Basins
+from .axes import label_axis
+from .colours import label_colours
 
 
 def plot_basins(
@@ -88,9 +77,14 @@ def plot_basins(
     if points:
         _mark_attractors(ax, basins, columns, rows)
     if legend:
+        names = dict(enumerate(distinct_names(basins.attractors)))
         ax.legend(
             handles=[
-                Patch(facecolor=palette[k], edgecolor="0.3", label=f"{basins.label_name(k)}: {_percent(f.share)}")
+                Patch(
+                    facecolor=palette[k],
+                    edgecolor="0.3",
+                    label=f"{names.get(k) or basins.label_name(k)}: {_percent(f.share)}",
+                )
                 for k, f in basins.fractions.items()
             ],
             loc="upper center",
@@ -101,38 +95,6 @@ def plot_basins(
         )
     ax.set_title(basins.name)
     return ax
-
-
-def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, tuple[float, float, float]]:
-    """Return the colour of each label that occurs: the Okabe-Ito set, paler in each further round."""
-    palette = {}
-    for label in basins.fractions:
-        if label < 0:
-            colour = np.array(to_rgb(CODE_COLOURS[label]))
-        else:
-            rounds, place = divmod(label, len(COLOURS))
-            colour = 1.0 - (1.0 - np.array(to_rgb(COLOURS[place]))) * 0.55**rounds
-        palette[label] = to_rgb(colours[label]) if colours and label in colours else to_rgb(tuple(colour))
-    return palette
-
-
-def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
-    """Name an axis; write an angle whose turn is 2 pi in multiples of pi."""
-    axis.set_label_text(str(coordinate))
-    if coordinate.turn is not None and isclose(coordinate.turn, 2 * pi):
-        axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
-        axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
-
-
-def multiple_of_pi(x: float) -> str:
-    """Write a number as a fraction of pi, in TeX."""
-    ratio = Fraction(x / pi).limit_denominator(24)
-    n, d = ratio.numerator, ratio.denominator
-    if n == 0:
-        return "0"
-    assert gcd(n, d) == 1
-    sign, count = "-" if n < 0 else "", "" if abs(n) == 1 else str(abs(n))
-    return f"${sign}{count}\\pi{'' if d == 1 else f'/{d}'}$"
 
 
 def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:

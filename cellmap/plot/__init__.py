@@ -1,0 +1,6 @@
+"""Pictures, with matplotlib."""
+
+from .animation import animate as animate
+from .basins import plot_basins as plot_basins
+from .motion import plot_phase_portrait as plot_phase_portrait
+from .motion import plot_time_series as plot_time_series

@@ -1,0 +1,42 @@
+"""Colours of attractors, labels and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from ..basins import Basins
+from ..settling import DIVERGED, ESCAPED, UNDECIDED
+
+Colour = tuple[float, float, float]
+
+COLOURS = (
+    *("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442"),
+    *("#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF"),
+    *("#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485"),
+)
+"""The seven colours of Okabe and Ito (2008), then others that lie each as far as possible from those before it and from
+white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
+after Machado, Oliveira, Fernandes 2009)."""
+
+CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black"}
+"""Colours of the labels that are not attractors: left the window, diverged, undecided."""
+
+
+def colour_of(number: int) -> Colour:
+    """Return the colour of an attractor or a start: one of COLOURS, paler in each further round through them."""
+    rounds, place = divmod(number, len(COLOURS))
+    colour = 1.0 - (1.0 - np.array(to_rgb(COLOURS[place]))) * 0.55**rounds
+    return to_rgb(tuple(colour))
+
+
+def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
+    """Return the colour of each label that occurs."""
+    palette = {}
+    for label in basins.fractions:
+        default = to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
+        palette[label] = to_rgb(colours[label]) if colours and label in colours else default
+    return palette
