@@ -1,8 +1,14 @@
 """Reference systems, one factory each; every factory has defaults for all of its parameters."""
 
+from .compound import compound_pendulum as compound_pendulum
 from .dimensionless import dimensionless_parameters as dimensionless_parameters
 from .dimensionless import dimensionless_pendulum as dimensionless_pendulum
+from .dimensionless import from_stability_coordinates as from_stability_coordinates
 from .dimensionless import physical_parameters as physical_parameters
+from .dimensionless import stability_coordinates as stability_coordinates
+from .double_pendulum import chain_pendulum as chain_pendulum
+from .double_pendulum import double_pendulum as double_pendulum
+from .double_pendulum import triple_pendulum as triple_pendulum
 from .duffing import duffing_oscillator as duffing_oscillator
 from .duffing import moon_li_duffing as moon_li_duffing
 from .duffing import two_well_duffing as two_well_duffing

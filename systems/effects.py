@@ -1,21 +1,27 @@
 """Effects that act on a body: each a record of its parameters, with its terms in the equation of motion.
 
-A new effect is one frozen dataclass here.  Its fields are parameters of the right-hand side, by the same names.  Its
-terms are plain functions; they read parameters as ``p.name`` and hold no values themselves, so that scenes of the same
-effects share one compiled kernel.
+A new effect is one frozen dataclass.  Its fields are parameters of the right-hand side, by the same names.  Its terms
+are plain functions; they read parameters as ``p.name`` and hold no values themselves, so that scenes of the same
+effects share one compiled kernel.  Drives stand in :mod:`systems.drives`.
+
+What acts at a joint is an angular acceleration referred to the unit inertia of the body: m l^2 of a point mass, the
+moment of inertia of a compound pendulum, m_1 l_1^2 of a chain.  It acts at every joint of a chain, on the relative
+angle and the relative rate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from math import cos, pi
+from dataclasses import dataclass
 from typing import Any
 
-from cellmap.checks import finite_number
+from .parts import ACCELERATION, ANGULAR_ACCELERATION, NUMBER, RATE, Part, quantity
 
-FieldTerm = Callable[[float, Any], float]
+FieldTerm = Callable[..., float]
 JointTerm = Callable[[float, float, float, Any], float]
+RubbingTerm = Callable[[float, float, float, float, Any], float]
+StoredTerm = Callable[[float, Any], float]
+PlaceTerm = Callable[[float, Any], tuple[float, float]]
 PeriodTerm = Callable[[Any], float]
 
 
@@ -27,36 +33,39 @@ class Terms:
     ----------
     vertical : callable or None
         ``vertical(t, p)``: weight per mass in the frame of the pivot (m/s^2), positive down.  Gravity, or the upward
-        acceleration of the pivot.
+        acceleration of the pivot.  Where the effect is steady it counts in the potential energy.
+    horizontal : callable or None
+        ``horizontal(t, p)``: acceleration of the pivot to the right (m/s^2).
+    torque : callable or None
+        ``torque(t, p)``: angular acceleration about the first joint (rad/s^2).
     joint : callable or None
         ``joint(t, angle, rate, p)``: angular acceleration of a link about its joint (rad/s^2), from the joint's angle
         (rad) and rate (rad/s).
+    rubbing : callable or None
+        ``rubbing(t, angle, rate, sign, p)``: the same with the sign of the joint's rate, in which it is affine.
+    stored : callable or None
+        ``stored(angle, p)``: energy kept in a joint per unit inertia (rad^2/s^2).
+    place : callable or None
+        ``place(t, p)``: displacement (x, y) of the pivot (m), y up.
     period : callable or None
         ``period(p)``: time after which the effect repeats itself (s); None for a steady effect.
+    clocks : tuple of callable, optional
+        ``clock(t, p)``: functions of time at whose zeros `vertical`, `horizontal` and `torque` jump or bend.  These
+        three then take the signs of the clocks as further arguments after p.
+    winds : bool, optional
+        Whether a whole turn of a joint changes nothing; if not, angles live on the line.
     """
 
     vertical: FieldTerm | None = None
+    horizontal: FieldTerm | None = None
+    torque: FieldTerm | None = None
     joint: JointTerm | None = None
+    rubbing: RubbingTerm | None = None
+    stored: StoredTerm | None = None
+    place: PlaceTerm | None = None
     period: PeriodTerm | None = None
-
-
-def bounded(**bounds: float) -> Any:
-    """Return a dataclass field whose value is checked: ``above=`` or ``at_least=`` a number."""
-    return field(metadata=bounds)
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of a scene: its fields are finite numbers, within bounds, and parameters of the equation of motion."""
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            object.__setattr__(self, f.name, finite_number(f.name, getattr(self, f.name), **f.metadata))
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Parameters by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+    clocks: tuple[FieldTerm, ...] = ()
+    winds: bool = True
 
 
 @dataclass(frozen=True)
@@ -89,7 +98,7 @@ class Gravity(Effect):
     {'gravity': 9.8}
     """
 
-    gravity: float
+    gravity: float = quantity(ACCELERATION)
 
     @property
     def terms(self) -> Terms:
@@ -107,51 +116,8 @@ def _weight(t: float, p: Any) -> float:
 
 
 @dataclass(frozen=True)
-class VerticalDrive(Effect):
-    """Pivot at the height A cos(w t + phase), positive up, with w = 2 pi `frequency`.
-
-    Parameters
-    ----------
-    amplitude : float
-        Amplitude A of the pivot's height (m), at least 0; for the opposite sign shift the phase by pi.
-    frequency : float
-        Frequency (Hz), above 0.
-    phase : float, optional
-        Phase (rad).
-
-    Examples
-    --------
-    >>> VerticalDrive(amplitude=0.003, frequency=50.0).parameters
-    {'amplitude': 0.003, 'frequency': 50.0, 'phase': 0.0}
-    """
-
-    amplitude: float = bounded(at_least=0.0)
-    frequency: float = bounded(above=0.0)
-    phase: float = 0.0
-
-    @property
-    def terms(self) -> Terms:
-        """Acceleration of the pivot."""
-        return Terms(vertical=_acceleration_of_pivot, period=_period)
-
-    @property
-    def vanishes(self) -> bool:
-        """Whether the pivot rests."""
-        return self.amplitude == 0.0
-
-
-def _acceleration_of_pivot(t: float, p: Any) -> float:
-    w = 2.0 * pi * p.frequency
-    return -(p.amplitude * w * w) * cos(w * t + p.phase)
-
-
-def _period(p: Any) -> float:
-    return 1.0 / p.frequency
-
-
-@dataclass(frozen=True)
 class ViscousDamping(Effect):
-    """Damping in proportion to the rate of the joint.
+    """Damping in proportion to the rate of the joint: -damping r.
 
     Parameters
     ----------
@@ -166,12 +132,12 @@ class ViscousDamping(Effect):
     ValueError: damping=-1.0: give a number of at least 0
     """
 
-    damping: float = bounded(at_least=0.0)
+    damping: float = quantity(RATE, at_least=0.0)
 
     @property
     def terms(self) -> Terms:
         """Friction at the joint."""
-        return Terms(joint=_friction)
+        return Terms(joint=_viscous)
 
     @property
     def vanishes(self) -> bool:
@@ -179,5 +145,153 @@ class ViscousDamping(Effect):
         return self.damping == 0.0
 
 
-def _friction(t: float, angle: float, rate: float, p: Any) -> float:
+def _viscous(t: float, angle: float, rate: float, p: Any) -> float:
     return -p.damping * rate
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(Effect):
+    """Drag in proportion to the square of the joint's rate: -drag r abs(r).
+
+    It stands in the right-hand side as -drag r^2 s with the sign s of the rate, a switch of the joint, and so is smooth
+    on both sides.
+
+    Parameters
+    ----------
+    drag : float
+        Angular deceleration per square of the rate (a pure number), at least 0.
+
+    Examples
+    --------
+    >>> QuadraticDrag(0.1).parameters
+    {'drag': 0.1}
+    """
+
+    drag: float = quantity(NUMBER, at_least=0.0)
+
+    @property
+    def terms(self) -> Terms:
+        """Drag at the joint."""
+        return Terms(rubbing=_drag)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether the joint runs freely."""
+        return self.drag == 0.0
+
+
+def _drag(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
+    return -p.drag * (rate * rate) * sign
+
+
+@dataclass(frozen=True)
+class DryFriction(Effect):
+    """Coulomb's friction: -friction s with the sign s of the joint's rate, and sticking where the rate is zero.
+
+    The rate of the joint is a switching function.  On its zero s takes any value between -1 and 1 that holds the joint.
+
+    Parameters
+    ----------
+    friction : float
+        Angular deceleration (rad/s^2), at least 0.
+
+    References
+    ----------
+    Coulomb, *Theorie des machines simples* (1785).
+
+    Examples
+    --------
+    >>> DryFriction(friction=-1.0)
+    Traceback (most recent call last):
+    ...
+    ValueError: friction=-1.0: give a number of at least 0
+    """
+
+    friction: float = quantity(ANGULAR_ACCELERATION, at_least=0.0)
+
+    @property
+    def terms(self) -> Terms:
+        """Friction at the joint."""
+        return Terms(rubbing=_dry)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether the joint runs freely."""
+        return self.friction == 0.0
+
+
+def _dry(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
+    return -p.friction * sign
+
+
+@dataclass(frozen=True)
+class TorsionSpring(Effect):
+    """Spring at the joint: -stiffness (angle - rest).
+
+    Windings of the spring count, so angles live on the line and are not wrapped.
+
+    Parameters
+    ----------
+    stiffness : float
+        Angular acceleration per angle (1/s^2).
+    rest : float, optional
+        Angle of the relaxed joint (rad).
+
+    Examples
+    --------
+    >>> TorsionSpring(stiffness=4.0).parameters
+    {'stiffness': 4.0, 'rest': 0.0}
+    """
+
+    stiffness: float = quantity(ANGULAR_ACCELERATION)
+    rest: float = quantity(NUMBER, default=0.0)
+
+    @property
+    def terms(self) -> Terms:
+        """Torque of the spring."""
+        return Terms(joint=_spring, stored=_stored, winds=False)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether there is no spring."""
+        return self.stiffness == 0.0
+
+
+def _spring(t: float, angle: float, rate: float, p: Any) -> float:
+    return -p.stiffness * (angle - p.rest)
+
+
+def _stored(angle: float, p: Any) -> float:
+    return 0.5 * p.stiffness * (angle - p.rest) ** 2
+
+
+@dataclass(frozen=True)
+class ConstantTorque(Effect):
+    """Steady torque at the first joint, counter-clockwise.  It has no part in the energy.
+
+    Parameters
+    ----------
+    constant_torque : float
+        Angular acceleration (rad/s^2).
+
+    Examples
+    --------
+    >>> ConstantTorque(2.0).parameters
+    {'constant_torque': 2.0}
+    """
+
+    constant_torque: float = quantity(ANGULAR_ACCELERATION)
+
+    @property
+    def terms(self) -> Terms:
+        """Torque at the first joint."""
+        return Terms(torque=_constant_torque)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether there is no torque."""
+        return self.constant_torque == 0.0
+
+
+def _constant_torque(t: float, p: Any) -> float:
+    return p.constant_torque

@@ -1,43 +1,70 @@
-"""Single pendulum on a vertically driven pivot, in SI units."""
+"""Single pendulum on a driven pivot, in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import sin
+from math import cos, sin
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap.system import RightHandSide
+from cellmap.system import RightHandSide, StateFunction
 
-from .effects import FieldTerm, Gravity, JointTerm, Terms, VerticalDrive, ViscousDamping, bounded
-from .scene import Body, scene, total
+from .drives import VerticalDrive
+from .effects import DryFriction, FieldTerm, Gravity, RubbingTerm, StoredTerm, ViscousDamping
+from .forces import Forces, total
+from .parts import LENGTH, quantity
+from .scene import Body, TipsTerm, scene
+
+ParameterTerm = Callable[[Any], float]
 
 
 @dataclass(frozen=True)
 class Pendulum(Body):
-    """Point mass on a massless rod: theta'' = joint - (vertical / length) sin theta.
+    """Point mass on a massless rod: theta'' = joint - (vertical / length) sin theta - (horizontal / length) cos theta.
+
+    Its output "energy" is per mass (m^2/s^2).
 
     Parameters
     ----------
     length : float
         Length of the rod (m), above 0; for a compound pendulum the effective length.
+
+    Examples
+    --------
+    >>> Pendulum(length=0.069).parameters
+    {'length': 0.069}
     """
 
-    coordinates = (angle("theta"), Coordinate("theta'", "rad/s"))
-    length: float = bounded(above=0.0)
+    length: float = quantity(LENGTH, above=0.0)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Angle and its rate."""
+        return angle("theta"), Coordinate("theta'", "rad/s")
 
     @staticmethod
-    def compose(terms: Sequence[Terms]) -> RightHandSide:
+    def compose(forces: Forces) -> RightHandSide:
         """Return the right-hand side."""
-        return swing(terms, _per_length)
+        return swing(forces, _length)
+
+    @staticmethod
+    def tips(joints: int) -> TipsTerm:
+        """Return the place of the mass from the pivot."""
+        return tip_of(_length)
+
+    @staticmethod
+    def energy(forces: Forces) -> StateFunction:
+        """Return kinetic and potential energy per mass."""
+        return swing_energy(forces, inertia=_length_squared, moment=_length)
 
 
-def _per_length(field: FieldTerm) -> FieldTerm:
-    def field_per_length(t: float, p: Any) -> float:
-        return field(t, p) / p.length
+def _length(p: Any) -> float:
+    return p.length
 
-    return field_per_length
+
+def _length_squared(p: Any) -> float:
+    return p.length * p.length
 
 
 def driven_pendulum(
@@ -47,11 +74,12 @@ def driven_pendulum(
     damping: float = 10.0,
     gravity: float = 9.8,
     phase: float = 0.0,
+    friction: float = 0.0,
 ) -> ForcedSystem:
     """Return the pendulum whose pivot is at the height y(t) = A cos(w t + phase), in SI units.
 
-    theta'' = -damping theta' - ((g + y'')/l) sin theta, with theta in rad from the downward vertical, counter-clockwise
-    (0 hangs, pi stands inverted) and w = 2 pi `frequency`; the state is (theta, theta').
+    theta'' = -damping theta' - friction sign(theta') - ((g + y'')/l) sin theta, with theta in rad from the downward
+    vertical, counter-clockwise (0 hangs, pi stands inverted) and w = 2 pi `frequency`; the state is (theta, theta').
 
     Parameters
     ----------
@@ -68,6 +96,8 @@ def driven_pendulum(
         Acceleration g of free fall (m/s^2).
     phase : float, optional
         Phase of the drive (rad).
+    friction : float, optional
+        Dry friction (rad/s^2), at least 0.  Above 0 the rate is a switching function.
 
     Returns
     -------
@@ -89,36 +119,126 @@ def driven_pendulum(
     >>> driven_pendulum(amplitude=0.002).length
     0.02
     """
-    effects = (Gravity(gravity), VerticalDrive(amplitude, frequency, phase), ViscousDamping(damping))
+    effects = (
+        Gravity(gravity),
+        VerticalDrive(amplitude, frequency, phase),
+        ViscousDamping(damping),
+        DryFriction(friction),
+    )
     return scene(Pendulum(length), *effects, name="driven pendulum")
 
 
-def swing(terms: Sequence[Terms], scaled: Callable[[FieldTerm], FieldTerm] = lambda field: field) -> RightHandSide:
-    """Return the right-hand side of one angle: a field that pulls it to zero, and accelerations about the joint.
+def swing(forces: Forces, length: ParameterTerm | None = None) -> RightHandSide:
+    """Return the right-hand side of one angle: fields that pull it to their direction, accelerations about the joint.
 
-    `scaled` turns the field into an angular acceleration per sine.
+    `length` is the effective length; without it fields are angular accelerations.
     """
-    fields = [term.vertical for term in terms if term.vertical is not None]
-    accelerations = [term.joint for term in terms if term.joint is not None]
-    if fields:
-        accelerations.insert(0, _pull(scaled(total(fields))))
+    accelerations: list[Callable[..., float]] = []
+    if forces.vertical is not None:
+        accelerations.append(_pull(_per_length(forces.vertical, length)))
+    if forces.horizontal is not None:
+        accelerations.append(_sway(_per_length(forces.horizontal, length)))
+    if forces.joint is not None:
+        accelerations.append(_rubbed(forces.joint) if forces.rubs else _smooth(forces.joint))
+    if forces.torque is not None:
+        accelerations.append(_turned(forces.torque))
     if not accelerations:
         return _free
     acceleration = total(accelerations)
 
-    def motion(t: float, x: Sequence[float], p: Any) -> tuple[float, float]:
+    def motion(t: float, x: Sequence[float], p: Any, s: Sequence[float] = ()) -> tuple[float, float]:
         angle, rate = x
-        return rate, acceleration(t, angle, rate, p)
+        return rate, acceleration(t, angle, rate, p, s)
 
     return motion
 
 
-def _pull(field: FieldTerm) -> JointTerm:
-    def pull(t: float, angle: float, rate: float, p: Any) -> float:
-        return -field(t, p) * sin(angle)
+def tip_of(distance: ParameterTerm) -> TipsTerm:
+    """Return the place of a point of one rod."""
+
+    def tip(x: Sequence[float], p: Any) -> tuple[float, float]:
+        return distance(p) * sin(x[0]), -distance(p) * cos(x[0])
+
+    return tip
+
+
+def swing_energy(forces: Forces, inertia: ParameterTerm, moment: ParameterTerm) -> StateFunction:
+    """Return the energies of one angle with its inertia and its moment of mass times distance, per mass or not."""
+    potentials: list[Callable[..., float]] = [_nothing]
+    if forces.weight is not None:
+        potentials.append(_lifted(forces.weight, moment))
+    if forces.stored is not None:
+        potentials.append(_wound(forces.stored, inertia))
+    potential = total(potentials)
+
+    def energy(t: float, x: Sequence[float], p: Any) -> tuple[float, float]:
+        return 0.5 * inertia(p) * x[1] ** 2, potential(t, x[0], p)
+
+    return energy
+
+
+def _nothing(t: float, angle: float, p: Any) -> float:
+    return 0.0
+
+
+def _lifted(weight: FieldTerm, moment: ParameterTerm) -> Callable[..., float]:
+    def lifted(t: float, angle: float, p: Any) -> float:
+        return -weight(t, p) * moment(p) * cos(angle)
+
+    return lifted
+
+
+def _wound(stored: StoredTerm, inertia: ParameterTerm) -> Callable[..., float]:
+    def wound(t: float, angle: float, p: Any) -> float:
+        return inertia(p) * stored(angle, p)
+
+    return wound
+
+
+def _per_length(field: FieldTerm, length: ParameterTerm | None) -> FieldTerm:
+    if length is None:
+        return field
+
+    def field_per_length(t: float, p: Any, s: Sequence[float]) -> float:
+        return field(t, p, s) / length(p)
+
+    return field_per_length
+
+
+def _pull(field: FieldTerm) -> Callable[..., float]:
+    def pull(t: float, angle: float, rate: float, p: Any, s: Sequence[float]) -> float:
+        return -field(t, p, s) * sin(angle)
 
     return pull
 
 
-def _free(t: float, x: Sequence[float], p: Any) -> tuple[float, float]:
+def _sway(field: FieldTerm) -> Callable[..., float]:
+    def sway(t: float, angle: float, rate: float, p: Any, s: Sequence[float]) -> float:
+        return -field(t, p, s) * cos(angle)
+
+    return sway
+
+
+def _smooth(joint: RubbingTerm) -> Callable[..., float]:
+    def smooth(t: float, angle: float, rate: float, p: Any, s: Sequence[float]) -> float:
+        return joint(t, angle, rate, 0.0, p)
+
+    return smooth
+
+
+def _rubbed(joint: RubbingTerm) -> Callable[..., float]:
+    def rubbed(t: float, angle: float, rate: float, p: Any, s: Sequence[float]) -> float:
+        return joint(t, angle, rate, s[0], p)
+
+    return rubbed
+
+
+def _turned(torque: FieldTerm) -> Callable[..., float]:
+    def turned(t: float, angle: float, rate: float, p: Any, s: Sequence[float]) -> float:
+        return torque(t, p, s)
+
+    return turned
+
+
+def _free(t: float, x: Sequence[float], p: Any, s: Sequence[float] = ()) -> tuple[float, float]:
     return x[1], 0.0

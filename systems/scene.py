@@ -8,30 +8,59 @@ right-hand side, whatever the values of the parameters, so a sweep compiles noth
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from cellmap import Coordinate, ForcedSystem
 from cellmap.codegen.trace import parameter_record
-from cellmap.system import RightHandSide
+from cellmap.system import RightHandSide, StateFunction
 
-from .effects import Effect, Part, Terms
+from .effects import Effect, PlaceTerm, Terms
+from .forces import Forces, combined
+from .parts import RATE, Part
+from .units import Units, in_units
+
+TipsTerm = Callable[[Sequence[float], Any], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
 class Body(Part):
-    """A body with its equation of motion."""
+    """A body with its equation of motion.
 
-    coordinates: ClassVar[tuple[Coordinate, ...]]
+    The state of a body with n joints is n angles from the downward vertical, counter-clockwise and absolute, then their
+    n rates.  Functions are made from forces and hold no values of the body: they read parameters as ``p.name``.
+    """
 
-    @staticmethod
-    def compose(terms: Sequence[Terms]) -> RightHandSide:
-        """Return the right-hand side with the terms of the effects that are present."""
+    @property
+    def joints(self) -> int:
+        """Number of joints; bodies of one kind with equal numbers share their right-hand side."""
+        return 1
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Angles, then their rates."""
         raise NotImplementedError
 
+    @staticmethod
+    def compose(forces: Forces) -> RightHandSide:
+        """Return the right-hand side ``f(t, x, p, s=())`` with the forces that are present."""
+        raise NotImplementedError
 
-def scene(body: Body, *effects: Effect, period: float | None = None, name: str = "") -> ForcedSystem:
+    @staticmethod
+    def tips(joints: int) -> TipsTerm | None:
+        """Return the places ``f(x, p)`` of the parts (x1, y1, ...) from the pivot, if they are known."""
+        return None
+
+    @staticmethod
+    def energy(forces: Forces) -> StateFunction | None:
+        """Return kinetic and potential energy ``f(t, x, p)`` in the frame of the pivot, if they are known."""
+        return None
+
+
+def scene(
+    body: Body, *effects: Effect, period: float | None = None, name: str = "", units: Units | None = None
+) -> ForcedSystem:
     """Return the system of a body and the effects on it.
 
     Parameters
@@ -42,14 +71,20 @@ def scene(body: Body, *effects: Effect, period: float | None = None, name: str =
         What acts on it, each kind at most once.  An effect of zero strength is left out; a drive of zero amplitude
         still sets the period.
     period : float, optional
-        Time between two looks at the state; by default the period of the only effect that has one.
+        Time between two looks at the state (s); by default the period of the only effect that has one.
     name : str, optional
         Name for files and plots; by default the kinds of the body and of the effects.
+    units : Units, optional
+        Units of length, time and mass in which the system measures everything; by default those of the arguments.
+        Its coordinates are then pure numbers.
 
     Returns
     -------
     ForcedSystem
-        System whose parameters are those of the body and of the effects that are present.
+        System whose parameters are those of the body and of the effects that are present.  Its switching functions are
+        the rates of the joints, if anything rubs, then those of the drive.  Its outputs are "positions", the places
+        x0, y0, x1, y1, ... of the pivot and of the parts of the body (m, y up, where the pivot is known), and "energy",
+        kinetic and potential, in the frame of the pivot.
 
     Raises
     ------
@@ -60,7 +95,8 @@ def scene(body: Body, *effects: Effect, period: float | None = None, name: str =
 
     Examples
     --------
-    >>> from systems.effects import Gravity, VerticalDrive
+    >>> from systems.drives import VerticalDrive
+    >>> from systems.effects import Gravity
     >>> from systems.pendulum import Pendulum
     >>> scene(Pendulum(length=1.0), Gravity(9.8), VerticalDrive(amplitude=0.0, frequency=2.0))
     ForcedSystem(Pendulum, Gravity: length=1, gravity=9.8; period 0.5)
@@ -70,41 +106,61 @@ def scene(body: Body, *effects: Effect, period: float | None = None, name: str =
     for effect in effects:
         if not isinstance(effect, Effect):
             raise TypeError(f"effects hold {effect!r}: give effects, such as Gravity(9.8)")
+    coordinates = body.coordinates
+    if units is not None:
+        body, effects = in_units(body, units), tuple(in_units(effect, units) for effect in effects)
+        period = None if period is None else period * units.of(RATE)
+        coordinates = tuple(Coordinate(c.name, "" if c.turn is None else c.unit, c.turn, c.lower) for c in coordinates)
     present = [effect for effect in effects if not effect.vanishes]
+    if not all(effect.terms.winds for effect in present):
+        coordinates = tuple(Coordinate(c.name, c.unit) for c in coordinates)
+    made = _composed(body.compose, body.tips, body.energy, body.joints, tuple(effect.terms for effect in present))
     return ForcedSystem(
-        _composed(body.compose, tuple(effect.terms for effect in present)),
+        made.rhs,
         _parameters(body, *present),
         period=_period(effects) if period is None else period,
-        coordinates=type(body).coordinates,
+        coordinates=coordinates,
         name=name or ", ".join(type(part).__name__ for part in (body, *present)),
+        switches=made.switches,
+        outputs=made.outputs,
     )
 
 
-def total(terms: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
-    """Return the sum of one or more terms as a function of the same arguments.
-
-    Terms are nested and not looped over, so that a compiler without tracing meets plain calls of known functions.
-
-    Examples
-    --------
-    >>> total([lambda t: t, lambda t: 10 * t])(2)
-    22
-    """
-    *others, last = terms
-    if not others:
-        return last
-    before = total(others)
-
-    def both(*arguments: Any) -> Any:
-        return before(*arguments) + last(*arguments)
-
-    return both
+@dataclass(frozen=True, eq=False)
+class _Functions:
+    rhs: RightHandSide
+    switches: StateFunction | None
+    outputs: Mapping[str, StateFunction]
 
 
 @functools.cache
-def _composed(compose: Callable[[Sequence[Terms]], RightHandSide], terms: tuple[Terms, ...]) -> RightHandSide:
+def _composed(
+    compose: Callable[[Forces], RightHandSide],
+    tips_of: Callable[[int], TipsTerm | None],
+    energy_of: Callable[[Forces], StateFunction | None],
+    joints: int,
+    terms: tuple[Terms, ...],
+) -> _Functions:
     """Compose once for each structure: kernels are kept by the identity of their right-hand side."""
-    return compose(terms)
+    forces = combined(terms, joints)
+    outputs: dict[str, StateFunction] = {}
+    if (tips := tips_of(joints)) is not None:
+        outputs["positions"] = _positions(forces.place or _at_rest, tips)
+    if (energy := energy_of(forces)) is not None:
+        outputs["energy"] = energy
+    return _Functions(compose(forces), forces.switches, outputs)
+
+
+def _positions(place: PlaceTerm, tips: TipsTerm) -> StateFunction:
+    def positions(t: float, x: Sequence[float], p: Any) -> tuple[float, ...]:
+        pivot, relative = place(t, p), tips(x, p)
+        return (*pivot, *[relative[i] + pivot[i % 2] for i in range(len(relative))])
+
+    return positions
+
+
+def _at_rest(t: float, p: Any) -> tuple[float, float]:
+    return 0.0, 0.0
 
 
 def _parameters(*parts: Part) -> dict[str, float]:
@@ -114,7 +170,7 @@ def _parameters(*parts: Part) -> dict[str, float]:
             if name in owner:
                 raise ValueError(
                     f"{owner[name]} and {type(part).__name__} both set the parameter {name!r}: "
-                    "a scene takes each kind of effect once"
+                    "a scene takes each kind of effect once, and one drive"
                 )
             owner[name] = type(part).__name__
     return {name: value for part in parts for name, value in part.parameters.items()}

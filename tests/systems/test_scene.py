@@ -18,9 +18,11 @@ from cellmap.codegen.module import generated_module
 from cellmap.codegen.trace import STATEFUL, TIMED, Trace
 from systems import dimensionless_pendulum, driven_pendulum
 from systems.dimensionless import ScaledDamping, ScaledGravity, ScaledPendulum, ScaledVerticalDrive
-from systems.effects import Effect, Gravity, Terms, VerticalDrive, ViscousDamping
+from systems.drives import VerticalDrive
+from systems.effects import Effect, Gravity, Terms, ViscousDamping
+from systems.forces import total
 from systems.pendulum import Pendulum
-from systems.scene import scene, total
+from systems.scene import scene
 
 GRAVITY, DRIVE, DAMPING = Gravity(9.8), VerticalDrive(0.003, 50.0), ViscousDamping(10.0)
 
@@ -243,4 +245,4 @@ def test_a_period_of_ones_own_choice() -> None:
 
 def test_scaled_parts_have_no_dimension() -> None:
     assert ScaledPendulum().parameters == {}
-    assert not any(c.unit for c in ScaledPendulum.coordinates[1:])
+    assert not any(c.unit for c in ScaledPendulum().coordinates[1:])

@@ -1,0 +1,81 @@
+"""Parts of a scene: records of numbers that know their bounds and their physical dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any
+
+from cellmap.checks import finite_number
+
+Dimension = tuple[int, int, int]
+"""Powers of length, time and mass."""
+
+NUMBER: Dimension = (0, 0, 0)
+LENGTH: Dimension = (1, 0, 0)
+TIME: Dimension = (0, 1, 0)
+MASS: Dimension = (0, 0, 1)
+INERTIA: Dimension = (2, 0, 1)
+RATE: Dimension = (0, -1, 0)
+ACCELERATION: Dimension = (1, -2, 0)
+ANGULAR_ACCELERATION: Dimension = (0, -2, 0)
+
+
+def quantity(dimension: Dimension, *, default: Any = MISSING, each: str = "", **bounds: float) -> Any:
+    """Return a dataclass field of a quantity.
+
+    Parameters
+    ----------
+    dimension : tuple of int
+        Powers of length, time and mass, such as `LENGTH`.
+    default : float, optional
+        Value where none is given.
+    each : str, optional
+        For a sequence of numbers, the name of one: the parameters are ``each_1``, ``each_2``, ...
+    **bounds : float
+        ``above=``, ``at_least=`` or ``at_most=`` a number.
+    """
+    return field(default=default, metadata={"dimension": dimension, "each": each, "bounds": bounds})
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a scene: its fields are finite numbers, within bounds, and parameters of the equation of motion.
+
+    A field may also be a sequence of numbers; see :func:`quantity`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For values that are not finite numbers within their bounds.
+    """
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, each = getattr(self, f.name), f.metadata.get("each")
+            if each:
+                if isinstance(value, str) or not hasattr(value, "__iter__"):
+                    raise TypeError(f"{f.name}={value!r}: give a sequence of numbers")
+                value = tuple(_number(f, f"{each}_{i}", v) for i, v in enumerate(value, start=1))
+                if not value:
+                    raise ValueError(f"{f.name}={value!r}: give at least one number")
+            else:
+                value = _number(f, f.name, value)
+            object.__setattr__(self, f.name, value)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters by name."""
+        return {name: value for _, name, value in self._numbers()}
+
+    def _numbers(self) -> Iterator[tuple[Any, str, float]]:
+        for f in fields(self):
+            value, each = getattr(self, f.name), f.metadata.get("each")
+            if each:
+                yield from ((f, f"{each}_{i}", v) for i, v in enumerate(value, start=1))
+            else:
+                yield f, f.name, value
+
+
+def _number(f: Any, name: str, value: Any) -> float:
+    return finite_number(name, value, **f.metadata.get("bounds", {}))
