@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .checks import claim_memory, finite_points, whole_number
-from .codegen.kernel import flow_kernel, traces_faithfully
+from .codegen.kernel import traces_faithfully
 from .coordinates import turns_of, wrap
 from .kernels.blocks import wrap_rows
 from .pointmap import CHUNK, Orbits, PointMap, warn_of_tolerance
-from .stroboscopic import _fewest_steps, _Integrator, stroboscopic_map
+from .stroboscopic import _fewest_steps, _Integrator, _kernel, stroboscopic_map
 from .system import ForcedSystem
 from .threads import progress_bar, run_over, slices
 
@@ -172,7 +172,7 @@ def trajectory(
     needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
     claim_memory(f"{moments:,} states of {count:,} starts", needed, "take fewer periods, samples or starts")
     states = np.full((moments, count, system.dimension), np.nan)
-    states[0] = places.reshape(count, -1)
+    states[0] = places.reshape(count, system.dimension)
     lower, turn = turns_of(system.axes)
 
     orbits = Orbits.starting(states[0].copy())
@@ -212,8 +212,8 @@ def trajectory(
 def _between_samples(system: ForcedSystem, strobe: PointMap, samples: int) -> list[Callable[[Orbits], None]]:
     """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
     recipe = strobe.recipe
-    symbolic = traces_faithfully(system.rhs, system.dimension, system.params)
-    kernel = flow_kernel(system.rhs, system.dimension, tuple(system.params), recipe["method"], recipe["rtol"], symbolic)
+    symbolic = system.switches is not None or traces_faithfully(system.rhs, system.dimension, system.params)
+    kernel = _kernel(system, recipe["method"], recipe["rtol"], symbolic)
     turn = turns_of(system.axes)[1]
     largest = np.where(turn > 0, 0.5 * turn, np.inf)
     rtol, atol = (max(recipe[name] / samples, _FINEST) for name in ("rtol", "atol"))

@@ -14,9 +14,11 @@ import pytest
 
 import systems
 from cellmap import (
+    Attractor,
     Basins,
     CellGrid,
     Coordinate,
+    Kind,
     angle,
     discrete_map,
     find_basins,
@@ -24,6 +26,8 @@ from cellmap import (
     plot_basins,
     stroboscopic_map,
 )
+from cellmap.attractor import distinct_names
+from cellmap.coordinates import as_coordinates
 from cellmap.plot.axes import multiple_of_pi
 from cellmap.plot.colours import CODE_COLOURS, COLOURS, label_colours
 from cellmap.settling import DIVERGED, ESCAPED, UNDECIDED
@@ -180,6 +184,50 @@ def test_legend_names_each_attractor_and_its_share(pendulum):
     assert [p.get_facecolor()[:3] for p in patches] == [pytest.approx(c) for c in label_colours(pendulum).values()]
 
 
+def test_mirror_images_have_names_of_their_own():
+    """In each half of the plane x stays and y goes to and fro, from 0.2 tanh 2 - 1.5 to 0.2 tanh 2 + 1.5 on the right."""
+    from math import tanh
+
+    def rhs(x, p):
+        return 2.0 * tanh(2.0 * x[0]), -1.5 * tanh(3.0 * x[1]) + 0.2 * tanh(x[0])
+
+    basins = find_basins(discrete_map(rhs, {}, ("x", "y")), CellGrid((-3, -3), (3, 3), (20, 20)))
+    assert [a.name for a in basins.attractors] == ["periodic, period 2"] * 2
+    names = [entry.rpartition(":")[0] for entry in legend_of(plot_basins(basins))]
+    assert names == ["periodic, period 2, through (2, -1.31)", "periodic, period 2, through (-2, 1.31)"]
+
+
+CYLINDER = (angle("theta"), Coordinate("v"))
+
+
+def fixed_point(*place, coordinates=CYLINDER):
+    points = np.array([place])
+    return Attractor(Kind.FIXED_POINT, 1, points, (0, 0), np.zeros(2, complex), np.zeros(2), coordinates)
+
+
+@pytest.mark.parametrize(
+    ("attractor", "name"),
+    [
+        (fixed_point(-pi, 0.0), "fixed point (π, 0)"),
+        (fixed_point(pi - 1e-9, 1e-12), "fixed point (π, 0)"),
+        (fixed_point(1e-12, -1.5), "fixed point (0, -1.5)"),
+        (fixed_point(3.14, pi), "fixed point (3.14, 3.14)"),
+        (fixed_point(1e-9, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (0, 0)"),
+        (fixed_point(pi, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (π, 0)"),
+        (fixed_point(-180.0, 0.0, coordinates=(angle("theta", "deg", 360.0), "v")), "fixed point (180, 0)"),
+    ],
+)
+def test_angles_of_fixed_points_are_readable(attractor, name):
+    assert replace(attractor, coordinates=as_coordinates(attractor.coordinates)).name == name
+
+
+def test_close_fixed_points_are_told_apart_by_more_digits():
+    close = [fixed_point(1.0001, 0.0), fixed_point(1.0002, 0.0), fixed_point(0.5, 0.0)]
+    assert [a.name for a in close[:2]] == ["fixed point (1, 0)"] * 2
+    assert distinct_names(close) == ("fixed point (1.0001, 0)", "fixed point (1.0002, 0)", "fixed point (0.5, 0)")
+    assert distinct_names(close[:1] * 2) == ("fixed point (1.0001, 0)",) * 2
+
+
 def test_legend_names_what_is_lost(lost):
     entries = legend_of(plot_basins(lost))
     assert entries[-1].startswith("left the window: ")
@@ -210,28 +258,47 @@ def test_colours_of_codes_and_attractors_are_all_different():
 
 
 def test_many_attractors_have_different_colours(pendulum):
-    """Three rounds through the set of seven."""
+    """Two rounds through the set of twenty."""
     many = replace(
         pendulum,
-        attractors=pendulum.attractors[:1] * 21,
-        labels=np.arange(1200, dtype=np.int16).reshape(40, 30) % 21,
+        attractors=pendulum.attractors[:1] * 40,
+        labels=np.arange(1200, dtype=np.int16).reshape(40, 30) % 40,
     )
     palette = list(label_colours(many).values())
     for a, b in itertools.combinations(palette, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.02
 
 
-@pytest.mark.parametrize("deficiency", ["protan", "deutan"])
-def test_first_colours_differ_for_the_colour_blind(deficiency):
-    """Machado, Oliveira, Fernandes 2009, severity 1: matrices on linear RGB."""
+@pytest.mark.parametrize(
+    ("eyes", "least"), [("normal", 0.1), ("protan", 0.07), ("deutan", 0.07), ("tritan", 0.07)], ids=str
+)
+def test_colours_of_attractors_differ_for_all_eyes(eyes, least):
+    """Distances in Oklab (Ottosson 2020) as large as among the first seven; 0.02 is a difference that is just seen.
+
+    Machado, Oliveira, Fernandes 2009, severity 1: matrices on linear RGB.
+    """
     matrix = {
+        "normal": np.eye(3),
         "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
         "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
-    }[deficiency]
-    linear = np.array([mpl.colors.to_rgb(c) for c in COLOURS]) ** 2.2
-    seen = np.clip(linear @ np.transpose(matrix), 0, 1) ** (1 / 2.2)
-    for a, b in itertools.combinations(seen, 2):
-        assert np.linalg.norm(a - b) > 0.1
+        "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    }[eyes]
+    to_lms = [
+        [0.41222147, 0.53633254, 0.05144599],
+        [0.2119035, 0.6806995, 0.10739696],
+        [0.08830246, 0.28171884, 0.6299787],
+    ]
+    to_lab = [
+        [0.21045426, 0.79361779, -0.00407205],
+        [1.9779985, -2.42859221, 0.45059371],
+        [0.0259040, 0.7827718, -0.8086758],
+    ]
+    colours = np.array([mpl.colors.to_rgb(c) for c in COLOURS])
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(linear @ np.transpose(matrix), 0.0, 1.0)
+    lab = np.cbrt(seen @ np.transpose(to_lms)) @ np.transpose(to_lab)
+    for a, b in itertools.combinations(lab, 2):
+        assert np.linalg.norm(a - b) > least
 
 
 def test_chosen_colours(pendulum):

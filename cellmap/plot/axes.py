@@ -53,9 +53,8 @@ def cut_at_seams(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) 
     angles = np.flatnonzero(turn)
     rounds = (curve[:, angles] - lower[angles]) / turn[angles]
     places = np.unique(np.concatenate([np.arange(len(curve), dtype=float), *map(_crossings, rounds.T)]))
-    before = np.minimum(places.astype(int), len(curve) - 2)
-    share = (places - before)[:, None]
-    points = (1.0 - share) * curve[before] + share * curve[before + 1]
+    before, after = np.floor(places).astype(int), np.ceil(places).astype(int)
+    points = curve[before] + (places - before)[:, None] * (curve[after] - curve[before])
     whole = np.zeros((len(points) - 1, curve.shape[1]))
     whole[:, angles] = np.floor((0.5 * (points[:-1] + points[1:]) - lower)[:, angles] / turn[angles])
     arriving, leaving = np.vstack([whole[:1], whole]), np.vstack([whole, whole[-1:]])
