@@ -185,7 +185,7 @@ def test_legend_names_each_attractor_and_its_share(pendulum):
 
 
 def test_mirror_images_have_names_of_their_own():
-    """In each half of the plane x stays and y goes to and fro, from 0.2 tanh 2 - 1.5 to 0.2 tanh 2 + 1.5 on the right."""
+    """In each half of the plane x stays and y goes to and fro, on the right from -1.31 to 1.69."""
     from math import tanh
 
     def rhs(x, p):
