@@ -10,8 +10,11 @@ from cellmap.checks import finite_number
 from .oscillator import forced_oscillator
 
 
-def van_der_pol_oscillator(mu: float = 1.0, forcing: float = 0.5, frequency: float = 1.1) -> ForcedSystem:
+def van_der_pol_oscillator(mu: float = 1.0, forcing: float = 1.0, frequency: float = 1.0) -> ForcedSystem:
     """Return van der Pol's oscillator: x'' - mu (1 - x^2) x' + x = forcing cos(frequency t).
+
+    A weak force off resonance leaves a quasiperiodic motion, whose section is a closed curve and no finite set of
+    points.  The defaults lock the oscillation to the force.
 
     Parameters
     ----------
@@ -39,7 +42,7 @@ def van_der_pol_oscillator(mu: float = 1.0, forcing: float = 0.5, frequency: flo
     Examples
     --------
     >>> van_der_pol_oscillator().derivative(0.0, (2.0, 1.0))
-    (1.0, -4.5)
+    (1.0, -4.0)
     """
     mu = finite_number("mu", mu, at_least=0.0)
     return forced_oscillator("van der Pol", _van_der_pol, mu=mu, forcing=forcing, frequency=frequency)

@@ -1,0 +1,86 @@
+"""The pendulum above three magnets: its energy, its symmetry and its three basins."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from cellmap import find_basins, jacobian, stroboscopic_map
+from systems import magnetic_pendulum
+
+C, S = cos(2.0 * pi / 3.0), sin(2.0 * pi / 3.0)
+THIRD_OF_A_TURN = np.kron(np.eye(2), [[C, -S], [S, C]])  # of positions and of velocities
+
+
+def random_starts(count: int) -> NDArray[np.float64]:
+    return np.random.default_rng(0).uniform(-1.5, 1.5, (count, 4))
+
+
+def test_the_equation() -> None:
+    """Against the sum over the magnets, written with complex numbers."""
+    system = magnetic_pendulum(damping=0.3, stiffness=0.4, strength=0.7, height=0.5, radius=1.2)
+    for x, y, u, v in random_starts(5):
+        z, w = complex(x, y), complex(u, v)
+        magnets = 1.2 * np.exp(2j * pi * np.arange(3) / 3)
+        a = -0.4 * z - 0.3 * w + sum(0.7 * (m - z) / (abs(m - z) ** 2 + 0.25) ** 1.5 for m in magnets)
+        assert system.derivative(0.0, (x, y, u, v)) == pytest.approx((u, v, a.real, a.imag), rel=1e-12)
+
+
+def test_energy_is_kept_without_damping() -> None:
+    def energy(states: Any) -> Any:
+        z = states[..., 0] + 1j * states[..., 1]
+        magnets = np.exp(2j * pi * np.arange(3) / 3)
+        wells = sum(1.0 / np.sqrt(np.abs(m - z) ** 2 + 0.09) for m in magnets)
+        return 0.5 * (states[..., 2] ** 2 + states[..., 3] ** 2) + 0.125 * np.abs(z) ** 2 - wells
+
+    strobe = stroboscopic_map(magnetic_pendulum(damping=0.0), rtol=1e-12, atol=1e-12)
+    starts = random_starts(20)
+    assert energy(strobe.iterate(starts, 100).points) == pytest.approx(energy(starts), abs=1e-8)
+
+
+def test_a_third_of_a_turn_is_a_symmetry() -> None:
+    strobe = stroboscopic_map(magnetic_pendulum())
+    starts = random_starts(20)
+    assert strobe(starts @ THIRD_OF_A_TURN.T) == pytest.approx(strobe(starts) @ THIRD_OF_A_TURN.T, abs=1e-8)
+
+
+def test_the_bob_rests_near_each_magnet() -> None:
+    """Where the forces on the axis through a magnet balance; every multiplier has the modulus exp(-damping/2)."""
+
+    def force(x: float) -> float:
+        pair = 2.0 * (-0.5 - x) / ((0.5 + x) ** 2 + 0.75 + 0.09) ** 1.5
+        return -0.25 * x + (1.0 - x) / ((1.0 - x) ** 2 + 0.09) ** 1.5 + pair
+
+    place = np.array([brentq(force, 0.9, 1.0, xtol=1e-14), 0.0, 0.0, 0.0])
+    strobe = stroboscopic_map(magnetic_pendulum())
+    for _ in range(3):
+        assert strobe(place) == pytest.approx(place, abs=1e-10)
+        moduli = np.abs(np.linalg.eigvals(jacobian(strobe, place)))
+        assert moduli == pytest.approx(np.exp(-0.1), abs=1e-9)
+        place = THIRD_OF_A_TURN @ place
+
+
+def test_three_basins_of_equal_size() -> None:
+    """Bobs released at rest on circles around the middle; the labels turn with the starts."""
+    radii, phases = np.meshgrid(np.linspace(0.1, 2.5, 12), 2.0 * pi * (np.arange(30) + 0.5) / 30.0)
+    starts = np.zeros((*radii.shape, 4))
+    starts[..., 0], starts[..., 1] = radii * np.cos(phases), radii * np.sin(phases)
+    basins = find_basins(stroboscopic_map(magnetic_pendulum()), starts)
+    assert [a.period for a in basins.attractors] == [1, 1, 1]
+    assert [f.share for f in basins.fractions.values()] == pytest.approx([1.0 / 3.0] * 3, abs=0.01)
+    places = np.array([a.points[0, :2] for a in basins.attractors])
+    assert np.linalg.norm(places[:, None] - places, axis=-1).max() == pytest.approx(0.97805 * sqrt(3.0), abs=1e-4)
+    turned = places @ THIRD_OF_A_TURN[:2, :2].T
+    successor = np.linalg.norm(turned[:, None] - places, axis=-1).argmin(axis=1)
+    assert np.mean(basins.labels == successor[np.roll(basins.labels, 10, axis=0)]) > 0.98
+
+
+@pytest.mark.parametrize("name", ["height", "radius", "period"])
+def test_bad_parameters_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"{name}=0.0: give a number above 0"):
+        magnetic_pendulum(**{name: 0.0})

@@ -1,0 +1,153 @@
+"""Discrete maps, against closed forms and the numbers of references.md."""
+
+from __future__ import annotations
+
+from math import cos, log, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, PointMap, find_basins, jacobian
+from cellmap.chaos import lyapunov_exponents
+from systems import grebogi_ott_yorke_map, henon_map, logistic_map, mcdonald_map, standard_map
+
+
+def random_points(point_map: PointMap, count: int = 50) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (count, point_map.dimension))
+
+
+def test_the_equations() -> None:
+    x, y = 0.7, -0.4
+    assert henon_map()([x, y]) == pytest.approx([1.0 - 1.4 * x * x + y, 0.3 * x], rel=1e-15)
+    theta = x + 1.32 * sin(2.0 * x) - 0.90 * sin(4.0 * x) - y * sin(x)
+    assert grebogi_ott_yorke_map()([x, y]) == pytest.approx([theta, -0.3 * cos(x)], rel=1e-14)
+    assert mcdonald_map()([x, y]) == pytest.approx([3.0 * x - 2.0, 1.5 * y + cos(2.0 * pi * x)], rel=1e-14)
+    assert mcdonald_map(turns=2)([x, y])[0] == pytest.approx(2.0 * x - 1.0, rel=1e-14)
+    kicked = y + 0.9 * sin(x)
+    assert standard_map(k=0.9)([x, y]) == pytest.approx([x + kicked, kicked], rel=1e-14)
+    assert logistic_map(mu=3.5)([x]) == pytest.approx([3.5 * x * (1.0 - x)], rel=1e-15)
+
+
+def test_areas() -> None:
+    points = random_points(henon_map())
+    assert np.linalg.det(jacobian(henon_map(a=1.2, b=0.25), points)) == pytest.approx(-0.25, rel=1e-14)
+    assert np.linalg.det(jacobian(standard_map(k=2.0), points)) == pytest.approx(1.0, rel=1e-13)
+    assert np.linalg.det(jacobian(mcdonald_map(), points)) == pytest.approx(4.5, rel=1e-13)
+    expected = 0.3 * np.sin(points[:, 0]) ** 2
+    assert np.linalg.det(jacobian(grebogi_ott_yorke_map(), points)) == pytest.approx(expected, abs=1e-14)
+
+
+def test_henons_bounded_share() -> None:
+    """0.4319 on 1000^2 starts of [-2, 2]^2 (references.md)."""
+    basins = find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200)))
+    assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.003)
+
+
+def test_the_attractors_of_the_grebogi_ott_yorke_map_share_the_cylinder() -> None:
+    basins = find_basins(grebogi_ott_yorke_map(), CellGrid((0.0, -0.5), (2.0 * pi, 0.5), (300, 300)))
+    places = [a.points[0] for a in basins.attractors]
+    assert places == [pytest.approx([0.0, -0.3], abs=1e-9), pytest.approx([pi, 0.3], abs=1e-9)]
+    for attractor in basins.attractors:  # 1 + 2 a - 4 b -+ c, and 0
+        assert np.abs(attractor.multipliers) == pytest.approx([0.34, 0.0], abs=1e-9)
+    assert [f.share for f in basins.fractions.values()] == pytest.approx([0.5, 0.5], abs=0.003)
+
+
+@pytest.mark.parametrize(("turns", "growth"), [(3, 1.5), (2, 1.5), (3, 2.5)])
+def test_the_boundary_of_mcdonalds_map(turns: int, growth: float) -> None:
+    """Starts above the closed form escape upwards, those below downwards; on [-2, 2] each side has a half."""
+    n, terms = 100, 60
+    # Abscissae are odd multiples of 1/(2 n), so that turns^k x is known exactly, modulo 1.
+    numerators = [2 * i + 1 for i in range(n)]
+    boundary = np.array(
+        [-sum(cos(pi * (m * turns**k % (2 * n)) / n) / growth ** (k + 1) for k in range(terms)) for m in numerators]
+    )
+    point_map = mcdonald_map(turns, growth)
+    heights = np.linspace(-2.0, 2.0, 101)
+    starts = np.stack(np.meshgrid(np.array(numerators) / (2 * n), heights, indexing="ij"), axis=-1)
+    ends = point_map.iterate(starts, 30).points[..., 1]
+    above = heights - boundary[:, None]
+    clear = np.abs(above) > 1e-3
+    assert (np.abs(ends[clear]) > 1.0 / (growth - 1.0)).all()
+    assert (np.sign(ends[clear]) == np.sign(above[clear])).all()
+    assert np.mean(ends > 0.0) == pytest.approx(0.5, abs=0.01)
+
+
+def test_mcdonalds_map_needs_whole_turns() -> None:
+    with pytest.raises(TypeError, match=r"turns=2.5: give a whole number"):
+        mcdonald_map(turns=2.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"turns=1: give a whole number of at least 2"):
+        mcdonald_map(turns=1)
+    with pytest.raises(ValueError, match=r"growth=1.0: give a number above 1"):
+        mcdonald_map(growth=1.0)
+
+
+@pytest.mark.parametrize("k", [0.5, 2.0, 5.0])
+def test_the_fixed_points_of_the_standard_map(k: float) -> None:
+    """Traces 2 + k and 2 - k."""
+    fixed = np.array([[0.0, 0.0], [-pi, 0.0]])
+    assert standard_map(k).iterate(fixed, 1).unwrapped == pytest.approx(fixed, abs=1e-14)
+    assert np.trace(jacobian(standard_map(k), fixed), axis1=1, axis2=2) == pytest.approx([2.0 + k, 2.0 - k], rel=1e-14)
+
+
+def test_the_standard_map_is_reversible() -> None:
+    """Reflected by (theta, p) -> (-theta, p + k sin theta), an orbit runs backwards."""
+    point_map = standard_map(0.8)
+
+    def reflected(points: np.ndarray) -> np.ndarray:
+        theta, p = points.T
+        return np.column_stack([-theta, p + 0.8 * np.sin(theta)])
+
+    starts = random_points(point_map)
+    back = reflected(point_map(reflected(point_map.iterate(starts, 1).unwrapped)))
+    assert back == pytest.approx(starts, abs=1e-13)
+
+
+def test_an_accelerator_mode() -> None:
+    """For k = 2 pi the kicks at theta = pi/2 add a turn of momentum each."""
+    image = standard_map(2.0 * pi).iterate([0.5 * pi, 0.0], 10)
+    assert image.points == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
+    assert image.turns[1] == 10
+
+
+@pytest.mark.parametrize(("k", "passes"), [(0.9, False), (2.0, True)])
+def test_circles_stop_the_momentum_below_greenes_threshold(k: float, passes: bool) -> None:
+    starts = np.stack(np.meshgrid(np.linspace(-3.0, 3.0, 9), np.linspace(-3.0, 3.0, 9)), axis=-1)
+    momenta = standard_map(k).orbit(starts, 3000).unwrapped[..., 1]
+    assert bool(np.ptp(momenta, axis=0).max() > 2.0 * pi) is passes
+
+
+def test_the_logistic_map_in_closed_form() -> None:
+    """For mu = 4, x = sin^2(a) becomes sin^2(2 a)."""
+    angles = np.linspace(0.1, 1.4, 20)[:, None]
+    image = logistic_map().iterate(np.sin(angles) ** 2, 10).points
+    assert image == pytest.approx(np.sin(1024.0 * angles) ** 2, abs=1e-11)
+
+
+def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
+    """For mu = 4, ln 2 and 1/(pi sqrt(x (1 - x))) (references.md)."""
+    point_map = logistic_map()
+    starts = np.random.default_rng(0).uniform(0.0, 1.0, (1000, 1))
+    exponents = lyapunov_exponents(point_map, starts, 200)[0]
+    assert exponents.mean() == pytest.approx(log(2.0), abs=2e-3)
+    cloud = np.sort(np.concatenate([point_map.iterate(starts, n).points[:, 0] for n in range(30, 50)]))
+    share = np.arange(len(cloud)) / len(cloud)
+    assert np.abs(2.0 / pi * np.arcsin(np.sqrt(cloud)) - share).max() < 0.02
+
+
+def test_periods_of_the_logistic_map() -> None:
+    """A fixed point of multiplier 2 - mu, a cycle of multiplier 4 + 2 mu - mu^2, superstable for 1 + sqrt(5)."""
+    interval = CellGrid((0.0,), (1.0,), (50,))
+    (fixed,) = find_basins(logistic_map(2.8), interval).attractors
+    assert (fixed.period, fixed.points[0, 0]) == (1, pytest.approx(1.0 - 1.0 / 2.8, abs=1e-9))
+    assert fixed.multipliers.real == pytest.approx([-0.8], abs=1e-8)
+    (cycle,) = find_basins(logistic_map(3.2), interval).attractors
+    assert cycle.period == 2
+    assert cycle.multipliers.real == pytest.approx([4.0 + 6.4 - 3.2**2], abs=1e-8)
+    assert jacobian(logistic_map(1.0 + sqrt(5.0)), [0.5], 2)[0, 0] == pytest.approx(0.0, abs=1e-13)
+    (window,) = find_basins(logistic_map(3.8318740552833), interval).attractors
+    assert window.period == 3
+
+
+def test_starts_outside_the_interval_diverge() -> None:
+    basins = find_basins(logistic_map(2.8), CellGrid((-1.0,), (2.0,), (30,)))
+    assert basins.labels.tolist() == [-2] * 10 + [0] * 10 + [-2] * 10
