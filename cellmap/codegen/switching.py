@@ -10,6 +10,8 @@ located to the accuracy of the series, and the order of the method holds across 
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable, Iterable
 
 from ..kernels.options import LANES
@@ -23,6 +25,8 @@ from .trace import CONSTANT, STATEFUL
 _IMPORTS = """\
 import numpy as np
 from cellmap.kernels import switching
+from cellmap.kernels.borrow import borrowed
+from cellmap.kernels.options import INLINE
 """
 
 
@@ -31,30 +35,26 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
     size, count = len(traced.motion.states), len(traced.surfaces)
     length = order + 1
     local = (size + count) * length  # first row of the local errors; step, time and flag follow
-    rows = size + 1 + 2 * count
+    errors = size + 1 + 2 * count  # first row of the sums of local errors
     series = Series(traced.motion, order, extra=traced.events, one_clock=False)
     lines = [
         f"@njit({SIGNATURE!r}, **KERNEL)",
         "def advance(x, steps, start, period, p, error):",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
         *indent(1, series.at_order(CONSTANT, 0, of_lanes=False)),
-        f"    lanes = np.zeros({rows * LANES})",
-        f"    series = np.empty({(local + size + 3) * LANES})",
-        f"    fresh = np.zeros(({count}, {LANES}), np.int64)",
-        f"    stalls = np.zeros({LANES}, np.int64)",
-        *indent(1, _scratch(traced)),
+        *indent(1, _memory(size, count, len(traced.normals[0]), length)),
         "    end = start + period",
         "    for b in range(x.shape[0]):",
-        "        errors = error[b]",
-        "        errors[:] = 0.0",
-        "        stalls[:] = 0",
+        f"        lanes[{errors * LANES} :] = 0.0",
         "        rate = steps[b] / period",
         f"        for i in range({LANES}):",
-        *indent(3, (f"lanes[{j * LANES} + i] = state[{j}] = x[b, {j}, i]" for j in range(size))),
-        f"            lanes[{size * LANES} + i] = start",
-        "            surfaces(start, state, p, values, rates, gains, jumps, normals)",
-        "            switching.begin(values, rates, gains, signs, slides, fresh[:, i])",
-        *indent(3, _store_modes(size, count)),
+        *indent(3, _begin(traced, size, count, local)),
+        f"        for i in range({LANES}):",
+        f"            if series[{(local + size + 2) * LANES} + i] > 0.0:",
+        *indent(4, _load(size, count)),
+        "                surfaces(t, state, p, values, rates, gains, jumps, normals)",
+        "                switching.begin_on_surface(values, rates, gains, signs, slides, fresh, on_surface, held)",
+        *indent(4, _store(size, count)),
         "        rounds = 8 * steps[b] + 1024",
         "        moving = 1",
         "        while moving and rounds:",
@@ -64,35 +64,27 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         "            moving = 0",
         f"            for i in range({LANES}):",
         f"                if series[{(local + size + 2) * LANES} + i] > 0.0:",
-        "                    if switching.land("
-        f"lanes, series, errors, fresh, stalls, hits, i, {size}, {count}, {order}, end):",
-        *indent(6, _load(size, count)),
-        "                        for _ in range(2):",
-        "                            surfaces(t, state, p, values, rates, gains, jumps, normals)",
-        "                            switching.project(state, values, normals, hits | (slides > 0.0))",
+        *indent(5, _load(size, count)),
+        "                    landed = switching.land("
+        f"series[i:], state, signs, slides, errors, fresh, hits, a, held, t, {order}, end)",
+        "                    if landed >= 0.0:",
+        "                        t = landed",
         "                        surfaces(t, state, p, values, rates, gains, jumps, normals)",
-        "                        local[:] = errors[:, i]",
+        "                        switching.project(state, values, normals, hits, slides)",
         "                        switching.switch("
-        "rates, gains, jumps, normals, hits, signs, slides, fresh[:, i], state, local)",
-        "                        errors[:, i] = local",
-        *indent(6, (f"lanes[{j * LANES} + i] = state[{j}]" for j in range(size))),
-        *indent(6, _store_modes(size, count)),
+        "rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors, on_surface, held, after)",
+        *indent(5, _store(size, count)),
         f"                moving += lanes[{size * LANES} + i] < end",
-        f"        for i in range({LANES}):",
-        *indent(3, _load(size, count)),
-        "            if t < end:",
-        "                errors[:, i] = 1e300",
-        "            if slides.any():",
-        "                surfaces(t, state, p, values, rates, gains, jumps, normals)",
-        "                switching.project(state, values, normals, slides > 0.0)",
-        "            x[b, :, i] = state",
+        *indent(2, _finish(traced, size, count, errors)),
+        # The views do not keep their memory alive.
+        "    memory[0] = 0.0",
     ]
     return HEADER + _IMPORTS + "\n" + "\n".join([*_surfaces(traced, parameters), "", "", *lines]) + "\n"
 
 
 def _lane(series: Series, size: int, count: int, order: int, local: int) -> Iterable[str]:
     """One step of one lane."""
-    length = order + 1
+    length, errors = order + 1, size + 1 + 2 * count
 
     def row(number: int) -> str:
         return f"series[{number * LANES} + i]"
@@ -102,8 +94,8 @@ def _lane(series: Series, size: int, count: int, order: int, local: int) -> Iter
     yield from (f"g{e} = lanes[{(size + 1 + e) * LANES} + i]" for e in range(count))
     yield from (f"u{e} = lanes[{(size + 1 + count + e) * LANES} + i]" for e in range(count))
     # What is left is cut into equal steps, so that none of them is a sliver.
-    yield "left = math.ceil((end - t0) * rate - 1e-6)"
-    yield "h = (end - t0) / max(left, 1.0)"
+    yield "left = simd_math.fmax(np.ceil((end - t0) * rate - 1e-6), 1.0)"
+    yield "h = (end - t0) / left"
     yield from (f"h{k} = h * {1.0 / k!r}" for k in range(1, order + 1))
     yield from series.at_order(CONSTANT, 0, of_lanes=True)
     for k in range(order):
@@ -116,43 +108,97 @@ def _lane(series: Series, size: int, count: int, order: int, local: int) -> Iter
         yield f"lanes[{j * LANES} + i] = s{j}_0 + ({' + '.join(f's{j}_{k}' for k in range(order, 0, -1))})"
         yield from (f"{row(j * length + k)} = s{j}_{k}" for k in range(length))
         yield f"e{j} = abs(s{j}_{order}) + 0.5 * abs(s{j}_{order - 1})"
-        yield f"errors[{j}, i] += e{j}"
+        yield f"lanes[{(errors + j) * LANES} + i] += e{j}"
         yield f"{row(local + j)} = e{j}"
     yield f"{row(local + size)} = h"
     yield f"{row(local + size + 1)} = t0"
     yield f"lanes[{size * LANES} + i] = t0 + h if left > 1.0 else end"
-    yield "quiet = math.inf"
     for e, event in enumerate(series.extra):
         terms = [series.name(event, k) or "0.0" for k in range(length)]
         yield from (f"{row((size + e) * length + k)} = {term}" for k, term in enumerate(terms))
         # Smallest value of the first three terms in the step, less all the others.
         yield f"q0 = {terms[0]}; q1 = {terms[1]}; q2 = {terms[2]}"
         yield f"rest = {' + '.join(f'abs({term})' for term in terms[3:])}"
-        yield "lowest = min(q0, q0 + q1 + q2)"
-        yield "lowest = q0 - 0.25 * q1 * q1 / q2 if q1 < 0.0 and 2.0 * q2 > -q1 else lowest"
-        yield "quiet = min(quiet, lowest - rest)"
+        yield "lowest = simd_math.fmin(q0, q0 + q1 + q2)"
+        yield "bottom = q0 - 0.25 * q1 * q1 / q2"
+        yield "bottom = bottom if -q1 < 2.0 * q2 else lowest"
+        yield "lowest = bottom if q1 < 0.0 else lowest"
+        yield f"quiet{e} = lowest - rest"
+    yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
     yield f"{row(local + size + 2)} = 0.0 if quiet > 0.0 else 1.0"
 
 
-def _scratch(traced: SwitchingTrace) -> Iterable[str]:
-    """Small arrays for one lane at a time."""
-    size, count, dimension = len(traced.motion.states), len(traced.surfaces), len(traced.normals[0])
-    yield f"state = np.empty({size}); local = np.empty({size})"
-    yield f"values = np.empty({count}); rates = np.empty({count}); gains = np.empty(({count}, {count}))"
-    yield f"jumps = np.empty(({count}, {dimension})); normals = np.empty(({count}, {dimension}))"
-    yield f"signs = np.empty({count}); slides = np.empty({count}); hits = np.zeros({count}, np.bool_)"
+def _begin(traced: SwitchingTrace, size: int, count: int, local: int) -> Iterable[str]:
+    """Load a lane; on which side of each surface it lies decides its mode, and the flag says where that is open."""
+    nodes = in_order(traced.surfaces)
+    name = _namer(nodes, "x")
+    yield from (f"x{j} = lanes[{j * LANES} + i] = x[b, {j}, i]" for j in range(size))
+    yield f"t = lanes[{size * LANES} + i] = start"
+    yield from (assignment(n, name, STATEFUL) for n in nodes if n.arguments)
+    for e, surface in enumerate(traced.surfaces):
+        yield f"lanes[{(size + 1 + e) * LANES} + i] = 1.0 if {name(surface)} > 0.0 else -1.0"
+        yield f"lanes[{(size + 1 + count + e) * LANES} + i] = 0.0"
+        yield f"f{e} = 1.0 if {name(surface)} == 0.0 else 0.0"
+    yield f"series[{(local + size + 2) * LANES} + i] = " + " + ".join(f"f{e}" for e in range(count))
+
+
+def _finish(traced: SwitchingTrace, size: int, count: int, errors: int) -> Iterable[str]:
+    """Bring lanes that slide back onto their surfaces, where rounding has led away, and copy all of them back."""
+    if not all(surface.operation == "state" for surface in traced.surfaces):
+        yield f"for i in range({LANES}):"
+        yield from indent(1, _load(size, count))
+        yield "    if slides.max() > 0.0:"
+        yield "        hits[:] = 0.0"
+        yield "        surfaces(t, state, p, values, rates, gains, jumps, normals)"
+        yield "        switching.project(state, values, normals, hits, slides)"
+        yield from indent(2, (f"lanes[{j * LANES} + i] = state[{j}]" for j in range(size)))
+    yield f"for i in range({LANES}):"
+    for j in range(size):
+        yield f"    x[b, {j}, i] = lanes[{j * LANES} + i]"
+        yield f"    error[b, {j}, i] = lanes[{(errors + j) * LANES} + i] if lanes[{size * LANES} + i] >= end else 1e300"
+
+
+def _memory(size: int, count: int, dimension: int, length: int) -> Iterable[str]:
+    """Lay out one piece of memory: rows of lanes, rows of series, and small arrays for one lane at a time.
+
+    Views of it are borrowed, for counting references would cost more than all else that is done at an event.
+    """
+    shapes = {
+        "lanes": ((2 * size + 3 * count + 2) * LANES,),
+        "series": (((size + count) * length + size + 3) * LANES,),
+        **dict.fromkeys(("state", "errors"), (size,)),
+        **dict.fromkeys(("values", "rates", "signs", "slides", "hits", "on_surface", "held", "after"), (count,)),
+        "fresh": (count + 1,),
+        "a": (length,),
+        "gains": (count, count),
+        "jumps": (count, dimension),
+        "normals": (count, dimension),
+    }
+    total = sum(map(math.prod, shapes.values()))
+    yield f"memory = np.zeros({total})"
+    yield "whole = borrowed(memory)"
+    begin = 0
+    for name, shape in shapes.items():
+        end = begin + math.prod(shape)
+        yield f"{name} = whole[{begin}:{end}]" + (f".reshape({shape})" if len(shape) > 1 else "")
+        begin = end
+
+
+def _rows(size: int, count: int) -> Iterable[tuple[str, int]]:
+    """Rows of lanes, each with the name of what it holds."""
+    names = [f"state[{j}]" for j in range(size)]
+    names += ["t", *(f"signs[{e}]" for e in range(count)), *(f"slides[{e}]" for e in range(count))]
+    names += [f"errors[{j}]" for j in range(size)]
+    names += [f"fresh[{e}]" for e in range(count + 1)]
+    return zip(names, range(len(names)), strict=True)
 
 
 def _load(size: int, count: int) -> Iterable[str]:
-    yield from (f"state[{j}] = lanes[{j * LANES} + i]" for j in range(size))
-    yield f"t = lanes[{size * LANES} + i]"
-    yield from (f"signs[{e}] = lanes[{(size + 1 + e) * LANES} + i]" for e in range(count))
-    yield from (f"slides[{e}] = lanes[{(size + 1 + count + e) * LANES} + i]" for e in range(count))
+    yield from (f"{name} = lanes[{row * LANES} + i]" for name, row in _rows(size, count))
 
 
-def _store_modes(size: int, count: int) -> Iterable[str]:
-    yield from (f"lanes[{(size + 1 + e) * LANES} + i] = signs[{e}]" for e in range(count))
-    yield from (f"lanes[{(size + 1 + count + e) * LANES} + i] = slides[{e}]" for e in range(count))
+def _store(size: int, count: int) -> Iterable[str]:
+    yield from (f"lanes[{row * LANES} + i] = {name}" for name, row in _rows(size, count))
 
 
 def _surfaces(traced: SwitchingTrace, parameters: int) -> list[str]:
@@ -164,17 +210,18 @@ def _surfaces(traced: SwitchingTrace, parameters: int) -> list[str]:
         targets += [(f"jumps[{i}, {j}]", e) for j, e in enumerate(traced.jumps[i])]
         targets += [(f"normals[{i}, {j}]", e) for j, e in enumerate(traced.normals[i])]
     nodes = in_order([e for _, e in targets])
-    name = _scalar_namer(nodes)
+    name = _namer(nodes, "x")
     return [
-        "@njit(**KERNEL)",
+        "@njit(**INLINE)",
         "def surfaces(t, x, p, values, rates, gains, jumps, normals):",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
-        *indent(1, (assignment(n, name, CONSTANT) for n in nodes if n.arguments)),
+        *indent(1, (f"x{j} = x[{j}]" for j in range(len(traced.normals[0])))),
+        *indent(1, (assignment(n, name, STATEFUL) for n in nodes if n.arguments)),
         *indent(1, (f"{target} = {name(e)}" for target, e in targets)),
     ]
 
 
-def _scalar_namer(nodes: list[Expression]) -> Callable[[Expression], str]:
+def _namer(nodes: list[Expression], state: str) -> Callable[[Expression], str]:
     numbers = {node: i for i, node in enumerate(nodes)}
-    inputs = {"state": lambda i: f"x[{i}]", "time": lambda _: "t", "parameter": lambda i: f"p{i}"}
+    inputs = {"state": lambda i: f"{state}{i}", "time": lambda _: "t", "parameter": lambda i: f"p{i}"}
     return lambda node: input_name(node, inputs) or f"v{numbers[node]}"

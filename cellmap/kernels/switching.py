@@ -5,23 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .options import KERNEL, LANES
+from .options import INLINE, LANES
 
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
 
+_NARROW = 0.05  # interval from which on all coefficients are looked at
 _NARROWEST = 1e-9  # interval in which a minimum that all but touches zero is taken not to
 _TIE = 1e-13  # share of the friction limit by which a force may pass it and still be held
 _STALLS = 50  # events without progress after which a lane is given up
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def first_root(a, degree):
     """Return the first time in (0, 1] at which the polynomial of coefficients a becomes negative, else NEVER.
 
     Intervals are passed over where a bound from value, slope and largest curvature keeps them positive, and halved
-    until they are, or the polynomial falls throughout and Newton's method finds its root.  A zero at time 0 does not
+    until they are, or the polynomial falls throughout and Halley's method finds its root.  A zero at time 0 does not
     count.  The coefficients are changed.
     """
     first = 0
@@ -32,61 +33,80 @@ def first_root(a, degree):
     degree -= first
     if a[0] < 0.0:
         return 0.0
+    # What the last coefficients add is bounded, so that most intervals are judged by the first few.
+    last, tail, tail_slope = degree, 0.0, 0.0
+    while last > 3 and tail + abs(a[last]) <= 1e-3 * a[0]:
+        tail += abs(a[last])
+        tail_slope += last * abs(a[last])
+        last -= 1
     low, width = 0.0, 1.0
     while low < 1.0:
         high = min(low + width, 1.0)
         middle, reach = 0.5 * (low + high), 0.5 * (high - low)
-        value, slope = _value_and_slope(a, degree, middle)
-        bend = 0.0
-        for k in range(degree, 1, -1):
-            bend = bend * high + k * (k - 1.0) * abs(a[k])
-        if value - reach * abs(slope) - 0.5 * reach * reach * bend > 0.0:
+        value, slope, bend = a[last], 0.0, 0.0
+        for k in range(last - 1, -1, -1):
+            if k > 0:
+                bend = bend * high + (k + 1.0) * k * abs(a[k + 1])
+            slope = slope * middle + value
+            value = value * middle + a[k]
+        if value - reach * abs(slope) - 0.5 * reach * reach * bend - tail > 0.0:
             low, width = high, 2.0 * width
-        elif slope + reach * bend < 0.0:
-            end = _value_and_slope(a, degree, high)[0]
-            if end < 0.0:
-                return _root_between(a, degree, low, high, middle)
+        elif slope + reach * bend + tail_slope < 0.0:
+            if _value(a, degree, high) < 0.0:
+                return _root_between(a, degree, low, high, middle - value / slope)
             low, width = high, 2.0 * width
+        elif width > _NARROW:
+            width *= 0.5
+        elif last < degree:
+            last, tail, tail_slope = degree, 0.0, 0.0
         elif width > _NARROWEST:
             width *= 0.5
-        elif _value_and_slope(a, degree, high)[0] < 0.0:
+        elif _value(a, degree, high) < 0.0:
             return high
         else:
             low = high
     return NEVER
 
 
-@njit(**KERNEL)
-def _value_and_slope(a, degree, x):
-    value, slope = a[degree], 0.0
+@njit(**INLINE)
+def _value(a, degree, x):
+    value = a[degree]
     for k in range(degree - 1, -1, -1):
-        slope = slope * x + value
         value = value * x + a[k]
-    return value, slope
+    return value
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def _root_between(a, degree, low, high, x):
-    """Newton's method for a falling polynomial, kept between bounds."""
+    """Halley's method for a polynomial that falls from low to high, kept between them."""
+    x = min(max(x, low), high)
     for _ in range(100):
-        value, slope = _value_and_slope(a, degree, x)
+        value, slope, bend = a[degree], 0.0, 0.0  # of the bend, half
+        for k in range(degree - 1, -1, -1):
+            bend = bend * x + slope
+            slope = slope * x + value
+            value = value * x + a[k]
         if value > 0.0:
             low = x
         else:
             high = x
-        moved = x - value / slope
-        if not low <= moved <= high:
-            moved = 0.5 * (low + high)
-        if abs(moved - x) <= 4e-16:
-            return moved
-        x = moved
+        step = value * slope / (slope * slope - value * bend)
+        if not low <= x - step <= high:
+            step = x - 0.5 * (low + high)
+        x -= step
+        # Convergence is cubic: what is left is of the order of the cube of the last step.
+        if abs(step) <= 1e-6:
+            break
     return x
 
 
-@njit(**KERNEL)
+@njit(**INLINE)
 def equivalent_control(rates, gains, slides, signs, held):
     """Fill in the sign of each switch: as it is where free, else the value that holds it on its surface."""
     count = rates.size
+    if count == 1:
+        held[0] = -rates[0] / gains[0, 0] if slides[0] else signs[0]
+        return
     matrix, right = np.empty((count, count)), np.empty(count)
     for i in range(count):
         for j in range(count):
@@ -106,8 +126,8 @@ def equivalent_control(rates, gains, slides, signs, held):
         held[i] = known / matrix[i, i]
 
 
-@njit(**KERNEL)
-def choose_mode(rates, gains, on_surface, signs, slides):
+@njit(**INLINE)
+def choose_mode(rates, gains, on_surface, signs, slides, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
     On return a switch slides, or it is free with the sign of the side that it moves to.  The values l of switches that
@@ -115,10 +135,8 @@ def choose_mode(rates, gains, on_surface, signs, slides):
     Gauss-Seidel relaxation finds them; for friction, whose gains are those of an inverse inertia, it converges always.
     """
     count = rates.size
-    held = signs.copy()
     for i in range(count):
-        if on_surface[i]:
-            held[i] = 0.0
+        held[i] = 0.0 if on_surface[i] else signs[i]
     for _ in range(_ROUNDS):
         change = 0.0
         for i in range(count):
@@ -136,123 +154,106 @@ def choose_mode(rates, gains, on_surface, signs, slides):
                     slides[i] = 0.0
                 change = max(change, abs(value - held[i]))
                 held[i] = value
-        if change <= 1e-15:
+        if change <= 1e-15 or count == 1:
             break
     for i in range(count):
         if on_surface[i]:
             signs[i] = 0.0 if slides[i] else held[i]
 
 
-@njit(**KERNEL)
-def begin(surfaces, rates, gains, signs, slides, fresh):
-    """Choose the modes of a start.  A switch that leaves its surface is marked as fresh: that is no event."""
-    count = surfaces.size
-    on_surface = np.zeros(count, np.bool_)
-    some = False
-    for e in range(count):
-        slides[e] = 0.0
-        signs[e] = 1.0 if surfaces[e] > 0.0 else -1.0
-        on_surface[e] = surfaces[e] == 0.0
-        some = some or on_surface[e]
-    if some:
-        choose_mode(rates, gains, on_surface, signs, slides)
-    for e in range(count):
-        fresh[e] = 1 if on_surface[e] and not slides[e] else 0
+@njit(**INLINE)
+def begin_on_surface(surfaces, rates, gains, signs, slides, fresh, on_surface, held):
+    """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event."""
+    for e in range(surfaces.size):
+        on_surface[e] = 1.0 if surfaces[e] == 0.0 else 0.0
+    choose_mode(rates, gains, on_surface, signs, slides, held)
+    for e in range(surfaces.size):
+        fresh[e] = on_surface[e] - slides[e]
 
 
-@njit(**KERNEL)
-def land(lanes, series, errors, fresh, stalls, hits, i, size, count, order, end):
-    """Take a lane back to the first event in its last step; return whether there is one.
+@njit(**INLINE)
+def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, order, end):
+    """Take a lane back to the first event in its last step; return its time then, -1 if there is no event.
 
-    Rows of ``lanes`` hold states, time, signs and slides, rows of ``series`` coefficients of states and events, then
-    estimates of the local errors, step, and time before the step; see :mod:`cellmap.codegen.switching`.
+    Rows of ``series`` hold coefficients of states and events, then estimates of the local errors, step, and time before
+    the step; see :mod:`cellmap.codegen.switching`.  ``fresh[e]`` is the order of the zero that event e has at the
+    beginning of the step because the mode began there; the last entry counts events without progress.
     """
-    stride, length = LANES, order + 1
+    size, count = state.size, signs.size
+    length = order + 1
     local = (size + count) * length
-    step, begun = series[(local + size) * stride + i], series[(local + size + 1) * stride + i]
+    step, begun = series[(local + size) * LANES], series[(local + size + 1) * LANES]
     if step == 0.0:
-        return False
+        return -1.0
     for j in range(size):
-        if not abs(lanes[j * stride + i]) < np.inf:
-            lanes[size * stride + i] = end
-            return False
-    a = np.empty(length)
-    roots = np.empty(count)
+        if not abs(state[j]) < np.inf:
+            return -1.0
     first = NEVER
     for e in range(count):
-        shift = fresh[e, i]
+        shift = int(fresh[e])
         for k in range(length - shift):
-            a[k] = series[((size + e) * length + k + shift) * stride + i]
-        sliding = lanes[(size + 1 + count + e) * stride + i] > 0.0
-        if sliding and -_TIE * 10.0 < a[0] < 0.0:
+            a[k] = series[((size + e) * length + k + shift) * LANES]
+        if slides[e] > 0.0 and -10.0 * _TIE < a[0] < 0.0:
             a[0] = 0.0
         roots[e] = first_root(a, order - shift)
         first = min(first, roots[e])
+    if first > 1e-9:
+        fresh[:] = 0.0
     if first == NEVER:
-        for e in range(count):
-            fresh[e, i] = 0
-        return False
+        return -1.0
+    fresh[count] += 1.0
+    if fresh[count] > _STALLS:
+        errors[:] = 1e300
+        return -1.0
     for j in range(size):
-        value = series[(j * length + order) * stride + i]
+        value = series[(j * length + order) * LANES]
         for k in range(order - 1, -1, -1):
-            value = value * first + series[(j * length + k) * stride + i]
-        lanes[j * stride + i] = value
-        errors[j, i] -= series[(local + j) * stride + i] * (1.0 - first ** (order - 1))
-    lanes[size * stride + i] = min(begun + first * step, end)
+            value = value * first + series[(j * length + k) * LANES]
+        state[j] = value
+        errors[j] -= series[(local + j) * LANES] * (1.0 - first)
     for e in range(count):
-        hits[e] = roots[e] <= first + 1e-13
-        if first > 1e-9:
-            fresh[e, i] = 0
-    stalls[i] = stalls[i] + 1 if first < 1e-12 else 0
-    if stalls[i] > _STALLS:
-        lanes[size * stride + i] = end
-        for j in range(size):
-            errors[j, i] = 1e300
-        return False
-    return True
+        hits[e] = 1.0 if roots[e] <= first + 1e-13 else 0.0
+    return min(begun + first * step, end)
 
 
-@njit(**KERNEL)
-def project(state, surfaces, normals, on_surface):
+@njit(**INLINE)
+def project(state, surfaces, normals, hits, slides):
     """Move a state onto the surfaces it has reached, by the last digits that it is away from them."""
     for e in range(surfaces.size):
         square = 0.0
         for j in range(normals.shape[1]):
             square += normals[e, j] * normals[e, j]
-        if on_surface[e] and square > 0.0:
+        if hits[e] + slides[e] > 0.0 and square > 0.0:
             for j in range(normals.shape[1]):
                 state[j] -= normals[e, j] * (surfaces[e] / square)
 
 
-@njit(**KERNEL)
-def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors):
+@njit(**INLINE)
+def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors, on_surface, before, after):
     """Go over to the mode that follows an event.
 
     Errors, and tangent vectors if there are any, pass the event as its time depends on the state: by the saltation
     matrix I + (f_after - f_before) grad h / (dh/dt before).
     """
     count, dimension = normals.shape
-    before, after = np.empty(count), np.empty(count)
     equivalent_control(rates, gains, slides, signs, before)
-    on_surface = np.empty(count, np.bool_)
     entered = -1
     for e in range(count):
-        on_surface[e] = slides[e] > 0.0
+        on_surface[e] = slides[e]
         if hits[e] and slides[e]:
             signs[e] = before[e] = 1.0 if before[e] > 0.0 else -1.0
             slides[e] = 0.0
-            fresh[e] = 2
-            on_surface[e] = False
+            fresh[e] = 2.0
+            on_surface[e] = 0.0
         elif hits[e]:
-            on_surface[e] = True
+            on_surface[e] = 1.0
             entered = e
     if entered < 0:
         return
-    was_on = on_surface.copy()
-    choose_mode(rates, gains, on_surface, signs, slides)
+    choose_mode(rates, gains, on_surface, signs, slides, after)
     for e in range(count):
-        if was_on[e]:
-            fresh[e] = 0 if slides[e] else 1
+        if on_surface[e]:
+            fresh[e] = 1.0 - slides[e]
     equivalent_control(rates, gains, slides, signs, after)
     speed = rates[entered]
     for e in range(count):
