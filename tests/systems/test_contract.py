@@ -41,7 +41,11 @@ def factories() -> dict[str, Factory]:
 FACTORIES = factories()
 FLOWS = [name for name, f in FACTORIES.items() if get_type_hints(f)["return"] is ForcedSystem]
 SMOOTH_FLOWS = [name for name in FLOWS if FACTORIES[name]().switches is None]
-DAMPED_FLOWS = [name for name in SMOOTH_FLOWS if {"damping", "gamma"} & FACTORIES[name]().params.keys()]
+DAMPED_FLOWS = [
+    name
+    for name in SMOOTH_FLOWS
+    if FACTORIES[name]().dimension == 2 and {"damping", "gamma"} & FACTORIES[name]().params.keys()
+]
 MAPS = [name for name in FACTORIES if name not in FLOWS]
 EVERY = pytest.mark.parametrize("name", FACTORIES)
 EVERY_FLOW = pytest.mark.parametrize("name", FLOWS)
@@ -199,21 +203,20 @@ def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArra
 @EVERY_SMOOTH_FLOW
 def test_volumes_grow_by_the_divergence(name: str) -> None:
     system = FACTORIES[name]()
-    scale, starts = span_of(system), starts_that_stay(system, 10)
+    scale, starts = span_of(system), starts_that_stay(system, 5)
     matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
     expected = [growth_of_volumes(system, start) for start in starts]
     assert np.linalg.det(matrices) == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.parametrize("name", DAMPED_FLOWS)
-def test_viscous_damping_shrinks_every_volume_alike(name: str) -> None:
-    """det DP = exp(-damping x period), once for each degree of freedom."""
+def test_viscous_damping_shrinks_all_areas_alike(name: str) -> None:
+    """det DP = exp(-damping x period) in one degree of freedom."""
     system = FACTORIES[name]()
     damping = next(system.params[n] for n in ("damping", "gamma") if n in system.params)
     scale = span_of(system)
     matrices = jacobian(stroboscopic_map(system), starts_that_stay(system, 10)) * (scale[None, :] / scale[:, None])
-    expected = exp(-damping * system.length * system.dimension / 2)
-    assert np.linalg.det(matrices) == pytest.approx(expected, abs=1e-10)
+    assert np.linalg.det(matrices) == pytest.approx(exp(-damping * system.length), abs=1e-10)
 
 
 @EVERY_FLOW

@@ -43,6 +43,11 @@ def test_energy_is_kept_without_damping() -> None:
     assert energy(strobe.iterate(starts, 100).points) == pytest.approx(energy(starts), abs=1e-8)
 
 
+def test_volumes_shrink_by_the_damping_in_both_directions() -> None:
+    matrices = jacobian(stroboscopic_map(magnetic_pendulum(damping=0.3, period=2.0)), random_starts(5))
+    assert np.linalg.det(matrices) == pytest.approx(np.exp(-1.2), abs=1e-10)
+
+
 def test_a_third_of_a_turn_is_a_symmetry() -> None:
     strobe = stroboscopic_map(magnetic_pendulum())
     starts = random_starts(20)
