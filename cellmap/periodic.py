@@ -13,6 +13,8 @@ from .pointmap import PointMap
 _ITERATIONS = 25
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
 _STABLE = 1.0 - 1e-8
+_UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
+_HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
 
 
 def newton(
@@ -21,6 +23,7 @@ def newton(
     periods: NDArray[np.int64],
     extent: NDArray[np.float64],
     reach: float = 0.5,
+    attracting: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
 
@@ -36,6 +39,8 @@ def newton(
         Size of the region of interest.
     reach : float, optional
         A solution farther than this from its guess, in units of `extent`, does not count.
+    attracting : bool, optional
+        Leave out solutions that are unstable beyond doubt, and guesses that are too unstable to be close to others.
 
     Returns
     -------
@@ -59,6 +64,8 @@ def newton(
         with np.errstate(invalid="ignore"):
             usable = np.isfinite(size) & np.isfinite(matrices).all(axis=(-2, -1))
             usable &= (iteration < _FREE_ITERATIONS) | (size < 0.5 * last[active]) | (size < 1e-9)
+            if attracting and iteration == 0:
+                usable &= ~(_largest_multiplier(np.where(usable[:, None, None], matrices, 0.0)) > _HOPELESS)
             usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
         last[active] = size
         active, residual, matrices, scale = active[usable], residual[usable], matrices[usable], scale[usable]
@@ -67,9 +74,13 @@ def newton(
         near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * extent).all(axis=-1)
         # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
         done = near & (np.abs(step) <= 1e-8 * scale).all(axis=-1)
-        settled[active[done]] = True
+        settled[active[done]] = ~(attracting & (_largest_multiplier(matrices[done]) > _UNSTABLE))
         active = active[near & ~done]
     return wrap(points, exact.coordinates), settled
+
+
+def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
 
 
 def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .attractor import Attractor, sort_key
+from .attractor import Attractor, Neighbourhood, sort_key
 from .chaos import chaotic_attractors
 from .checks import finite_points, whole_number
-from .coordinates import difference, turns_of, wrap
-from .periodic import newton, stable_orbit
+from .coordinates import Coordinate, difference, turns_of, wrap
+from .periodic import newton, resolution, stable_orbit
 from .pointmap import Orbits, PointMap
 from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
@@ -21,7 +21,8 @@ _FIRST_LOOK = 32  # periods before ends are polished for the first time
 _LOOKED_AT = 256  # ends among which those to be polished are chosen
 _REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
-_RETURNS = 4  # likely periods tried for each of them, besides 1
+_RETURNS = 4  # likely periods tried for each of them, besides 1,
+_RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
 def find_attractors(
@@ -73,10 +74,11 @@ def find_attractors(
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     age, horizon = 0, _FIRST_LOOK
+    refused = Refused.none_yet(point_map, extent)
     while len(orbits):
         settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
         age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
-        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age)
+        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age, refused)
         if age == max_periods:
             break
     if len(orbits):
@@ -101,10 +103,12 @@ def sort_out(
     max_period: int,
     extent: NDArray[np.float64],
     age: int,
+    refused: Refused | None = None,
 ) -> tuple[Orbits, list[Attractor]]:
     """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
+    refused = Refused.none_yet(point_map, extent) if refused is None else refused
     while len(orbits):
-        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent)
+        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, refused)
         if not fresh:
             break
         attractors = [*attractors, *fresh]
@@ -128,24 +132,53 @@ def new_attractors(
     known: Sequence[Attractor],
     max_period: int,
     extent: NDArray[np.float64],
+    refused: Refused,
 ) -> list[Attractor]:
     """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
     for guesses, periods in _guesses(point_map, states, max_period, extent):
         found: list[Attractor] = []
-        solutions, settled = newton(point_map, guesses, periods, extent)
+        solutions, settled = newton(point_map, guesses, periods, extent, attracting=True)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
             # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
             if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
                 continue
-            attractor = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
-            if attractor is None or not _carried(point_map, attractor):
+            if solutions[i] in refused:
                 continue
-            neighbourhood = trapping_neighbourhood(point_map, attractor, extent)
-            if neighbourhood is not None:
-                found.append(replace(attractor, neighbourhood=neighbourhood))
+            orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
+            neighbourhood = None if orbit is None else _neighbourhood(point_map, orbit, extent)
+            if orbit is None or neighbourhood is None:
+                refused.add(solutions[i : i + 1] if orbit is None else orbit.points)
+            else:
+                found.append(replace(orbit, neighbourhood=neighbourhood))
         if found:
             return found
     return []
+
+
+@dataclass(eq=False)
+class Refused:
+    """Periodic points that were examined and belong to no attractor: many ends lead to them, again and again."""
+
+    coordinates: tuple[Coordinate, ...]
+    extent: NDArray[np.float64]
+    points: NDArray[np.float64]
+
+    @classmethod
+    def none_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Refused:
+        """Begin without any."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)))
+
+    def __contains__(self, point: NDArray[np.float64]) -> bool:
+        apart = np.abs(difference(self.points, point, self.coordinates))
+        return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
+
+    def add(self, points: NDArray[np.float64]) -> None:
+        """Add the points of an orbit."""
+        self.points = np.concatenate([self.points, points])
+
+
+def _neighbourhood(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:
+    return trapping_neighbourhood(point_map, attractor, extent) if _carried(point_map, attractor) else None
 
 
 def _carried(point_map: PointMap, attractor: Attractor) -> bool:
@@ -171,9 +204,18 @@ def _guesses(
     yield ends, np.ones(len(ends), np.int64)
     if max_period > 1:
         closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
-        rank, row = np.nonzero(np.take_along_axis(distance, closest, axis=0) < 0.2)
+        close = np.take_along_axis(distance, closest, axis=0) < _RETURNED
+        rank, row = np.nonzero(close & ~_multiples(closest))
         if len(row):
             yield ends[row], closest[rank, row]
+
+
+def _multiples(periods: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
+    found = np.zeros(periods.shape, bool)
+    for earlier in range(len(periods) - 1):
+        found[earlier + 1 :] |= periods[earlier + 1 :] % periods[earlier] == 0
+    return found
 
 
 def _return_distances(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sin
 
 import numpy as np
@@ -22,6 +23,8 @@ from cellmap import (
     jacobian,
     stroboscopic_map,
 )
+from cellmap.attractor import Neighbourhood
+from cellmap.coordinates import difference
 from cellmap.settling import DIVERGED, UNDECIDED
 
 STABLE_FROM = 2.329021135978e-3  # amplitude (m) at which the inverted state gains stability
@@ -133,6 +136,95 @@ def test_strong_damping_creeps_to_rest(damping):
     assert a.points == pytest.approx(np.zeros((1, 2)), abs=1e-9)
     assert a.multipliers[0] == pytest.approx(slow, rel=1e-4)
     assert (basins.labels == 0).all()
+
+
+WEAK = {
+    "period 2": (
+        systems.forced_pendulum(0.0917230369533683, 1.2836695581775617, 0.8910870827355746),
+        [(2, 0.9909027), (2, 0.9909027), (6, 0.8662710), (6, 0.8662710)],
+    ),
+    "period 8": (
+        systems.two_well_duffing(0.23881097091717296, 0.3330580073387191, 0.5630176836030292),
+        [(1, 0.2829669), (3, 0.0183590), (8, 0.9919671), (8, 0.9919671)],
+    ),
+    "period 22": (
+        systems.forced_pendulum(0.20901645144205044, 1.981127760136112, 1.1090073936395817),
+        [(1, 0.5531638), (22, 0.9421159), (22, 0.9421159)],
+    ),
+}
+
+
+def weak_case(name: str) -> tuple[PointMap, np.ndarray, list[tuple[int, float]]]:
+    system, expected = WEAK[name]
+    half = pi if system.axes[0].turn else 2.5
+    return stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres(), expected
+
+
+@pytest.mark.parametrize("name", WEAK)
+def test_weakly_attracting_cycles_are_found(name):
+    """Rounds that shear by up to 200 and contract by 1 to 6 %; the ends of 6000 periods cluster in the same cycles."""
+    exact, starts, expected = weak_case(name)
+    found = find_attractors(exact, starts, max_periods=600)
+    assert [a.period for a in found] == [period for period, _ in expected]
+    assert [abs(a.multipliers[0]) for a in found] == pytest.approx([size for _, size in expected], abs=1e-4)
+    ends = exact.iterate(starts.reshape(-1, 2), 6000).points
+    assert (np.sum([inside(a.neighbourhood, ends, exact) for a in found], axis=0) == 1).all()
+
+
+def inside(region: Neighbourhood, points: np.ndarray, exact: PointMap) -> np.ndarray:
+    shift = difference(points[:, None], region.centres, exact.coordinates)
+    return (np.einsum("nci,cij,ncj->nc", shift, region.metrics, shift) <= 1.0).any(axis=1)
+
+
+def counted(exact: PointMap) -> tuple[PointMap, list[int]]:
+    """The same map, and how many points it has followed with their derivatives and how many without."""
+    points = [0, 0]
+
+    def tangent(places):
+        points[0] += places.size // exact.dimension
+        return exact.tangent(places)
+
+    def advance(orbits, periods):
+        points[1] += len(orbits) * periods
+        exact.advance(orbits, periods)
+
+    return replace(exact, tangent=tangent, advance=advance), points
+
+
+def test_effort_of_a_search_among_weakly_attracting_cycles():
+    """A cycle is polished for its own period only, and looked at once: 9,000 derivatives, 720,000 images."""
+    exact, starts, _ = weak_case("period 8")
+    counting, points = counted(exact)
+    find_attractors(counting, starts, max_periods=600)
+    assert points[0] < 15_000
+    assert points[1] < 1_500_000
+
+
+def test_effort_of_a_search_in_chaos():
+    """Newton's method gives up hopeless guesses at once, and unstable solutions cost nothing more."""
+    counting, points = counted(scaled(0.25, 0.55, 0.05))
+    starts = CellGrid((-pi, -2.5), (pi, 2.5), (6, 6)).centres()
+    (a,) = find_attractors(counting, starts, max_periods=2000)
+    assert a.kind is Kind.CHAOTIC
+    looks, exponents = 7, 32 * 300
+    assert points[0] - exponents < looks * 2500
+
+
+@pytest.mark.parametrize("r", [3.2, 3.5])
+def test_an_orbit_is_examined_once(r, monkeypatch):
+    """One that gets no neighbourhood is met at every look, from many ends and as each of its points."""
+    examined = []
+    monkeypatch.setattr("cellmap.search.trapping_neighbourhood", lambda point_map, a, extent: examined.append(a))
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
+    assert find_attractors(logistic, np.linspace(0.03, 0.97, 30)[:, None]) == ()
+    assert len(examined) == 1
+
+
+def test_unstable_solutions_are_not_examined(monkeypatch):
+    examined = []
+    monkeypatch.setattr("cellmap.search.stable_orbit", lambda point_map, point, *_: examined.append(point))
+    find_attractors(systems.henon_map(), np.random.default_rng(0).uniform(-0.1, 0.1, (30, 2)), max_periods=300)
+    assert examined == []
 
 
 # --- bifurcations of the report's system (cases 8 and 9)
