@@ -1,0 +1,168 @@
+"""Units: every part in other units and back, and the same orbits in both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import stroboscopic_map
+from systems import (
+    dimensionless_parameters,
+    dimensionless_pendulum,
+    double_pendulum,
+    driven_pendulum,
+    from_stability_coordinates,
+    physical_parameters,
+    stability_coordinates,
+)
+from systems.chain import Chain
+from systems.compound import CompoundPendulum
+from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
+from systems.effects import (
+    ConstantTorque,
+    DryFriction,
+    Effect,
+    Gravity,
+    QuadraticDrag,
+    TorsionSpring,
+    ViscousDamping,
+)
+from systems.harmonics import HarmonicDrive
+from systems.parts import Part
+from systems.pendulum import Pendulum
+from systems.scene import scene
+from systems.units import Units, drive_units, in_units, swing_units
+from systems.waves import SquareDrive, TriangleDrive
+
+W = 100.0 * pi
+DRIVES: list[Any] = [
+    VerticalDrive(0.003, 50.0, 0.2),
+    HorizontalDrive(0.003, 50.0, 0.2),
+    TiltedDrive(0.003, 50.0, 0.4, 0.2),
+    RotatingDrive(0.003, 0.002, 50.0, 0.2),
+    TorqueDrive(800.0, 50.0, 0.2),
+    HarmonicDrive((0.003, 0.001), (0.2, 0.7), 50.0),
+    SquareDrive(200.0, 50.0, 0.2, 0.1),
+    SquareDrive(200.0, 50.0, 0.2),
+    TriangleDrive(200.0, 50.0, 0.2, 0.1),
+]
+STEADY: list[Any] = [
+    Gravity(9.8),
+    ViscousDamping(10.0),
+    QuadraticDrag(0.1),
+    DryFriction(2.5),
+    TorsionSpring(50.0, 0.3),
+    ConstantTorque(20.0),
+]
+BODIES: list[Any] = [
+    Pendulum(0.0272),
+    CompoundPendulum(0.3, 0.0004, 0.03),
+    Chain((0.03, 0.02, 0.04), (0.1, 0.3, 0.2)),
+]
+UNITS = Units(length=0.3, time=0.07, mass=2.5)
+
+
+@pytest.mark.parametrize("part", [*DRIVES, *STEADY, *BODIES], ids=repr)
+def test_there_and_back(part: Part) -> None:
+    there = in_units(part, UNITS)
+    assert type(there) is type(part)
+    assert in_units(there, UNITS.inverse).parameters == pytest.approx(part.parameters, rel=1e-14)
+
+
+@pytest.mark.parametrize("body", BODIES, ids=repr)
+@pytest.mark.parametrize("drive", DRIVES, ids=repr)
+def test_the_equation_of_motion_in_other_units(body: Any, drive: Any) -> None:
+    """Accelerations, switches, places and energies, all effects at once."""
+    here, there = scene(body, *STEADY, drive), scene(body, *STEADY, drive, units=UNITS)
+    assert there.rhs is here.rhs
+    assert there.length == pytest.approx(here.length / 0.07, rel=1e-14)
+    assert not any(c.unit.endswith("/s") for c in there.axes)
+    n = body.joints
+    x = np.random.default_rng(0).uniform(-2.0, 2.0, 2 * n)
+    scale = np.repeat([1.0, 1.0 / 0.07], n)
+    t = 0.0031
+    assert there.fun(t / 0.07, x / scale) == pytest.approx(here.fun(t, x) / scale * 0.07, rel=1e-11)
+    assert there.signs(t / 0.07, x / scale) == here.signs(t, tuple(x))
+    assert there.output("positions", t / 0.07, x / scale) == pytest.approx(
+        here.output("positions", t, x) / 0.3, rel=1e-11
+    )
+    per_mass = isinstance(body, Pendulum)
+    energy = 0.3**2 / 0.07**2 * (1.0 if per_mass else 2.5)
+    assert there.output("energy", t / 0.07, x / scale) == pytest.approx(here.output("energy", t, x) / energy, rel=1e-11)
+
+
+def test_the_names_of_the_dimensionless_numbers() -> None:
+    """alpha = g/(l w^2), beta = A/l, gamma/w, delta/w^2."""
+    units = drive_units(0.0272, 50.0)
+    scaled = dimensionless_parameters(0.0272, 0.003, 50.0, 10.0, friction=2.5)
+    assert scaled == pytest.approx(
+        {"alpha": 9.8 / (0.0272 * W**2), "beta": 0.003 / 0.0272, "gamma": 10.0 / W, "delta": 2.5 / W**2}, rel=1e-14
+    )
+    assert in_units(DryFriction(2.5), units).friction == scaled["delta"]
+    assert in_units(VerticalDrive(0.003, 50.0), units).frequency == pytest.approx(0.5 / pi, rel=1e-15)
+    back = physical_parameters(**scaled, length=0.0272, frequency=50.0)
+    assert back == pytest.approx(
+        {"length": 0.0272, "amplitude": 0.003, "frequency": 50.0, "damping": 10.0, "gravity": 9.8, "friction": 2.5}
+    )
+    assert driven_pendulum(**back).params["friction"] == pytest.approx(2.5)
+    there, here = dimensionless_pendulum(**scaled), driven_pendulum(**back)
+    assert there.fun(0.7, np.array([0.4, 0.2])) == pytest.approx(
+        here.fun(0.7 / W, np.array([0.4, 0.2 * W])) / [W, W**2], rel=1e-12
+    )
+    assert "delta" not in dimensionless_parameters(0.0272, 0.003, 50.0, 10.0)
+
+
+def test_orbits_are_the_same_in_both_units() -> None:
+    parts = (Gravity(9.8), VerticalDrive(0.006, 50.0), ViscousDamping(10.0))
+    scaled = scene(Chain((0.032, 0.032), (1.0, 0.25)), *parts, units=drive_units(0.032, 50.0))
+    assert scaled.length == pytest.approx(2.0 * pi, rel=1e-15)
+    scale = np.array([1.0, 1.0, W, W])
+    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 4)) * [pi, pi, 0.3, 0.3]
+    here = stroboscopic_map(double_pendulum(), rtol=1e-11, atol=1e-11)(starts * scale) / scale
+    assert stroboscopic_map(scaled, rtol=1e-11, atol=1e-11)(starts) == pytest.approx(here, abs=1e-8)
+
+
+def test_the_axes_of_the_stability_map() -> None:
+    """Omega = f/f0, epsilon = A w0^2/g = A/l, and alpha = 1/Omega^2, beta = epsilon."""
+    axes = stability_coordinates(0.0272, 0.003, 50.0)
+    w0 = sqrt(9.8 / 0.0272)
+    assert axes == pytest.approx({"frequency_ratio": W / w0, "amplitude_ratio": 0.003 * w0**2 / 9.8}, rel=1e-14)
+    scaled = dimensionless_parameters(0.0272, 0.003, 50.0, 0.0)
+    assert scaled["alpha"] == pytest.approx(axes["frequency_ratio"] ** -2, rel=1e-14)
+    assert scaled["beta"] == pytest.approx(axes["amplitude_ratio"], rel=1e-14)
+    back = from_stability_coordinates(**axes, length=0.0272)
+    assert back == pytest.approx({"length": 0.0272, "amplitude": 0.003, "frequency": 50.0, "gravity": 9.8}, rel=1e-14)
+    assert in_units(Gravity(1.62), swing_units(0.3, 1.62)).gravity == pytest.approx(1.0, rel=1e-15)
+
+
+def test_a_period_of_ones_own_is_converted() -> None:
+    system = scene(Pendulum(1.0), Gravity(9.8), period=2.0, units=Units(time=0.5))
+    assert system.length == 4.0
+
+
+@dataclass(frozen=True)
+class Bare(Effect):
+    strength: float
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: Units(length=0.0), ValueError, "length=0.0: give a number above 0"),
+        (lambda: Units(time=-1.0), ValueError, "time=-1.0: give a number above 0"),
+        (lambda: in_units(Bare(1.0), UNITS), TypeError, "Bare.strength has no dimension: declare it with quantity"),
+        (lambda: in_units(9.8, UNITS), TypeError, "part=9.8: give a body or an effect"),  # type: ignore[type-var]
+        (lambda: drive_units(1.0, 0.0), ValueError, "frequency=0.0: give a number above 0"),
+        (lambda: swing_units(1.0, -9.8), ValueError, "gravity=-9.8: give a number above 0"),
+        (lambda: stability_coordinates(1.0, -0.1, 1.0), ValueError, "amplitude=-0.1: give a number of at least 0"),
+        (lambda: from_stability_coordinates(0.0, 0.1, 1.0), ValueError, "frequency_ratio=0.0: give a number above 0"),
+        (lambda: from_stability_coordinates(1.0, -0.1, 1.0), ValueError, "amplitude_ratio=-0.1: give a number of at"),
+    ],
+)
+def test_bad_units_are_refused(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
