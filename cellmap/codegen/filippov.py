@@ -27,13 +27,16 @@ from .trace import Trace, parameter_record, trace
 class SwitchingTrace:
     """Expressions of a right-hand side that jumps.
 
-    ``motion`` has the components of the mode that the inputs "sign" and "slide" describe.  ``events`` are positive as
-    long as the mode lasts, one for each switch.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij, ``jumps`` g_i and
-    ``normals`` grad h_i depend on time and state alone.
+    ``motion`` has the components of the mode that the inputs "sign" and "slide" describe, ``free_motion`` those of modes
+    in which nothing slides, at less work.  ``events``, and ``free_events``, are positive as long as the mode lasts, one
+    for each switch.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij, ``jumps`` g_i and ``normals`` grad h_i depend on
+    time and state alone.
     """
 
     motion: Trace
     events: tuple[Expression, ...]
+    free_motion: Trace
+    free_events: tuple[Expression, ...]
     surfaces: tuple[Expression, ...]
     rates: tuple[Expression, ...]
     gains: tuple[tuple[Expression, ...], ...]
@@ -43,7 +46,7 @@ class SwitchingTrace:
     @property
     def is_analytic(self) -> bool:
         """Whether every mode has power series."""
-        return is_analytic((*self.motion.outputs, *self.events))
+        return is_analytic((*self.motion.outputs, *self.free_motion.outputs, *self.events))
 
 
 def switching_trace(
@@ -95,15 +98,13 @@ def _in_modes(base: Trace, surfaces: tuple[Expression, ...], signs: tuple[Expres
     for slide, surface in zip(slides, surfaces, strict=True):
         if surface.operation == "state":
             components[surface.value] = graph.apply("mul", graph.apply("sub", one, slide), components[surface.value])
+    free_events = tuple(graph.apply("mul", sign, surface) for sign, surface in zip(signs, surfaces, strict=True))
     events = tuple(
-        graph.apply(
-            "add",
-            graph.apply("mul", sign, surface),
-            graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))),
-        )
-        for sign, slide, surface, value in zip(signs, slides, surfaces, held, strict=True)
+        graph.apply("add", event, graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))))
+        for event, slide, value in zip(free_events, slides, held, strict=True)
     )
-    return SwitchingTrace(replace(base, outputs=tuple(components)), events, surfaces, rates, gains, jumps, normals)
+    motion = replace(base, outputs=tuple(components))
+    return SwitchingTrace(motion, events, base, free_events, surfaces, rates, gains, jumps, normals)
 
 
 def _affine(

@@ -97,7 +97,8 @@ def switching_kernel(
         return None
     if tangent:
         try:
-            traced = replace(traced, motion=tangent_trace(traced.motion))
+            motion, free = tangent_trace(traced.motion), tangent_trace(traced.free_motion)
+            traced = replace(traced, motion=motion, free_motion=free)
         except UntraceableError:
             return None
     order = taylor_order(rtol)

@@ -36,12 +36,13 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
     length = order + 1
     local = (size + count) * length  # first row of the local errors; step, time and flag follow
     errors = size + 1 + 2 * count  # first row of the sums of local errors
-    series = Series(traced.motion, order, extra=traced.events, one_clock=False)
+    general = Series(traced.motion, order, extra=traced.events, one_clock=False)
+    free = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
+    sliding = f"lanes[{(size + 1 + count) * LANES}:{(size + 1 + 2 * count) * LANES}]"
     lines = [
         f"@njit({SIGNATURE!r}, **KERNEL)",
         "def advance(x, steps, start, period, p, error):",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
-        *indent(1, series.at_order(CONSTANT, 0, of_lanes=False)),
         *indent(1, _memory(size, count, len(traced.normals[0]), length)),
         "    end = start + period",
         "    for b in range(x.shape[0]):",
@@ -59,8 +60,14 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         "        moving = 1",
         "        while moving and rounds:",
         "            rounds -= 1",
-        f"            for i in range({LANES}):",
-        *indent(4, _lane(series, size, count, order, local)),
+        f"            if {sliding}.max() == 0.0:",
+        *indent(4, free.at_order(CONSTANT, 0, of_lanes=False)),
+        f"                for i in range({LANES}):",
+        *indent(5, _lane(free, size, count, order, local)),
+        "            else:",
+        *indent(4, general.at_order(CONSTANT, 0, of_lanes=False)),
+        f"                for i in range({LANES}):",
+        *indent(5, _lane(general, size, count, order, local)),
         "            moving = 0",
         f"            for i in range({LANES}):",
         f"                if series[{(local + size + 2) * LANES} + i] > 0.0:",
