@@ -76,16 +76,20 @@ def _harmonic_terms(count: int) -> Terms:
 
 
 def _harmonic(k: int) -> FieldTerm:
+    amplitude, phase = f"amplitude_{k}", f"phase_{k}"
+
     def harmonic(t: float, p: Any) -> float:
         w = 2.0 * pi * k * p.frequency
-        return -(getattr(p, f"amplitude_{k}") * w * w) * cos(w * t + getattr(p, f"phase_{k}"))
+        return -(getattr(p, amplitude) * w * w) * cos(w * t + getattr(p, phase))
 
     return harmonic
 
 
 def _harmonic_height(k: int) -> FieldTerm:
+    amplitude, phase = f"amplitude_{k}", f"phase_{k}"
+
     def height(t: float, p: Any) -> float:
-        return getattr(p, f"amplitude_{k}") * cos(2.0 * pi * k * p.frequency * t + getattr(p, f"phase_{k}"))
+        return getattr(p, amplitude) * cos(2.0 * pi * k * p.frequency * t + getattr(p, phase))
 
     return height
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from math import asin, atan, cos, pi, sin, sqrt
+from math import asin, cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -89,10 +89,9 @@ def _smooth_square_height(t: float, p: Any) -> tuple[float, float]:
 class TriangleDrive(SquareDrive):
     """Pivot accelerated by a triangle wave: y'' = -`acceleration` (2/pi) asin cos(w t + phase), positive up.
 
-    Sharp (`smoothing` 0), cosine and sine of the phase are switching functions: the wave bends at the zeros of the
-    sine, and at those of the cosine it changes from one formula to another.  Smooth, the wave is
-    atan(c / sqrt(s^2 + e^2)) / atan(1/e) with cosine c, sine s and e = `smoothing`, of the same peak.  The phase is
-    that of :class:`VerticalDrive`.  Its displacement is the one of zero mean.
+    Sharp (`smoothing` 0), the sine of the phase is a switching function, for at its zeros the wave bends.  Smooth, the
+    wave is atan(c / sqrt(s^2 + e^2)) / atan(1/e) with cosine c, sine s and e = `smoothing`, of the same peak.  The
+    phase is that of :class:`VerticalDrive`.  Its displacement is the one of zero mean.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ class TriangleDrive(SquareDrive):
     Examples
     --------
     >>> len(TriangleDrive(acceleration=300.0, frequency=50.0).terms.clocks)
-    2
+    1
     """
 
     @property
@@ -116,23 +115,33 @@ class TriangleDrive(SquareDrive):
         """Acceleration of the pivot."""
         if self.smoothing:
             return Terms(vertical=_smooth_triangle, place=_smooth_triangle_height, period=period_of)
-        return Terms(vertical=_triangle, place=_triangle_height, period=period_of, clocks=(_cosine, _sine))
+        return Terms(vertical=_triangle, place=_triangle_height, period=period_of, clocks=(_sine,))
 
 
 def _sine(t: float, p: Any) -> float:
     return sin(turned_by(t, p))
 
 
-def _triangle(t: float, p: Any, upper: float, left: float) -> float:
-    """Half the angle from the nearest tip is atan(sin/(1 + abs(cos))), which is smooth beyond its quadrant."""
+def _triangle(t: float, p: Any, sign: float) -> float:
+    """Half the angle from the middle of a slope is an arc tangent that goes on smoothly beyond both tips."""
     turned = turned_by(t, p)
-    half = left * atan(sin(turned) / (1.0 + upper * cos(turned)))
-    return -p.acceleration * (upper * (1.0 - (4.0 / pi) * half))
+    return -p.acceleration * ((4.0 / pi) * _arc_tangent(cos(turned) / (1.0 + sign * sin(turned))))
 
 
 def _smooth_triangle(t: float, p: Any) -> float:
     c, s, e = cos(turned_by(t, p)), sin(turned_by(t, p)), p.smoothing
-    return -p.acceleration * (atan(c / sqrt(s * s + e * e)) / atan(1.0 / e))
+    return -p.acceleration * (_arc_tangent(c / sqrt(s * s + e * e)) / _arc_tangent(1.0 / e))
+
+
+def _arc_tangent(x: float) -> float:
+    """Arc tangent to rounding, of operations with power series alone: the angle halved three times, then its series."""
+    for _ in range(3):
+        x = x / (1.0 + sqrt(1.0 + x * x))
+    square = x * x
+    series = 1.0 / 23.0
+    for k in range(21, 0, -2):
+        series = 1.0 / k - square * series
+    return 8.0 * x * series
 
 
 def _triangle_of(c: float) -> float:

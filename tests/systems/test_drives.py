@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import asin, cos, pi, sin
+from math import asin, atan, cos, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.codegen.kernel import traced_function
@@ -19,7 +20,7 @@ from systems.effects import DryFriction, Effect, Gravity, ViscousDamping
 from systems.harmonics import HarmonicDrive, sampled_drive
 from systems.pendulum import Pendulum
 from systems.scene import scene
-from systems.waves import SquareDrive, TriangleDrive
+from systems.waves import SquareDrive, TriangleDrive, _arc_tangent
 
 F, W, PHASE = 3.0, 6.0 * pi, 0.4
 TIMES = np.linspace(0.0, 1.0 / F, 241)[:-1] + 1e-3 / 3.0
@@ -122,18 +123,47 @@ def test_switches_of_sharp_waves() -> None:
     assert square.derivative(0.05, (pi / 2, 2.0), (0.5, -1.0)) == pytest.approx((2.0, -0.5 - 70.0))
     both = scene(Pendulum(1.0), TriangleDrive(70.0, F, PHASE))
     assert both.switches is not None
-    assert both.switches(0.05, (0.3, 2.0), both.parameters) == pytest.approx(
-        (cos(W * 0.05 + PHASE), sin(W * 0.05 + PHASE))
-    )
+    assert both.switches(0.05, (0.3, 2.0), both.parameters) == (pytest.approx(sin(W * 0.05 + PHASE)),)
     assert scene(Pendulum(1.0), SquareDrive(70.0, F, PHASE, 0.1)).switches is None
 
 
-def test_a_sharp_triangle_is_smooth_beyond_its_quadrant() -> None:
-    """With the signs held, the formula of a quadrant goes on in a straight line past its ends."""
+def test_a_sharp_triangle_is_smooth_beyond_its_tips() -> None:
+    """With the sign held, the formula of a slope goes on in a straight line past its ends."""
     system = scene(Pendulum(1.0), TriangleDrive(70.0, F))
-    t = np.linspace(-0.06, 0.06, 25) + 0.125 / F  # the first quadrant ends at 0.25 / F = 0.083
-    values = np.array([system.derivative(s, (pi / 2, 0.0), (1.0, 1.0))[1] for s in t])
-    assert values == pytest.approx(70.0 * (1.0 - 4.0 * F * t), rel=1e-12)
+    t = np.linspace(-0.15, 0.15, 25) + 0.25 / F  # the slope ends at 0 and at 0.5 / F = 0.167
+    values = np.array([system.derivative(s, (pi / 2, 0.0), (1.0,))[1] for s in t])
+    assert values == pytest.approx(70.0 * (1.0 - 4.0 * F * t), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("drive", "edges"),
+    [
+        (SquareDrive(200.0, 50.0), (0.005, 0.015)),
+        pytest.param(TriangleDrive(200.0, 50.0), (0.01,), marks=pytest.mark.slow),
+    ],
+)
+def test_the_map_under_a_sharp_wave(drive: Effect, edges: tuple[float, ...]) -> None:
+    """Against SciPy, from edge to edge."""
+    system = scene(Pendulum(0.0272), Gravity(9.8), drive, ViscousDamping(5.0))
+    state, start = np.array([1.0, 5.0]), 0.0
+    for end in (*edges, 0.02):
+        signs = system.signs(0.5 * (start + end), tuple(state))
+        solution = solve_ivp(
+            lambda t, y, s=signs: system.derivative(t, tuple(y), s),
+            (start, end),
+            state,
+            "DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+        )
+        state, start = solution.y[:, -1], end
+    assert stroboscopic_map(system)([1.0, 5.0]) == pytest.approx(state, rel=1e-7)
+
+
+def test_the_arc_tangent() -> None:
+    for x in (0.0, *np.geomspace(1e-9, 1e9, 37).tolist()):
+        assert _arc_tangent(x) == pytest.approx(atan(x), rel=1e-15, abs=0.0)
+        assert _arc_tangent(-x) == -_arc_tangent(x)
 
 
 def test_the_smooth_wave_tends_to_the_sharp_one() -> None:
