@@ -27,10 +27,10 @@ from .trace import Trace, parameter_record, trace
 class SwitchingTrace:
     """Expressions of a right-hand side that jumps.
 
-    ``motion`` has the components of the mode that the inputs "sign" and "slide" describe, ``free_motion`` those of modes
-    in which nothing slides, at less work.  ``events``, and ``free_events``, are positive as long as the mode lasts, one
-    for each switch.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij, ``jumps`` g_i and ``normals`` grad h_i depend on
-    time and state alone.
+    ``motion`` has the components of the mode that the inputs "sign" and "slide" describe, ``free_motion`` those where
+    nothing slides, at less work.  ``events`` and ``free_events`` are positive as long as the mode lasts, one for each
+    switch.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij, ``jumps`` g_i and ``normals`` grad h_i depend on time and
+    state alone.
     """
 
     motion: Trace

@@ -101,7 +101,7 @@ def switching_kernel(
             traced = replace(traced, motion=motion, free_motion=free)
         except UntraceableError:
             return None
-    order = taylor_order(rtol)
+    order = taylor_order(rtol, traced.motion)
     advance = generated_module(switching_module(traced, order, len(names))).advance
     return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin)
 

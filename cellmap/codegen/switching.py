@@ -22,6 +22,7 @@ from .lanes import HEADER, SIGNATURE, indent
 from .taylor import Series
 from .trace import CONSTANT, STATEFUL
 
+_STEP_SIGNATURE = "void(float64[::1], float64[::1], float64[::1], float64, float64)"
 _IMPORTS = """\
 import numpy as np
 from cellmap.kernels import switching
@@ -61,13 +62,9 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         "        while moving and rounds:",
         "            rounds -= 1",
         f"            if {sliding}.max() == 0.0:",
-        *indent(4, free.at_order(CONSTANT, 0, of_lanes=False)),
-        f"                for i in range({LANES}):",
-        *indent(5, _lane(free, size, count, order, local)),
+        "                free_step(lanes, series, p, end, rate)",
         "            else:",
-        *indent(4, general.at_order(CONSTANT, 0, of_lanes=False)),
-        f"                for i in range({LANES}):",
-        *indent(5, _lane(general, size, count, order, local)),
+        "                general_step(lanes, series, p, end, rate)",
         "            moving = 0",
         f"            for i in range({LANES}):",
         f"                if series[{(local + size + 2) * LANES} + i] > 0.0:",
@@ -86,12 +83,28 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         # The views do not keep their memory alive.
         "    memory[0] = 0.0",
     ]
-    return HEADER + _IMPORTS + "\n" + "\n".join([*_surfaces(traced, parameters), "", "", *lines]) + "\n"
+    steps = [_step(f"{name}_step", s, parameters, count) for name, s in (("free", free), ("general", general))]
+    parts = [_surfaces(traced, parameters), *steps, lines]
+    return HEADER + _IMPORTS + "".join("\n" + "\n".join(part) + "\n" for part in parts)
 
 
-def _lane(series: Series, size: int, count: int, order: int, local: int) -> Iterable[str]:
+def _step(name: str, series: Series, parameters: int, count: int) -> list[str]:
+    """Write the function that takes one step with all lanes of a block."""
+    size = len(series.trace.states)
+    return [
+        f"@njit({_STEP_SIGNATURE!r}, **KERNEL)",
+        f"def {name}(lanes, series, p, end, rate):",
+        *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
+        *indent(1, series.at_order(CONSTANT, 0, of_lanes=False)),
+        f"    for i in range({LANES}):",
+        *indent(2, _lane(series, size, count)),
+    ]
+
+
+def _lane(series: Series, size: int, count: int) -> Iterable[str]:
     """One step of one lane."""
-    length, errors = order + 1, size + 1 + 2 * count
+    order, length, errors = series.order, series.order + 1, size + 1 + 2 * count
+    local = (size + count) * length
 
     def row(number: int) -> str:
         return f"series[{number * LANES} + i]"
@@ -124,13 +137,11 @@ def _lane(series: Series, size: int, count: int, order: int, local: int) -> Iter
         terms = [series.name(event, k) or "0.0" for k in range(length)]
         yield from (f"{row((size + e) * length + k)} = {term}" for k, term in enumerate(terms))
         # Smallest value of the first three terms in the step, less all the others.
-        yield f"q0 = {terms[0]}; q1 = {terms[1]}; q2 = {terms[2]}"
-        yield f"rest = {' + '.join(f'abs({term})' for term in terms[3:])}"
-        yield "lowest = simd_math.fmin(q0, q0 + q1 + q2)"
-        yield "bottom = q0 - 0.25 * q1 * q1 / q2"
-        yield "bottom = bottom if -q1 < 2.0 * q2 else lowest"
-        yield "lowest = bottom if q1 < 0.0 else lowest"
-        yield f"quiet{e} = lowest - rest"
+        yield f"a{e} = {terms[0]}; b{e} = {terms[1]}; c{e} = {terms[2]}"
+        yield f"rest{e} = {' + '.join(f'abs({term})' for term in terms[3:])}"
+        yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"
+        yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
+        yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"
     yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
     yield f"{row(local + size + 2)} = 0.0 if quiet > 0.0 else 1.0"
 
