@@ -257,7 +257,8 @@ def test_a_light_outer_mass_leaves_the_single_pendulum() -> None:
     strobe = stroboscopic_map(double_pendulum(mass_2=1e-6, damping=0.0), rtol=1e-12, atol=1e-12)
     single = stroboscopic_map(driven_pendulum(0.032, 0.006, 50.0, 0.0), rtol=1e-12, atol=1e-12)
     image = strobe(np.array([1.0, -0.5, 0.2 * W, 0.1 * W]))[[0, 2]] / [1.0, W]
-    assert np.abs(image - single([1.0, 0.2 * W]) / [1.0, W]).max() < 2e-6
+    difference = np.abs(image - single([1.0, 0.2 * W]) / [1.0, W]).max()
+    assert difference == pytest.approx(5.7e-7, abs=5e-9)
 
 
 @pytest.mark.parametrize("ratio", [1e-9, 1e9])
@@ -270,7 +271,7 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
     with mpmath.workdps(40):
         rhs = rebind(system.rhs, {"sin": mpmath.sin, "cos": mpmath.cos})
         exact = rhs(mpmath.mpf(0), tuple(map(mpmath.mpf, x)), system.parameters)
-        assert system.derivative(0.0, x) == pytest.approx([float(v) for v in exact], rel=1e-6 if ratio > 1 else 1e-14)
+        assert system.derivative(0.0, x) == pytest.approx([float(v) for v in exact], rel=1e-14)
 
 
 def test_one_link_is_the_single_pendulum() -> None:
