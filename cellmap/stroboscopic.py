@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .checks import finite_number, one_of, whole_number
-from .codegen.kernel import (
-    PeriodKernel,
-    flow_kernel,
-    switching_kernel,
-    tangent_flow_kernel,
-    traces_faithfully,
-)
 from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
+from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
-from .kernels.blocks import pack, unpack, wrap_rows
-from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
-from .kernels.options import LANES
-from .pointmap import Orbits, PointMap, Status
+from .kernels.blocks import wrap_rows
+from .pointmap import Orbits, PointMap
 from .system import ForcedSystem
 
 SMALLEST_TOLERANCE = 1e-14
 LARGEST_TOLERANCE = 0.1
 MOST_STEPS = 2**31
-_FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
-_PROBE = 16  # steps a period of the first trial step
-_RUNGS_PER_OCTAVE = 4
-_SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
+_TANGENT_TOLERANCE = 1e-12  # or that of the map, if it is finer
 
 
 def stroboscopic_map(
@@ -99,18 +87,25 @@ def stroboscopic_map(
     atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
     one_of("method", method, METHOD_NAMES)
     max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
-    symbolic = system.switches is not None or traces_faithfully(system.rhs, system.dimension, system.params)
-    kernel = _kernel(system, method, rtol, symbolic)
+    begin, length = phase * system.length, system.length
+    motion = flow(system, begin, length, rtol, atol, method, max_steps)
     lower, turn = turns_of(system.axes)
-    largest = np.where(turn > 0, 0.5 * turn, np.inf)
-    fewest = _fewest_steps(system, max(rtol, atol))
-    integrator = _Integrator(kernel, system, phase, rtol, atol, max_steps, largest, fewest)
 
     def advance(orbits: Orbits, periods: int) -> None:
         for _ in range(periods):
             for now in orbits.living():
-                integrator.one_period(now)
+                motion(now)
                 wrap_rows(now.points, now.turns, lower, turn)
+
+    @functools.cache
+    def with_tangent() -> Flow | None:
+        return tangent_flow(system, begin, length, min(rtol, _TANGENT_TOLERANCE), max_steps)
+
+    def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        carried = with_tangent()
+        if carried is None:
+            raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
+        return tangent_by_lanes(carried, points, system.dimension)
 
     return PointMap(
         name=system.name,
@@ -122,147 +117,11 @@ def stroboscopic_map(
             "phase": phase,
             "rtol": rtol,
             "atol": atol,
-            "method": kernel.method,
+            "method": motion.kernel.method,
             "max_steps": max_steps,
             "period": system.length,
         },
         period=system.length,
         tolerance=(rtol, atol),
-        tangent=functools.partial(_tangent, system, phase, min(rtol, 1e-12), max_steps, fewest, symbolic),
+        tangent=tangent,
     )
-
-
-def _kernel(system: ForcedSystem, method: str, rtol: float, symbolic: bool) -> PeriodKernel:
-    names = tuple(system.params)
-    if system.switches is None:
-        return flow_kernel(system.rhs, system.dimension, names, method, rtol, symbolic)
-    if method not in {"auto", "Taylor"}:
-        raise ValueError(f"method={method!r}: a right-hand side that jumps is integrated by method='Taylor'")
-    kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
-    if kernel is None:
-        raise TypeError(
-            f"rhs of {system.name} has switches and must therefore be plain arithmetic and analytic functions of math "
-            "for fixed signs, without branches on the state: write branches with the signs s"
-        )
-    return kernel
-
-
-def _tangent(
-    system: ForcedSystem,
-    phase: float,
-    tolerance: float,
-    max_steps: int,
-    fewest: int,
-    symbolic: bool,
-    points: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Images and derivatives from the variational equation, one lane for each direction."""
-    d = system.dimension
-    names, kernel = tuple(system.params), None
-    if system.switches is not None:
-        kernel = switching_kernel((system.rhs, system.switches), d, names, tolerance, True)
-    elif symbolic:
-        kernel = tangent_flow_kernel(system.rhs, d, names, tolerance)
-    if kernel is None:
-        raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
-    integrator = _Integrator(kernel, system, phase, tolerance, tolerance, max_steps, np.full(2 * d, np.inf), fewest)
-    return tangent_by_lanes(integrator.one_period, points, d)
-
-
-def _fewest_steps(system: ForcedSystem, tolerance: float) -> int:
-    """Return the steps a period without which the integrator might step over a part of the forcing and not see it.
-
-    That is half the number of the highest harmonic that the right-hand side has at one of two states, counting those
-    that move the image by more than the tolerance and have a ten-millionth of the strength of the strongest.
-    """
-    times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
-    fewest = 1
-    for size in (0.1, 1.1):
-        state = tuple(size + 0.1 * j for j in range(system.dimension))
-        try:
-            with np.errstate(all="ignore"):
-                samples = np.array([system.derivative(t, state) for t in times.tolist()])
-        except (ValueError, ZeroDivisionError, OverflowError):
-            continue  # outside the domain of the right-hand side
-        if np.isfinite(samples).all():
-            strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / _FORCING_SAMPLES
-            floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), tolerance / system.length)
-            present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
-            fewest = max(fewest, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
-    return fewest
-
-
-@dataclass(frozen=True, eq=False)
-class _Integrator:
-    """A compiled period with its tolerance."""
-
-    kernel: PeriodKernel
-    system: ForcedSystem
-    phase: float
-    rtol: float
-    atol: float
-    max_steps: int
-    largest: NDArray[np.float64]
-    fewest_steps: int
-
-    @functools.cached_property
-    def _parameters(self) -> NDArray[np.float64]:
-        return np.array([float(v) for v in self.system.params.values()])
-
-    @functools.cached_property
-    def _ladder(self) -> NDArray[np.int64]:
-        """Numbers of steps to choose from, four to an octave."""
-        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
-        return np.unique(np.minimum(rungs, self.max_steps))
-
-    def one_period(self, orbits: Orbits) -> None:
-        """Move orbits on by one period in place, angles unwrapped, each with the steps it needs."""
-        starts, images = orbits.points.copy(), orbits.points
-        ladder, n = self._ladder, len(starts)
-        before = np.full((n, 2), -1.0)
-        lowest = min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1)
-        ratios = np.empty(n)
-        members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
-        # One step of a sixteenth of the period tells how many steps the whole of it will take.
-        self._integrate(starts, members, 1, self.system.length / _PROBE, images, ratios)
-        ratios *= _PROBE
-        first = True
-        while len(members):
-            rungs = np.empty(len(members), np.int64)
-            leap = 3 * _RUNGS_PER_OCTAVE
-            order = self.kernel.estimate_order
-            next_rungs(members, taken, ratios, before, order, first, lowest, ladder, _SAFETY, leap, rungs)
-            if not first:
-                missed = members[rungs == MISSED]
-                orbits.status[missed] = Status.INACCURATE
-                # An image without one right digit is none.
-                tolerance = max(self.rtol, self.atol) / self.kernel.margin(max(self.rtol, self.atol))
-                orbits.end(missed[ratios[missed] * tolerance > 1.0], Status.DIVERGED)
-                orbits.end(members[rungs == DIVERGED], Status.DIVERGED)
-            again = int(np.count_nonzero(rungs >= 0))
-            ordered, taken, ends = np.empty(again, np.int64), np.empty(again, np.int64), np.empty(len(ladder), np.int64)
-            sort_by_rung(members, rungs, len(ladder), ordered, taken, ends)
-            members, first = ordered, False
-            begin = 0
-            for steps, end in zip(ladder.tolist(), ends.tolist(), strict=True):
-                if end > begin:
-                    self._integrate(starts, members[begin:end], steps, self.system.length, images, ratios)
-                    begin = end
-
-    def _integrate(
-        self,
-        starts: NDArray[np.float64],
-        members: NDArray[np.int64],
-        steps: int,
-        length: float,
-        images: NDArray[np.float64],
-        ratios: NDArray[np.float64],
-    ) -> None:
-        """Integrate some starts over a time with a number of steps, in full blocks of lanes."""
-        blocks = np.empty((-(-len(members) // LANES), starts.shape[1], LANES))
-        errors = np.empty_like(blocks)
-        pack(starts, members, blocks)
-        begin = self.phase * self.system.length
-        self.kernel.advance(blocks, np.full(len(blocks), steps), begin, length, self._parameters, errors)
-        margin = self.kernel.margin(max(self.rtol, self.atol))
-        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol / margin, self.atol / margin)

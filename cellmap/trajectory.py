@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .checks import claim_memory, finite_points, whole_number
-from .codegen.kernel import traces_faithfully
 from .coordinates import turns_of, wrap
+from .flow import flow
 from .kernels.blocks import wrap_rows
 from .pointmap import CHUNK, Orbits, PointMap, warn_of_tolerance
-from .stroboscopic import _fewest_steps, _Integrator, _kernel, stroboscopic_map
+from .stroboscopic import stroboscopic_map
 from .system import ForcedSystem
 from .threads import progress_bar, run_over, slices
 
@@ -211,16 +209,7 @@ def trajectory(
 
 def _between_samples(system: ForcedSystem, strobe: PointMap, samples: int) -> list[Callable[[Orbits], None]]:
     """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
-    recipe = strobe.recipe
-    symbolic = system.switches is not None or traces_faithfully(system.rhs, system.dimension, system.params)
-    kernel = _kernel(system, recipe["method"], recipe["rtol"], symbolic)
-    turn = turns_of(system.axes)[1]
-    largest = np.where(turn > 0, 0.5 * turn, np.inf)
+    recipe, length = strobe.recipe, system.length / samples
     rtol, atol = (max(recipe[name] / samples, _FINEST) for name in ("rtol", "atol"))
-    fewest = -(-_fewest_steps(system, max(recipe["rtol"], recipe["atol"])) // samples)
-    part: Any = SimpleNamespace(length=system.length / samples, params=system.params)
-    first = recipe["phase"] * samples
-    return [
-        _Integrator(kernel, part, first + k, rtol, atol, recipe["max_steps"], largest, fewest).one_period
-        for k in range(samples - 1)
-    ]
+    first = flow(system, recipe["phase"] * system.length, length, rtol, atol, recipe["method"], recipe["max_steps"])
+    return [replace(first, begin=first.begin + k * length) for k in range(samples - 1)]

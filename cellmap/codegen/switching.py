@@ -39,7 +39,6 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
     errors = size + 1 + 2 * count  # first row of the sums of local errors
     general = Series(traced.motion, order, extra=traced.events, one_clock=False)
     free = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
-    sliding = f"lanes[{(size + 1 + count) * LANES}:{(size + 1 + 2 * count) * LANES}]"
     lines = [
         f"@njit({SIGNATURE!r}, **KERNEL)",
         "def advance(x, steps, start, period, p, error):",
@@ -61,9 +60,13 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         "        moving = 1",
         "        while moving and rounds:",
         "            rounds -= 1",
-        f"            if {sliding}.max() == 0.0:",
+        # Which step a lane takes is its own affair: an image must not depend on its neighbours.
+        "            sliding = 0",
+        f"            for i in range({LANES}):",
+        f"                sliding += {_slides(size, count)} > 0.0",
+        f"            if sliding < {LANES}:",
         "                free_step(lanes, series, p, end, rate)",
-        "            else:",
+        "            if sliding > 0:",
         "                general_step(lanes, series, p, end, rate)",
         "            moving = 0",
         f"            for i in range({LANES}):",
@@ -83,31 +86,44 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         # The views do not keep their memory alive.
         "    memory[0] = 0.0",
     ]
-    steps = [_step(f"{name}_step", s, parameters, count) for name, s in (("free", free), ("general", general))]
+    steps = [_step(name, s, parameters, count) for name, s in (("free", free), ("general", general))]
     parts = [_surfaces(traced, parameters), *steps, lines]
     return HEADER + _IMPORTS + "".join("\n" + "\n".join(part) + "\n" for part in parts)
 
 
 def _step(name: str, series: Series, parameters: int, count: int) -> list[str]:
-    """Write the function that takes one step with all lanes of a block."""
+    """Write the function that takes one step with those lanes of a block in which nothing slides, or with the others."""
     size = len(series.trace.states)
+    condition = f"{_slides(size, count)} {'==' if name == 'free' else '>'} 0.0"
     return [
         f"@njit({_STEP_SIGNATURE!r}, **KERNEL)",
-        f"def {name}(lanes, series, p, end, rate):",
+        f"def {name}_step(lanes, series, p, end, rate):",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
         *indent(1, series.at_order(CONSTANT, 0, of_lanes=False)),
         f"    for i in range({LANES}):",
+        f"        mine = {condition}",
         *indent(2, _lane(series, size, count)),
     ]
 
 
+def _slides(size: int, count: int) -> str:
+    """Sum that is above zero in lanes that slide."""
+    return " + ".join(f"lanes[{(size + 1 + count + e) * LANES} + i]" for e in range(count))
+
+
 def _lane(series: Series, size: int, count: int) -> Iterable[str]:
-    """One step of one lane."""
+    """One step of one lane, kept where the lane is mine."""
     order, length, errors = series.order, series.order + 1, size + 1 + 2 * count
     local = (size + count) * length
 
-    def row(number: int) -> str:
-        return f"series[{number * LANES} + i]"
+    def kept(place: str, value: str) -> str:
+        return f"{place} = {value} if mine else {place}"
+
+    def row(number: int, value: str) -> str:
+        return kept(f"series[{number * LANES} + i]", value)
+
+    def lane(number: int, value: str) -> str:
+        return kept(f"lanes[{number * LANES} + i]", value)
 
     yield from (f"s{j}_0 = lanes[{j * LANES} + i]" for j in range(size))
     yield f"t0 = lanes[{size * LANES} + i]"
@@ -125,17 +141,18 @@ def _lane(series: Series, size: int, count: int) -> Iterable[str]:
             yield f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0"
     yield from series.at_order(STATEFUL, order, only=series.extra)
     for j in range(size):
-        yield f"lanes[{j * LANES} + i] = s{j}_0 + ({' + '.join(f's{j}_{k}' for k in range(order, 0, -1))})"
-        yield from (f"{row(j * length + k)} = s{j}_{k}" for k in range(length))
+        yield lane(j, f"s{j}_0 + ({' + '.join(f's{j}_{k}' for k in range(order, 0, -1))})")
+        yield from (row(j * length + k, f"s{j}_{k}") for k in range(length))
         yield f"e{j} = abs(s{j}_{order}) + 0.5 * abs(s{j}_{order - 1})"
-        yield f"lanes[{(errors + j) * LANES} + i] += e{j}"
-        yield f"{row(local + j)} = e{j}"
-    yield f"{row(local + size)} = h"
-    yield f"{row(local + size + 1)} = t0"
-    yield f"lanes[{size * LANES} + i] = t0 + h if left > 1.0 else end"
+        yield lane(errors + j, f"lanes[{(errors + j) * LANES} + i] + e{j}")
+        yield row(local + j, f"e{j}")
+    yield row(local + size, "h")
+    yield row(local + size + 1, "t0")
+    yield "t1 = t0 + h if left > 1.0 else end"
+    yield lane(size, "t1")
     for e, event in enumerate(series.extra):
         terms = [series.name(event, k) or "0.0" for k in range(length)]
-        yield from (f"{row((size + e) * length + k)} = {term}" for k, term in enumerate(terms))
+        yield from (row((size + e) * length + k, term) for k, term in enumerate(terms))
         # Smallest value of the first three terms in the step, less all the others.
         yield f"a{e} = {terms[0]}; b{e} = {terms[1]}; c{e} = {terms[2]}"
         yield f"rest{e} = {' + '.join(f'abs({term})' for term in terms[3:])}"
@@ -143,7 +160,8 @@ def _lane(series: Series, size: int, count: int) -> Iterable[str]:
         yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
         yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"
     yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
-    yield f"{row(local + size + 2)} = 0.0 if quiet > 0.0 else 1.0"
+    yield "flag = 0.0 if quiet > 0.0 else 1.0"
+    yield row(local + size + 2, "flag")
 
 
 def _begin(traced: SwitchingTrace, size: int, count: int, local: int) -> Iterable[str]:

@@ -1,0 +1,182 @@
+"""The motion of a system over a stretch of time, integrated in SIMD lanes."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .codegen.kernel import (
+    PeriodKernel,
+    flow_kernel,
+    switching_kernel,
+    tangent_flow_kernel,
+    traces_faithfully,
+)
+from .coordinates import turns_of
+from .kernels.blocks import pack, unpack
+from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
+from .kernels.options import LANES
+from .pointmap import Orbits, Status
+from .system import ForcedSystem
+
+_FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
+_PROBE = 16  # steps of the first trial step
+_RUNGS_PER_OCTAVE = 4
+_SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
+
+
+def flow(
+    system: ForcedSystem, begin: float, length: float, rtol: float, atol: float, method: str, max_steps: int
+) -> Flow:
+    """Return the motion of a system from the time `begin` over a time `length`.
+
+    The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
+    """
+    turn = turns_of(system.axes)[1]
+    return Flow(
+        kernel=_kernel(system, method, rtol),
+        parameters=_values(system),
+        begin=begin,
+        length=length,
+        rtol=rtol,
+        atol=atol,
+        max_steps=max_steps,
+        largest=np.where(turn > 0, 0.5 * turn, np.inf),
+        fewest_steps=_fewest_steps(system, length, max(rtol, atol)),
+    )
+
+
+def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int) -> Flow | None:
+    """Return the motion of states with one tangent vector each, 2 d components; None without known derivatives."""
+    names, kernel = tuple(system.params), None
+    if system.switches is not None:
+        kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, tolerance, True)
+    elif _is_symbolic(system):
+        kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance)
+    if kernel is None:
+        return None
+    largest = np.full(2 * system.dimension, np.inf)
+    fewest = _fewest_steps(system, length, tolerance)
+    return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
+
+
+def _kernel(system: ForcedSystem, method: str, rtol: float) -> PeriodKernel:
+    names = tuple(system.params)
+    if system.switches is None:
+        return flow_kernel(system.rhs, system.dimension, names, method, rtol, _is_symbolic(system))
+    if method not in {"auto", "Taylor"}:
+        raise ValueError(f"method={method!r}: a right-hand side that jumps is integrated by method='Taylor'")
+    kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
+    if kernel is None:
+        raise TypeError(
+            f"rhs of {system.name} has switches and must therefore be plain arithmetic and analytic functions of math "
+            "for fixed signs, without branches on the state: write branches with the signs s"
+        )
+    return kernel
+
+
+def _is_symbolic(system: ForcedSystem) -> bool:
+    return traces_faithfully(system.rhs, system.dimension, system.params)
+
+
+def _values(system: ForcedSystem) -> NDArray[np.float64]:
+    return np.array([float(v) for v in system.params.values()])
+
+
+def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
+    """Return the steps without which the integrator might step over a part of the forcing and not see it.
+
+    A period takes at least half the number of the highest harmonic that the right-hand side has at one of two states,
+    counting those that move the image by more than the tolerance and have a ten-millionth of the strength of the
+    strongest.
+    """
+    times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
+    fewest = 1
+    for size in (0.1, 1.1):
+        state = tuple(size + 0.1 * j for j in range(system.dimension))
+        try:
+            with np.errstate(all="ignore"):
+                samples = np.array([system.derivative(t, state) for t in times.tolist()])
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the right-hand side
+        if np.isfinite(samples).all():
+            strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / _FORCING_SAMPLES
+            floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), tolerance / system.length)
+            present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
+            fewest = max(fewest, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
+    return max(1, int(np.ceil(fewest * length / system.length)))
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits."""
+
+    kernel: PeriodKernel
+    parameters: NDArray[np.float64]
+    begin: float
+    length: float
+    rtol: float
+    atol: float
+    max_steps: int
+    largest: NDArray[np.float64]
+    fewest_steps: int
+
+    @functools.cached_property
+    def _ladder(self) -> NDArray[np.int64]:
+        """Numbers of steps to choose from, four to an octave."""
+        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
+        return np.unique(np.minimum(rungs, self.max_steps))
+
+    def __call__(self, orbits: Orbits) -> None:
+        """Move orbits on in place, angles unwrapped, each with the steps it needs."""
+        starts, images = orbits.points.copy(), orbits.points
+        ladder, n = self._ladder, len(starts)
+        before = np.full((n, 2), -1.0)
+        lowest = min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1)
+        ratios = np.empty(n)
+        members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
+        # One step of a sixteenth of the time tells how many steps the whole of it will take.
+        self._integrate(starts, members, 1, self.length / _PROBE, images, ratios)
+        ratios *= _PROBE
+        first = True
+        while len(members):
+            rungs = np.empty(len(members), np.int64)
+            leap = 3 * _RUNGS_PER_OCTAVE
+            order = self.kernel.estimate_order
+            next_rungs(members, taken, ratios, before, order, first, lowest, ladder, _SAFETY, leap, rungs)
+            if not first:
+                missed = members[rungs == MISSED]
+                orbits.status[missed] = Status.INACCURATE
+                # An image without one right digit is none.
+                tolerance = max(self.rtol, self.atol) / self.kernel.margin(max(self.rtol, self.atol))
+                orbits.end(missed[ratios[missed] * tolerance > 1.0], Status.DIVERGED)
+                orbits.end(members[rungs == DIVERGED], Status.DIVERGED)
+            again = int(np.count_nonzero(rungs >= 0))
+            ordered, taken, ends = np.empty(again, np.int64), np.empty(again, np.int64), np.empty(len(ladder), np.int64)
+            sort_by_rung(members, rungs, len(ladder), ordered, taken, ends)
+            members, first = ordered, False
+            begin = 0
+            for steps, end in zip(ladder.tolist(), ends.tolist(), strict=True):
+                if end > begin:
+                    self._integrate(starts, members[begin:end], steps, self.length, images, ratios)
+                    begin = end
+
+    def _integrate(
+        self,
+        starts: NDArray[np.float64],
+        members: NDArray[np.int64],
+        steps: int,
+        length: float,
+        images: NDArray[np.float64],
+        ratios: NDArray[np.float64],
+    ) -> None:
+        """Integrate some starts over a time with a number of steps, in full blocks of lanes."""
+        blocks = np.empty((-(-len(members) // LANES), starts.shape[1], LANES))
+        errors = np.empty_like(blocks)
+        pack(starts, members, blocks)
+        self.kernel.advance(blocks, np.full(len(blocks), steps), self.begin, length, self.parameters, errors)
+        margin = self.kernel.margin(max(self.rtol, self.atol))
+        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol / margin, self.atol / margin)
