@@ -92,7 +92,7 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
 
 
 def _step(name: str, series: Series, parameters: int, count: int) -> list[str]:
-    """Write the function that takes one step with those lanes of a block in which nothing slides, or with the others."""
+    """Write the function that takes one step with the lanes of a block where nothing slides, or with the others."""
     size = len(series.trace.states)
     condition = f"{_slides(size, count)} {'==' if name == 'free' else '>'} 0.0"
     return [
