@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from math import asin, cos, pi, sin, sqrt
+from math import asin, atan, cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -125,23 +125,12 @@ def _sine(t: float, p: Any) -> float:
 def _triangle(t: float, p: Any, sign: float) -> float:
     """Half the angle from the middle of a slope is an arc tangent that goes on smoothly beyond both tips."""
     turned = turned_by(t, p)
-    return -p.acceleration * ((4.0 / pi) * _arc_tangent(cos(turned) / (1.0 + sign * sin(turned))))
+    return -p.acceleration * ((4.0 / pi) * atan(cos(turned) / (1.0 + sign * sin(turned))))
 
 
 def _smooth_triangle(t: float, p: Any) -> float:
     c, s, e = cos(turned_by(t, p)), sin(turned_by(t, p)), p.smoothing
-    return -p.acceleration * (_arc_tangent(c / sqrt(s * s + e * e)) / _arc_tangent(1.0 / e))
-
-
-def _arc_tangent(x: float) -> float:
-    """Arc tangent to rounding, of operations with power series alone: the angle halved three times, then its series."""
-    for _ in range(3):
-        x = x / (1.0 + sqrt(1.0 + x * x))
-    square = x * x
-    series = 1.0 / 23.0
-    for k in range(21, 0, -2):
-        series = 1.0 / k - square * series
-    return 8.0 * x * series
+    return -p.acceleration * (atan(c / sqrt(s * s + e * e)) / atan(1.0 / e))
 
 
 def _triangle_of(c: float) -> float:

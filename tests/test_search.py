@@ -10,6 +10,7 @@ from scipy.optimize import fsolve
 
 import systems
 from cellmap import CellGrid, Kind, PointMap, angle, discrete_map, find_attractors, interpolated_map, stroboscopic_map
+from cellmap.codegen.captured import captured
 from cellmap.coordinates import difference
 from cellmap.periodic import newton, stable_orbit
 
@@ -314,6 +315,14 @@ def test_map_without_attractors():
 def test_neutral_orbits_are_no_attractors(rate):
     """A rigid rotation by a rational angle: every point is periodic, none attracts."""
     assert find_attractors(circle(rate, 0.0), CIRCLE, max_periods=300) == ()
+
+
+r = list(range(1000))  # a global of the same name as the parameter of the logistic map
+
+
+def test_globals_with_the_names_of_parameters_are_not_read():
+    """`p.r` reads no global `r`: whatever this holds costs nothing and makes nothing anew."""
+    assert not set(r[2:]) & set(captured(_logistic))
 
 
 # --- Newton's method

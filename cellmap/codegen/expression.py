@@ -8,7 +8,24 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 ANALYTIC = frozenset(
-    {"add", "sub", "mul", "div", "neg", "sin", "cos", "exp", "log", "sqrt", "pow", "tan", "sinh", "cosh", "tanh"}
+    {
+        "add",
+        "sub",
+        "mul",
+        "div",
+        "neg",
+        "sin",
+        "cos",
+        "exp",
+        "log",
+        "sqrt",
+        "pow",
+        "tan",
+        "sinh",
+        "cosh",
+        "tanh",
+        "atan",
+    }
 )
 """Operations with a power series wherever they are defined."""
 

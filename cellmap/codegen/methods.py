@@ -124,7 +124,7 @@ def _series_work(trace: Trace) -> int:
     for node in in_order(trace.outputs):
         if levels[node] == STATEFUL and node.arguments:
             varying = sum(levels[a] > 0 for a in node.arguments)
-            if node.operation in {"sin", "cos", "sinh", "cosh", "tan", "tanh"}:
+            if node.operation in {"sin", "cos", "sinh", "cosh", "tan", "tanh", "atan"}:
                 work += 2
             elif (node.operation in {"mul", "div"} and varying == 2) or node.operation in {"exp", "log", "sqrt", "pow"}:
                 work += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import dis
 import functools
 import math
 import types
@@ -120,8 +121,8 @@ def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -
 
 
 def global_names(code: types.CodeType) -> set[str]:
-    """Return the names that code, and the code inside it, looks up outside of itself."""
-    names = set(code.co_names)
+    """Return the names that code, and the code inside it, looks up among globals."""
+    names = {i.argval for i in dis.get_instructions(code) if i.opname in {"LOAD_GLOBAL", "LOAD_NAME"}}
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
             names |= global_names(constant)

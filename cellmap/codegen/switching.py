@@ -160,7 +160,9 @@ def _lane(series: Series, size: int, count: int) -> Iterable[str]:
         yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
         yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"
     yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
-    yield "flag = 0.0 if quiet > 0.0 else 1.0"
+    # A lane whose mode has just begun is looked at in any case, which ends its beginning.
+    begun = " + ".join(f"lanes[{(errors + size + e) * LANES} + i]" for e in range(count))
+    yield f"flag = 0.0 if quiet > 0.0 and {begun} == 0.0 else 1.0"
     yield row(local + size + 2, "flag")
 
 

@@ -88,6 +88,8 @@ class Series:
             return self._pair(node, k, level)
         if node.operation in {"tan", "tanh"}:
             return self._tangent(node, k, level)
+        if node.operation == "atan":
+            return self._arc_tangent(node, k, level)
         if k == 0 and node.operation in {"exp", "log", "sqrt"}:
             argument = self.name(node.arguments[0], 0)
             lines = [f"{target} = {library(node.operation, level)}({argument})"]
@@ -211,3 +213,23 @@ class Series:
         terms = in_chains(f"{i}.0 * {x} * {partner}_{k - i}" for i, x in pairs if x)
         lines = [f"{target} = {1.0 / k!r} * ({terms})" if terms else f"{target} = 0.0"]
         return [*lines, f"{partner}_{k} = {'' if sign == '+' else '-'}({self._square(node, k)})"]
+
+    def _arc_tangent(self, node: Expression, k: int, level: int) -> list[str]:
+        """Arc tangent y of u: (1 + u^2) y' = u'; the bracket is the partner."""
+        (u,) = node.arguments
+        target, number = self.name(node, k), self.numbers[node]
+        partner = f"w{number}"
+        if k == 0:
+            value = self.name(u, 0)
+            return [
+                f"{target} = {library('atan', level)}({value})",
+                f"{partner}_0 = 1.0 + {value} * {value}",
+                f"r{number} = 1.0 / {partner}_0",
+            ]
+        pairs = [(i, self.name(node, i)) for i in range(1, k)]
+        known = in_chains(f"{i}.0 * {y} * {partner}_{k - i}" for i, y in pairs if y)
+        left = self.name(u, k) or "0.0"
+        return [
+            f"{partner}_{k} = {self._square(u, k) or '0.0'}",
+            f"{target} = ({left}{f' - ({known}) * {1.0 / k!r}' if known else ''}) * r{number}",
+        ]

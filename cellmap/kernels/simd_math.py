@@ -125,6 +125,29 @@ def tanh(x):
 
 
 @njit(**INLINE)
+def atan(x):
+    """Arc tangent."""
+    a = abs(x)
+    r = 1.0 / a if a > 1.0 else a
+    h = r / (1.0 + np.sqrt(1.0 + r * r))  # tangent of half the angle
+    z = h * h
+    s = 0.016285756855221028
+    s = s * z - 0.034570561981427744
+    s = s * z + 0.04551593220626549
+    s = s * z - 0.05230454270650244
+    s = s * z + 0.05878928997834775
+    s = s * z - 0.06666424885738255
+    s = s * z + 0.07692296375032143
+    s = s * z - 0.09090908753500877
+    s = s * z + 0.11111111105155447
+    s = s * z - 0.14285714285659828
+    s = s * z + 0.19999999999999804
+    s = s * z - 0.3333333333333333
+    angle = 2.0 * (h + h * z * s)
+    return np.copysign(1.5707963267948966 - angle if a > 1.0 else angle, x)
+
+
+@njit(**INLINE)
 def sqrt(x):
     """Square root; NaN below zero."""
     return np.sqrt(x)

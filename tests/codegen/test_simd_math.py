@@ -58,6 +58,8 @@ def largest_error(name: str, values: Any, results: Any, floor: float = 0.0) -> f
         ("cosh", -20.0, 20.0, 2.0),
         ("tanh", -2.0, 2.0, 4.0),
         ("tanh", -30.0, 30.0, 4.0),
+        ("atan", -3.0, 3.0, 3.0),
+        ("atan", -1e6, 1e6, 3.0),
         ("sqrt", 0.0, 1e6, 0.5),
     ],
 )
@@ -66,7 +68,7 @@ def test_values_are_right_to_the_last_places(name: str, low: float, high: float,
     assert largest_error(name, values, over_array(name)(values)) <= units
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan", "sinh", "tanh", "exp"])
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "sinh", "tanh", "exp", "atan"])
 def test_small_arguments(name: str) -> None:
     values = np.concatenate([10.0 ** np.arange(-300, 0, 7.0), -(10.0 ** np.arange(-300, 0, 7.0))])
     assert largest_error(name, values, over_array(name)(values)) <= 4.0

@@ -45,7 +45,7 @@ def one_of_each(t: float, x: Any, p: Any) -> tuple[Any, ...]:
         math.sin(a) * math.cos(b) - a * t,
         math.exp(-b) / (1.0 + a * a) + math.cos(t) * math.sin(t),
         math.log(c) - math.sqrt(c) + math.log(2.0 + t),
-        math.tan(0.3 * d) - math.tanh(d),
+        math.tan(0.3 * d) - math.tanh(d) + math.atan(d * t),
         math.sinh(0.5 * e) - math.cosh(e * t),
         f**2.5 - f**-2 + (1.0 + t) ** p.k,
         p.k / g - (a - 3.0) / (2.0 + t) + 2.0 / (1.0 + t),

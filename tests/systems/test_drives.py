@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import asin, atan, cos, pi, sin
+from math import asin, cos, pi, sin
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from systems.effects import DryFriction, Effect, Gravity, ViscousDamping
 from systems.harmonics import HarmonicDrive, sampled_drive
 from systems.pendulum import Pendulum
 from systems.scene import scene
-from systems.waves import SquareDrive, TriangleDrive, _arc_tangent
+from systems.waves import SquareDrive, TriangleDrive
 
 F, W, PHASE = 3.0, 6.0 * pi, 0.4
 TIMES = np.linspace(0.0, 1.0 / F, 241)[:-1] + 1e-3 / 3.0
@@ -158,12 +158,6 @@ def test_the_map_under_a_sharp_wave(drive: Effect, edges: tuple[float, ...]) -> 
         )
         state, start = solution.y[:, -1], end
     assert stroboscopic_map(system)([1.0, 5.0]) == pytest.approx(state, rel=1e-7)
-
-
-def test_the_arc_tangent() -> None:
-    for x in (0.0, *np.geomspace(1e-9, 1e9, 37).tolist()):
-        assert _arc_tangent(x) == pytest.approx(atan(x), rel=1e-15, abs=0.0)
-        assert _arc_tangent(-x) == -_arc_tangent(x)
 
 
 def test_the_smooth_wave_tends_to_the_sharp_one() -> None:
