@@ -2,15 +2,60 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import inf, pi, sqrt
+from typing import Any
 
 import numpy as np
+import pytest
 
-from cellmap import stroboscopic_map
+from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.kernels.options import LANES
-from cellmap.pointmap import CHUNK
+from cellmap.pointmap import CHUNK, Status
 from cellmap.threads import set_threads
 from systems import dimensionless_pendulum
+
+# Exact solutions
+
+
+def bang_bang(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+    return x[1], -s[0]
+
+
+def tilted_line(t: float, x: Any, p: Any) -> tuple[float]:
+    return (x[0] + p.tilt * x[1],)
+
+
+def parabolas(x: float, v: float, tilt: float, left: float) -> tuple[float, float] | None:
+    """Motion x'' = -sign(x + tilt v) after a time, parabola by parabola; None where it begins to slide."""
+    sign = 1.0 if x + tilt * v > 0.0 else -1.0
+    height = x + tilt * v
+    while True:
+        # sign h = sign (height + slope t) - t^2/2
+        slope = v - tilt * sign
+        stay = sign * slope + sqrt(slope * slope + 2.0 * abs(height))
+        stay = stay if stay > 0.0 else inf
+        if stay >= left:
+            return x + v * left - 0.5 * sign * left**2, v - sign * left
+        x, v, left = x + v * stay - 0.5 * sign * stay**2, v - sign * stay, left - stay
+        height, sign = 0.0, -sign
+        if abs(v) < abs(tilt):
+            return None
+
+
+def test_thrust_towards_a_tilted_line() -> None:
+    """Ten crossings and more, between which the distance from the line is a parabola and the series ends early."""
+    rng, count = np.random.default_rng(0), 0
+    system = ForcedSystem(bang_bang, {"tilt": 0.0}, 12.0, ("x", "v"), switches=tilted_line)
+    for tilt in (-0.037, 0.0, 0.01, 0.041):
+        starts = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
+        images = stroboscopic_map(system.with_params(tilt=tilt), rtol=1e-12, atol=1e-12).iterate(starts, 1)
+        for start, image, status in zip(starts.tolist(), images.unwrapped, images.status, strict=True):
+            if (exact := parabolas(*start, tilt, 12.0)) is not None:
+                assert image == pytest.approx(exact, abs=1e-11)
+                assert status == Status.OK
+                count += 1
+    assert count > 900
+
 
 # Purity
 
