@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import inf, pi, sqrt
+from math import cos, inf, pi, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, stroboscopic_map
+from cellmap import ForcedSystem, jacobian, stroboscopic_map
 from cellmap.kernels.options import LANES
 from cellmap.pointmap import CHUNK, Status
 from cellmap.threads import set_threads
@@ -55,6 +55,34 @@ def test_thrust_towards_a_tilted_line() -> None:
                 assert status == Status.OK
                 count += 1
     assert count > 900
+
+
+# Starts on a surface
+
+
+def two_springs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+    return x[1], -(1.5 + 0.5 * s[0]) * x[0] - 0.1 * x[1] + p.force * cos(t)
+
+
+def position(t: float, x: Any, p: Any) -> tuple[float]:
+    return (x[0],)
+
+
+@pytest.mark.parametrize("force", [-1.0, 1.0])
+def test_a_start_that_touches_a_surface_leaves_it_on_the_right_side(force: float) -> None:
+    """Position and velocity zero where one spring meets another: only the acceleration tells where it goes."""
+    system = ForcedSystem(two_springs, {"force": force}, 2.0 * pi, ("x", "v"), switches=position)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate([[0.0, 0.0], [1e-14, 0.0], [-1e-14, 0.0]], 1)
+    assert (images.status == Status.OK).all()
+    assert images.unwrapped == pytest.approx(np.tile(images.unwrapped[1], (3, 1)), abs=1e-11)
+
+
+def test_the_derivative_at_a_start_that_sticks() -> None:
+    """Neighbours of the start with a small velocity stop at once: their image does not depend on it."""
+    strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 1.0))
+    assert jacobian(strobe, [0.3, 0.0]) == pytest.approx(np.diag([1.0, 0.0]), abs=1e-15)
+    slope = (strobe([0.3, 1e-5]) - strobe([0.3, -1e-5])) / 2e-5
+    assert slope == pytest.approx([0.0, 0.0], abs=1e-4)
 
 
 # Purity

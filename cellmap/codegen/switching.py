@@ -54,7 +54,8 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         f"            if series[{(local + size + 2) * LANES} + i] > 0.0:",
         *indent(4, _load(size, count)),
         "                surfaces(t, state, p, values, rates, gains, jumps, normals)",
-        "                switching.begin_on_surface(values, rates, gains, signs, slides, fresh, on_surface, held)",
+        "                switching.begin_on_surface("
+        "values, rates, gains, jumps, normals, signs, slides, fresh, state, hits, on_surface, held, after)",
         *indent(4, _store(size, count)),
         "        rounds = 8 * steps[b] + 1024",
         "        moving = 1",

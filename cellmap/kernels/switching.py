@@ -162,13 +162,47 @@ def choose_mode(rates, gains, on_surface, signs, slides, held):
 
 
 @njit(**INLINE)
-def begin_on_surface(surfaces, rates, gains, signs, slides, fresh, on_surface, held):
-    """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event."""
+def begin_on_surface(
+    surfaces, rates, gains, jumps, normals, signs, slides, fresh, state, zeros, on_surface, speeds, held
+):
+    """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event.
+
+    Where it slides, neighbours on either side are drawn in along the jump, and with them the tangent vectors.
+    """
     for e in range(surfaces.size):
         on_surface[e] = 1.0 if surfaces[e] == 0.0 else 0.0
     choose_mode(rates, gains, on_surface, signs, slides, held)
     for e in range(surfaces.size):
         fresh[e] = on_surface[e] - slides[e]
+    dimension = normals.shape[1]
+    zeros[:] = 0.0
+    for first in range(dimension, state.size, dimension):
+        for e in range(surfaces.size):
+            speeds[e] = 0.0
+            for j in range(dimension):
+                speeds[e] += normals[e, j] * state[first + j]
+        equivalent_control(speeds, gains, slides, zeros, held)
+        for e in range(surfaces.size):
+            for j in range(dimension):
+                state[first + j] += held[e] * jumps[e, j]
+
+
+@njit(**INLINE)
+def drop_onto_surface(rates, gains, jumps, normals, slides, held, state):
+    """Carry tangent vectors of a start that slides: the neighbour that each points to falls back onto the surface."""
+    count, dimension = normals.shape
+    for e in range(count):
+        if slides[e]:
+            for first in range(dimension, state.size, dimension):
+                away = 0.0
+                for j in range(dimension):
+                    away += normals[e, j] * state[first + j]
+                side = 1.0 if away >= 0.0 else -1.0
+                speed = rates[e]
+                for k in range(count):
+                    speed += gains[e, k] * (side if k == e else held[k])
+                for j in range(dimension):
+                    state[first + j] += (held[e] - side) * jumps[e, j] * away / speed
 
 
 @njit(**INLINE)
@@ -252,7 +286,11 @@ def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, erro
         return
     choose_mode(rates, gains, on_surface, signs, slides, after)
     for e in range(count):
-        if on_surface[e]:
+        if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0:
+            # It came back at once: it only touches the surface here, and the second derivative tells the side.
+            signs[e] = -before[e]
+            fresh[e] = 2.0
+        elif on_surface[e]:
             fresh[e] = 1.0 - slides[e]
     equivalent_control(rates, gains, slides, signs, after)
     speed = rates[entered]
