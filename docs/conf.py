@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
+import os
 import re
 import sys
 from enum import Enum
+from pathlib import Path
 
 from sphinx.application import Sphinx
 
 import cellmap
+from studies import hard_cases
 
 project = "cellmap"
 author = "The cellmap developers"
@@ -17,7 +21,7 @@ project_copyright = "2026, The cellmap developers"
 release = cellmap.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "generated"]
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 
@@ -34,6 +38,7 @@ html_show_sourcelink = False
 html_theme_options = {"show_prev_next": True, "secondary_sidebar_items": ["page-toc"]}
 
 EXPORTS = "<!-- everything that cellmap exports -->"
+HARD_CASES = "<!-- what came out of the hard cases -->"
 
 
 def exported_names() -> list[str]:
@@ -65,11 +70,35 @@ def directive(name: str) -> str:
     return "\n".join([f".. autoclass:: cellmap.{name}", *(f"   {line}" for line in members)])
 
 
-def fill_reference(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put the exports into the page that asks for them."""
-    source[0] = source[0].replace(EXPORTS, exports())
+def hard_case_results() -> str:
+    """Return what came out of the hard cases; they run again only where code or reference values have changed."""
+    root = Path(__file__).parents[1]
+    sources = [p for room in ("cellmap", "systems", "studies/hard_cases") for p in sorted((root / room).rglob("*.py"))]
+    code = hashlib.sha256(b"".join(p.read_bytes() for p in [*sources, hard_cases.TABLE])).hexdigest()
+    kept = Path(__file__).parent / "generated" / f"hard_cases_{code[:16]}.md"
+    if not kept.exists():
+        # The tests have compiled the same kernels, if they have run.
+        os.environ.setdefault("CELLMAP_CACHE_DIR", str(root / ".pytest_cache" / "d" / "kernels"))
+        kept.parent.mkdir(exist_ok=True)
+        for old in kept.parent.glob("hard_cases_*.md"):
+            old.unlink()
+        kept.write_text(hard_cases.page(hard_cases.compute()), encoding="utf-8")
+    return kept.read_text(encoding="utf-8")
+
+
+def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put what is computed into the pages that ask for it."""
+    for marker, text in ((EXPORTS, exports), (HARD_CASES, hard_case_results)):
+        if marker in source[0]:
+            source[0] = source[0].replace(marker, text())
+
+
+def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
+    """Name the pages that change with the code, whether or not their own text has."""
+    return ["hard-cases", "reference"]
 
 
 def setup(app: Sphinx) -> None:
-    """Register the hook."""
-    app.connect("source-read", fill_reference)
+    """Register the hooks."""
+    app.connect("source-read", fill_page)
+    app.connect("env-get-outdated", pages_that_are_computed)
