@@ -22,6 +22,8 @@ class Kind(StrEnum):
     PERIODIC = "periodic"
     ROTATING = "rotating"
     """Periodic up to whole turns of an angle, which grows or falls for ever."""
+    EQUILIBRIA = "equilibria"
+    """A set of fixed points side by side: dry friction holds the state at each."""
     CHAOTIC = "chaotic"
 
 
@@ -46,7 +48,7 @@ class Neighbourhood:
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Boxes that a chaotic attractor visits.
+    """Boxes that a chaotic attractor visits, or that hold a set of equilibria.
 
     Parameters
     ----------
@@ -68,11 +70,12 @@ class Attractor:
     Parameters
     ----------
     kind : Kind
-        Fixed point, periodic, rotating or chaotic.
+        Fixed point, periodic, rotating, equilibria or chaotic.
     period : int
         Steps of the map after which it repeats itself; 0 for a chaotic attractor.
     points : ndarray, shape (period, dimension)
-        Its points in the order of the orbit, angles in their turn; for a chaotic attractor a sample of an orbit.
+        Its points in the order of the orbit, angles in their turn; for a chaotic attractor a sample of an orbit,
+        for a set of equilibria some of them.
     turns : tuple of int
         Whole turns of each coordinate in one round of `period` steps.
     multipliers : ndarray of complex, shape (dimension,)
@@ -82,7 +85,7 @@ class Attractor:
     neighbourhood : Neighbourhood or None
         Region around a periodic attractor that is verified to belong to its basin.
     cover : Cover or None
-        Boxes that hold a chaotic attractor.
+        Boxes that hold a chaotic attractor or a set of equilibria.
     coordinates : tuple of Coordinate
         Names and units.
     """
@@ -111,6 +114,8 @@ class Attractor:
             return "chaotic"
         if self.kind is Kind.FIXED_POINT:
             return f"fixed point ({_place(self.points[0], self.coordinates)})"
+        if self.kind is Kind.EQUILIBRIA:
+            return f"equilibria around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
         text = f"{self.kind}, period {self.period}"
         for t in self.turns:
             if t:

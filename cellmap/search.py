@@ -12,6 +12,7 @@ from .attractor import Attractor, Neighbourhood, sort_key
 from .chaos import chaotic_attractors
 from .checks import finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of, wrap
+from .equilibria import sets_of_equilibria
 from .periodic import newton, resolution, stable_orbit
 from .pointmap import Orbits, PointMap
 from .settling import Catalogue, settle
@@ -109,6 +110,7 @@ def sort_out(
     refused = Refused.none_yet(point_map, extent) if refused is None else refused
     while len(orbits):
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, refused)
+        fresh += sets_of_equilibria(point_map, orbits.points, extent)
         if not fresh:
             break
         attractors = [*attractors, *fresh]

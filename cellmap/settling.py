@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor, Cover
+from .attractor import Attractor, Cover, Kind
 from .coordinates import turns_of
 from .kernels.capture import capture
 from .pointmap import Orbits, PointMap, Status
@@ -28,7 +28,7 @@ class Catalogue:
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     owners: NDArray[np.int64]
-    covers: tuple[tuple[int, Cover, NDArray[np.int64]], ...]
+    covers: tuple[tuple[int, Cover, NDArray[np.int64], int], ...]
     turn: NDArray[np.float64]
 
     @classmethod
@@ -42,7 +42,7 @@ class Catalogue:
             np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
             np.array([k for k, n in regions for _ in n.centres], np.int64),
             tuple(
-                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes))
+                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes), 1 if a.kind is Kind.EQUILIBRIA else RESIDENCE)
                 for k, a in enumerate(attractors)
                 if a.cover is not None
             ),
@@ -102,10 +102,10 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
     inaccurate = steps = 0
     for k in range(age, age + periods + 1):
         capture(now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn)
-        for row, (owner, cover, keys) in enumerate(catalogue.covers):
+        for row, (owner, cover, keys, stay) in enumerate(catalogue.covers):
             residence[row] = np.where(inside_cover(cover, now.points, point_map, keys), residence[row] + 1, 0)
-            resident = (residence[row] >= RESIDENCE) & (found < 0)
-            found[resident], when[resident] = owner, max(k - RESIDENCE + 1, 0)
+            resident = (residence[row] >= stay) & (found < 0)
+            found[resident], when[resident] = owner, max(k - stay + 1, 0)
         last = k == age + periods
         over = (found >= 0) | ~now.alive
         if last or np.count_nonzero(over) * 4 > len(over):

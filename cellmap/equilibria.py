@@ -1,0 +1,146 @@
+"""Sets of equilibria: places at which dry friction holds an orbit for ever."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .attractor import Attractor, Cover, Kind
+from .coordinates import difference, turns_of, wrap
+from .jacobian import jacobian
+from .periodic import resolution
+from .pointmap import PointMap, follow
+from .settling import inside_cover
+
+_AT_REST = 1e-13  # largest move in a period, relative to the resolution
+_PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent
+_THIN = 1e-9  # width of boxes along directions in which the set does not reach, relative to the resolution
+_BOXES = 32  # along the set
+_MOST_BOXES = 20_000
+_SAMPLE = 256
+
+
+def sets_of_equilibria(
+    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]
+) -> list[Attractor]:
+    """Return the attracting sets of equilibria on which some of the orbits rest.
+
+    An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
+    axis, and forgets other small displacements, as its derivative tells: so it does where dry friction holds the state
+    with force to spare.  From there the set is explored, box by box, along those axes.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    states : ndarray, shape (n, dimension)
+        Ends of orbits.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest.
+
+    Returns
+    -------
+    list of Attractor
+        With a sample of the points of each set, and boxes that hold it.
+    """
+    exact = point_map.exact or point_map
+    left = states[_rests(exact, states, extent)]
+    found: list[Attractor] = []
+    while len(left):
+        attractor = _explored(exact, left[0], extent)
+        inside = np.zeros(len(left), bool)
+        inside[0] = True
+        if attractor is not None:
+            found.append(attractor)
+            assert attractor.cover is not None
+            inside |= inside_cover(attractor.cover, left, exact)
+        left = left[~inside]
+        if attractor is None and len(left) > _SAMPLE:
+            left = left[:: len(left) // _SAMPLE]
+    return found
+
+
+def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which states the map leaves in place."""
+    images = follow(exact, states, 1)
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(difference(images.points, states, exact.coordinates))
+        still = (moved <= _AT_REST * resolution(states, extent)).all(axis=-1)
+    return np.asarray(still & ~images.turns.any(axis=-1))
+
+
+def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
+    """Return the set of equilibria around one of them; None where it is a single one, or nothing is drawn to it."""
+    d = exact.dimension
+    matrix = jacobian(exact, place) * (extent / extent[:, None])
+    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    sizes = np.abs(multipliers)
+    if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):
+        return None
+    unit = np.eye(d) * extent
+    wide = np.array(
+        [_rests(exact, place + _PROBE * np.array([[1.0], [-1.0]]) * unit[j], extent).any() for j in range(d)]
+    )
+    if not wide.any() or wide.all():
+        return None
+    reaches = np.array([_reach(exact, place, unit[j], extent) if wide[j] else 0.0 for j in range(d)])
+    across = min(_BOXES, int(_MOST_BOXES ** (1.0 / np.count_nonzero(wide))) // 2)
+    turn = turns_of(exact.coordinates)[1]
+    widths = np.where(wide, 2.0 * reaches * extent / across, _THIN * resolution(place, extent))
+    around = np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0)
+    widths = np.where(turn > 0, turn / np.maximum(around, 1.0), widths)
+    boxes = _flooded(exact, place, widths, around.astype(np.int64), wide, extent)
+    centres = wrap(place + boxes * widths, exact.coordinates)
+    multipliers = multipliers[np.lexsort((-multipliers.imag, -multipliers.real, -np.round(sizes, 12)))]
+    with np.errstate(divide="ignore"):
+        exponents = np.log(np.abs(multipliers))
+    sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
+    steps = np.array(list(itertools.product((-1, 0, 1), repeat=d)))
+    cover = Cover(place - 0.5 * widths, widths, _moved(boxes, steps, around.astype(np.int64)))
+    return Attractor(Kind.EQUILIBRIA, 1, sample, (0,) * d, multipliers, exponents, exact.coordinates, cover=cover)
+
+
+def _reach(
+    exact: PointMap, place: NDArray[np.float64], unit: NDArray[np.float64], extent: NDArray[np.float64]
+) -> float:
+    """Return how far the equilibria reach along an axis, the farther way, in units of the extent."""
+    reach = _PROBE
+    for factor in (2.0, 1.05):
+        while reach * factor <= 0.5:
+            beyond = place + factor * reach * np.array([[1.0], [-1.0]]) * unit
+            if not _rests(exact, beyond, extent).any():
+                break
+            reach *= factor
+    return reach
+
+
+def _flooded(
+    exact: PointMap,
+    place: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    around: NDArray[np.int64],
+    wide: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Return the boxes around equilibria that can be reached through one another, by their numbers from the first."""
+    steps = np.concatenate([sign * np.eye(len(place), dtype=np.int64)[wide] for sign in (1, -1)])
+    known = front = np.zeros((1, len(place)), np.int64)
+    while len(front) and len(known) < _MOST_BOXES:
+        new = _moved(front, steps, around)
+        new = _not_among(new, known)
+        front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
+        known = np.concatenate([known, front])
+    return np.unique(known, axis=0)
+
+
+def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:
+    both, index, counts = np.unique(np.concatenate([new, known]), axis=0, return_index=True, return_counts=True)
+    return np.asarray(both[(counts == 1) & (index < len(new))])
+
+
+def _moved(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return all boxes some steps away; along an angle they wrap."""
+    moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
+    return np.unique(np.where(around > 0, moved % np.maximum(around, 1), moved), axis=0)
