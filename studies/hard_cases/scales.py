@@ -92,7 +92,7 @@ def light_outer_mass() -> Iterator[Finding]:
     why="A light mass between pivot and heavy bob has a mode of 3.9 kHz and of 39 kHz: 80 and 800 swings in a "
     "period of the drive.",
     expected="The frozen images; multipliers of the hanging state on the unit circle at the angles of both modes; the "
-    "energy over 1,000 periods.",
+    "energy over 300 periods.",
 )
 def heavy_outer_mass() -> Iterator[Finding]:
     for name in ("mass ratio 1e+06", "mass ratio 1e+08"):
@@ -111,10 +111,10 @@ def heavy_outer_mass() -> Iterator[Finding]:
         )
     system = double_pendulum(mass_2=1e6, damping=0.0, amplitude=NO_DRIVE)
     rest, start = np.zeros(4), np.array([0.3, 0.3001, 0.0, 0.0])
-    end = stroboscopic_map(system).iterate(start, 1000)
+    end = stroboscopic_map(system).iterate(start, 300)
     lowest, before, after = (system.output("energy", 0.0, x).sum() for x in (rest, start, end.points))
     change = abs(after - before) / (before - lowest)
-    yield at_most("1e6: relative change of the energy over 1,000 periods, rods all but in line", float(change), 1e-9)
+    yield at_most("1e6: relative change of the energy over 300 periods, rods all but in line", float(change), 1e-9)
 
 
 @hard_case(
@@ -189,7 +189,7 @@ def parameters() -> Iterator[Finding]:
     why="3,183 turns a period: an angle that is not wrapped loses a digit for every power of ten, and a lost turn"
     " is not seen in a wrapped one.",
     expected="After 100 periods the frozen number of turns, 318,309, exactly, and the angle to the rounding of the "
-    "rate; a free rotor of 1,000.25 turns a period returns after 200,000 periods with every turn counted.",
+    "rate; a free rotor of 1,000.25 turns a period returns after 50,000 periods with every turn counted.",
 )
 def fast_rotation() -> Iterator[Finding]:
     name = "rate 1e6 rad/s"
@@ -202,6 +202,6 @@ def fast_rotation() -> Iterator[Finding]:
         return x[1], 0.0 * sin(x[0])
 
     system = ForcedSystem(rotor, {}, 1.0, (angle("x", "turns", turn=1.0, lower=0.0), "rate"))
-    end = stroboscopic_map(system).iterate([0.125, 1000.25], 200_000)
-    yield is_so(f"{int(end.turns[0]):,} turns of the rotor", int(end.turns[0]) == 200_050_000)
+    end = stroboscopic_map(system).iterate([0.125, 1000.25], 50_000)
+    yield is_so(f"{int(end.turns[0]):,} turns of the rotor", int(end.turns[0]) == 50_012_500)
     yield at_most("error of its angle (turns)", abs(end.points[0] - 0.125), 1e-12)
