@@ -97,12 +97,12 @@ def switching_kernel(
         return None
     if tangent:
         try:
-            motion, free = tangent_trace(traced.motion), tangent_trace(traced.free_motion)
-            traced = replace(traced, motion=motion, free_motion=free)
+            traced = replace(traced, motion=tangent_trace(traced.motion))
         except UntraceableError:
             return None
-    order = taylor_order(rtol, traced.motion)
-    advance = generated_module(switching_module(traced, order, len(names))).advance
+    # Derivatives are wanted at few places: there it pays to compile less.
+    order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
+    advance = generated_module(switching_module(traced, order, len(names), one_step=tangent)).advance
     return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin)
 
 

@@ -31,14 +31,19 @@ from cellmap.kernels.options import INLINE
 """
 
 
-def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str:
-    """Return the text of a module with the function ``advance`` for a right-hand side that jumps."""
+def switching_module(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> str:
+    """Return the text of a module with the function ``advance`` for a right-hand side that jumps.
+
+    With `one_step` there is no lighter step for lanes in which nothing slides.
+    """
     size, count = len(traced.motion.states), len(traced.surfaces)
     length = order + 1
     local = (size + count) * length  # first row of the local errors; step, time and flag follow
     errors = size + 1 + 2 * count  # first row of the sums of local errors
     general = Series(traced.motion, order, extra=traced.events, one_clock=False)
-    free = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
+    kinds = {"general": general}
+    if not one_step:
+        kinds["free"] = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
     lines = [
         f"@njit({SIGNATURE!r}, **KERNEL)",
         "def advance(x, steps, start, period, p, error):",
@@ -61,14 +66,7 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         "        moving = 1",
         "        while moving and rounds:",
         "            rounds -= 1",
-        # Which step a lane takes is its own affair: an image must not depend on its neighbours.
-        "            sliding = 0",
-        f"            for i in range({LANES}):",
-        f"                sliding += {_slides(size, count)} > 0.0",
-        f"            if sliding < {LANES}:",
-        "                free_step(lanes, series, p, end, rate)",
-        "            if sliding > 0:",
-        "                general_step(lanes, series, p, end, rate)",
+        *indent(3, _choose_steps(one_step, size, count)),
         "            moving = 0",
         f"            for i in range({LANES}):",
         f"                if series[{(local + size + 2) * LANES} + i] > 0.0:",
@@ -87,15 +85,29 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int) -> str
         # The views do not keep their memory alive.
         "    memory[0] = 0.0",
     ]
-    steps = [_step(name, s, parameters, count) for name, s in (("free", free), ("general", general))]
+    steps = [_step(name, s, parameters, count, alone=one_step) for name, s in kinds.items()]
     parts = [_surfaces(traced, parameters), *steps, lines]
     return HEADER + _IMPORTS + "".join("\n" + "\n".join(part) + "\n" for part in parts)
 
 
-def _step(name: str, series: Series, parameters: int, count: int) -> list[str]:
+def _choose_steps(one_step: bool, size: int, count: int) -> Iterable[str]:
+    if one_step:
+        yield "general_step(lanes, series, p, end, rate)"
+        return
+    # Which step a lane takes is its own affair: an image must not depend on its neighbours.
+    yield "sliding = 0"
+    yield f"for i in range({LANES}):"
+    yield f"    sliding += {_slides(size, count)} > 0.0"
+    yield f"if sliding < {LANES}:"
+    yield "    free_step(lanes, series, p, end, rate)"
+    yield "if sliding > 0:"
+    yield "    general_step(lanes, series, p, end, rate)"
+
+
+def _step(name: str, series: Series, parameters: int, count: int, alone: bool) -> list[str]:
     """Write the function that takes one step with the lanes of a block where nothing slides, or with the others."""
     size = len(series.trace.states)
-    condition = f"{_slides(size, count)} {'==' if name == 'free' else '>'} 0.0"
+    condition = "True" if alone else f"{_slides(size, count)} {'==' if name == 'free' else '>'} 0.0"
     return [
         f"@njit({_STEP_SIGNATURE!r}, **KERNEL)",
         f"def {name}_step(lanes, series, p, end, rate):",

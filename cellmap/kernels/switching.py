@@ -188,24 +188,6 @@ def begin_on_surface(
 
 
 @njit(**INLINE)
-def drop_onto_surface(rates, gains, jumps, normals, slides, held, state):
-    """Carry tangent vectors of a start that slides: the neighbour that each points to falls back onto the surface."""
-    count, dimension = normals.shape
-    for e in range(count):
-        if slides[e]:
-            for first in range(dimension, state.size, dimension):
-                away = 0.0
-                for j in range(dimension):
-                    away += normals[e, j] * state[first + j]
-                side = 1.0 if away >= 0.0 else -1.0
-                speed = rates[e]
-                for k in range(count):
-                    speed += gains[e, k] * (side if k == e else held[k])
-                for j in range(dimension):
-                    state[first + j] += (held[e] - side) * jumps[e, j] * away / speed
-
-
-@njit(**INLINE)
 def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, order, end):
     """Take a lane back to the first event in its last step; return its time then, -1 if there is no event.
 
