@@ -96,7 +96,7 @@ def _determinant_error(matrices: np.ndarray, exact: np.ndarray) -> float:
 
 @hard_case(
     "Tiny damping",
-    why="At 0.01 /s a motion needs 35,000 periods to lose a factor of 1,000. What has come close looks settled.",
+    why="At 0.01 /s a motion needs 69,000 periods to lose a factor of 1,000. What has come close looks settled.",
     expected="Multipliers of the hanging state of size exp(-damping T/2); nothing settled after 50 periods.",
 )
 def tiny_damping() -> Iterator[Finding]:

@@ -37,8 +37,7 @@ def large_drive() -> Iterator[Finding]:
 
 @hard_case(
     "Inverted state at a large drive",
-    why="Between 12.5 mm and 102.5 mm the inverted state is unstable; near 103 mm it is stable again, in a window"
-    " of 0.9 mm.",
+    why="From 12.5 mm on the inverted state is unstable; near 103 mm it is stable again, in a window of 0.9 mm.",
     expected="Stable at 103 mm, unstable at 101.5 and at 104.5 mm.",
 )
 def resurrection() -> Iterator[Finding]:
@@ -155,19 +154,20 @@ def periods() -> Iterator[Finding]:
     unit = scaled(1.0)
     for period in (1e-8, 1e-4, 1e4, 1e8):
         worst = np.abs(scaled(period) - unit).max()
-        yield at_most(f"{period:g} s: largest difference", worst, 1e-10 if period < 1e6 else 1e-5)
+        yield at_most(f"{period:g} s: largest difference", worst, 1e-10)
 
 
 @hard_case(
     "Parameters from 1e-8 to 1e8",
     why="Damped, driven, linear oscillators of all 125 triples of stiffness, damping and drive: overdamped by "
     "1e16, or with 1,600 swings a period; explicit methods must fail on some.",
-    expected="The closed form, frozen from 50 digits, wherever the status is OK; elsewhere a status that says so.",
+    expected="The closed form, frozen from 80 digits, wherever the status is OK; elsewhere a status that says so.",
 )
 def parameters() -> Iterator[Finding]:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], -p.damping * x[1] - p.stiffness * x[0] + p.drive * cos(t)
 
+    tame = 0
     errors: dict[Status, list[float]] = {status: [] for status in Status}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)
@@ -176,19 +176,20 @@ def parameters() -> Iterator[Finding]:
             found = stroboscopic_map(ForcedSystem(rhs, values, 2.0 * pi, ("x", "v"))).iterate(OSCILLATOR_START, 1)
             # A drive of 1e8 passes through numbers of its own size, and so does their rounding.
             size = 1.0 + np.abs(row[3:]) + 1e-6 * values["drive"]
+            tame += found.status == Status.OK and row[0] <= 1e4 and row[1] <= 1.0
             errors[Status(int(found.status))].append(float((np.abs(found.points - row[3:]) / size).max()))
     ok, rough, none = (errors[status] for status in (Status.OK, Status.INACCURATE, Status.DIVERGED))
     yield at_most(f"{len(ok)} of 125 have the status OK; their largest error", max(ok), 2e-9)
     yield at_most(f"{len(rough)} have the status INACCURATE; their largest error", max(rough), 1e-6)
     yield is_so(f"{len(none)} have no image, all of them NaN", bool(np.isnan(none).all()))
-    yield is_so("OK are all 48 without a damping of 1e4 or more and a stiffness of 1e8, and more", len(ok) >= 48)
+    yield is_so("these 60 are those with a damping of at most 1 and a stiffness of at most 1e4", len(ok) == 60 == tame)
 
 
 @hard_case(
     "Fast rotation",
     why="3,183 turns a period: an angle that is not wrapped loses a digit for every power of ten, and a lost turn"
     " is not seen in a wrapped one.",
-    expected="After 100 periods the frozen number of turns, 318,309, exactly, and the angle to the rounding of the "
+    expected="After 100 periods the frozen number of turns, 318,310, exactly, and the angle to the rounding of the "
     "rate; a free rotor of 1,000.25 turns a period returns after 50,000 periods with every turn counted.",
 )
 def fast_rotation() -> Iterator[Finding]:
@@ -196,7 +197,7 @@ def fast_rotation() -> Iterator[Finding]:
     found, exact = image(name, **TIGHT), frozen_image(name)
     turns = round((exact[0] - found.points[0]) / (2.0 * pi))
     yield is_so(f"{int(found.turns[0]):,} turns, as frozen", int(found.turns[0]) == turns)
-    yield at_most("error of the angle after 318,309 turns (rad)", abs(found.unwrapped[0] - exact[0]), 1e-7)
+    yield at_most("error of the angle after 318,310 turns (rad)", abs(found.unwrapped[0] - exact[0]), 1e-7)
 
     def rotor(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], 0.0 * sin(x[0])
