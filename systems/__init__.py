@@ -24,4 +24,5 @@ from .magnetic_pendulum import magnetic_pendulum as magnetic_pendulum
 from .mcdonald import mcdonald_map as mcdonald_map
 from .pendulum import driven_pendulum as driven_pendulum
 from .standard import standard_map as standard_map
+from .stick_slip import stick_slip_oscillator as stick_slip_oscillator
 from .van_der_pol import van_der_pol_oscillator as van_der_pol_oscillator

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import importlib
 import inspect
+import itertools
 import pkgutil
 from collections.abc import Callable
 from math import cos, exp, inf, isfinite, pi, sin, sqrt
@@ -17,7 +18,8 @@ from scipy.integrate import solve_ivp
 
 import systems
 from cellmap import ForcedSystem, PointMap, jacobian, stroboscopic_map
-from cellmap.codegen.kernel import traced_function
+from cellmap.codegen.expression import in_order, operation_on_numbers
+from cellmap.codegen.kernel import traced_function, traced_switching
 from cellmap.codegen.rebind import rebind
 from cellmap.codegen.trace import parameter_record
 
@@ -41,6 +43,7 @@ def factories() -> dict[str, Factory]:
 FACTORIES = factories()
 FLOWS = [name for name, f in FACTORIES.items() if get_type_hints(f)["return"] is ForcedSystem]
 SMOOTH_FLOWS = [name for name in FLOWS if FACTORIES[name]().switches is None]
+JUMPING_FLOWS = [name for name in FLOWS if name not in SMOOTH_FLOWS]
 DAMPED_FLOWS = [
     name
     for name in SMOOTH_FLOWS
@@ -50,6 +53,7 @@ MAPS = [name for name in FACTORIES if name not in FLOWS]
 EVERY = pytest.mark.parametrize("name", FACTORIES)
 EVERY_FLOW = pytest.mark.parametrize("name", FLOWS)
 EVERY_SMOOTH_FLOW = pytest.mark.parametrize("name", SMOOTH_FLOWS)
+EVERY_JUMPING_FLOW = pytest.mark.parametrize("name", JUMPING_FLOWS)
 EVERY_MAP = pytest.mark.parametrize("name", MAPS)
 ELEMENTARY = ("sin", "cos", "exp", "sqrt")
 
@@ -178,6 +182,27 @@ def test_the_right_hand_side_repeats_itself_after_the_period(name: str) -> None:
             now, later = rhs(begin, state, p), rhs(begin + period, state, p)
             scale = max(abs(v) for v in now)
             assert max(abs(a - b) for a, b in zip(now, later, strict=True)) < 1e-14 * scale
+
+
+@EVERY_JUMPING_FLOW
+def test_every_side_is_smooth_and_periodic_and_is_what_its_trace_says(name: str) -> None:
+    system = FACTORIES[name]()
+    assert system.switches is not None
+    traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
+    assert traced is not None and traced.is_analytic
+    base = traced.free_motion
+    for t, x in zip((0.0, 0.3, 0.8), random_starts(system, 3), strict=True):
+        time, state = t * system.length, tuple(map(float, x))
+        for signs in itertools.product((-1.0, 1.0), repeat=len(traced.surfaces)):
+            values: dict[str, Any] = {"time": lambda _, time=time: time, "state": state.__getitem__}
+            values |= {"parameter": tuple(system.params.values()).__getitem__, "sign": signs.__getitem__}
+            known: dict[Any, float] = {}
+            for node in in_order(base.outputs):
+                read = values.get(node.operation, operation_on_numbers(node.operation) if node.arguments else float)
+                known[node] = read(*(known[a] for a in node.arguments)) if node.arguments else read(node.value)
+            plain = system.derivative(time, state, signs)
+            assert [known[e] for e in base.outputs] == pytest.approx(plain, rel=1e-14)
+            assert system.derivative(time + system.length, state, signs) == pytest.approx(plain, rel=1e-12, abs=1e-12)
 
 
 @EVERY_FLOW
