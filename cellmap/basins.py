@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .attractor import Attractor, sort_key
+from .attractor import Attractor, distinct_names, sort_key
 from .chaos import chaotic_attractors
 from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
-from .search import check_attractors, find_attractors, region_extent, sort_out
+from .search import Refused, check_attractors, find_attractors, region_extent, sort_out
 from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, settle
 from .threads import run_over, slices
 
@@ -128,7 +128,7 @@ class Basins:
 
     def label_name(self, label: int) -> str:
         """Return what a label stands for."""
-        return self.attractors[label].name if label >= 0 else LABEL_NAMES[label]
+        return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
 
     @property
     def fractions(self) -> dict[int, Fraction]:
@@ -331,6 +331,7 @@ class _Run:
         chosen = self._begin(sample)
         corners = chosen if self.grid is None else np.array([self.grid.lower, self.grid.upper])
         extent = region_extent(self.point_map, corners)
+        refused = Refused.none_yet(self.point_map, extent)
         self.attractors = list(find_attractors(self.point_map, chosen, self.max_periods, self.max_period, known))
         rows: _Rows = range(total)
         orbits: Orbits | None = None
@@ -340,7 +341,7 @@ class _Run:
             age = horizon
             if not len(rows):
                 return
-            if self._find_more(orbits, extent, age):
+            if self._find_more(orbits, extent, age, refused):
                 # From the beginning, so that settling times are those of the whole catalogue.
                 orbits, age = None, 0
             elif age == self.max_periods:
@@ -383,10 +384,10 @@ class _Run:
         remaining = [left[number] for number in range(len(parts))]
         return np.concatenate([mine for mine, _ in remaining]), Orbits.joined([o for _, o in remaining])
 
-    def _find_more(self, orbits: Orbits, extent: NDArray[np.float64], age: int) -> bool:
+    def _find_more(self, orbits: Orbits, extent: NDArray[np.float64], age: int, refused: Refused) -> bool:
         """Search the orbits that are left for further attractors; tell whether there are any."""
         before = len(self.attractors)
-        left, self.attractors = sort_out(self.point_map, orbits, self.attractors, self.max_period, extent, age)
+        left, self.attractors = sort_out(self.point_map, orbits, self.attractors, self.max_period, extent, age, refused)
         if age == self.max_periods and len(left):
             self.attractors += chaotic_attractors(self.point_map, left.points, extent, self.attractors, age)
         return len(self.attractors) > before
