@@ -139,7 +139,7 @@ class Flow:
         ratios = np.empty(n)
         members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
         # One step of a sixteenth of the time tells how many steps the whole of it will take.
-        self._integrate(starts, members, 1, self.length / _PROBE, images, ratios)
+        self._integrate(starts, members, self.kernel.trial, self.length / _PROBE, images, ratios)
         ratios *= _PROBE
         first = True
         while len(members):

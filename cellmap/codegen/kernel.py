@@ -35,7 +35,8 @@ class PeriodKernel:
     """A compiled period.
 
     ``advance`` is the compiled function, ``estimate_order`` the order at which its error estimate shrinks, ``stages``
-    the right-hand sides (or series) a step, ``margin(tolerance)`` how far the estimate has to stay below a tolerance.
+    the right-hand sides (or series) a step, ``margin(tolerance)`` how far the estimate has to stay below a tolerance,
+    ``trial`` the number of steps that asks for one step whose error alone is wanted.
     """
 
     advance: Callable[..., Any]
@@ -43,6 +44,7 @@ class PeriodKernel:
     estimate_order: int
     stages: int
     margin: Callable[[float], float]
+    trial: int = 1
 
 
 @kept
@@ -103,7 +105,7 @@ def switching_kernel(
     # Derivatives are wanted at few places: there it pays to compile less.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
     advance = generated_module(switching_module(traced, order, len(names), one_step=tangent)).advance
-    return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin)
+    return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin, trial=0)
 
 
 @kept

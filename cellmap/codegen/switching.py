@@ -1,11 +1,12 @@
 """Frame of the integrator of right-hand sides that jump: one period of many starts, in SIMD lanes.
 
-The generated function has the signature of :mod:`cellmap.codegen.lanes`.  Each lane has its own time and its own mode
-(see :mod:`cellmap.codegen.filippov`), and all lanes of a block take a Taylor step together.  The step also expands the
-event functions, and a bound from their coefficients tells in the same vector code in which lanes an event may lie.
-Only these are looked at one by one: the first root of the event's polynomial is found, the lane is taken back to it,
-its mode changes, and it goes on from there with the next step of its block.  So every step lies in one mode, events are
-located to the accuracy of the series, and the order of the method holds across them.
+The generated function has the signature of :mod:`cellmap.codegen.lanes`; no steps at all stand for a trial step, in
+which events do not count.  Each lane has its own time and its own mode (see :mod:`cellmap.codegen.filippov`), and all
+lanes of a block take a Taylor step together.  The step also expands the event functions, and a bound from their
+coefficients tells in the same vector code in which lanes an event may lie.  Only these are looked at one by one: the
+first root of the event's polynomial is found, the lane is taken back to it, its mode changes, and it goes on from there
+with the next step of its block.  So every step lies in one mode, events are located to the accuracy of the series, and
+the order of the method holds across them.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int, one_st
         "    end = start + period",
         "    for b in range(x.shape[0]):",
         f"        lanes[{errors * LANES} :] = 0.0",
-        "        rate = steps[b] / period",
+        "        rate = max(steps[b], 1) / period",
         f"        for i in range({LANES}):",
         *indent(3, _begin(traced, size, count, local)),
         f"        for i in range({LANES}):",
@@ -67,6 +68,9 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int, one_st
         "        while moving and rounds:",
         "            rounds -= 1",
         *indent(3, _choose_steps(one_step, size, count)),
+        # No steps at all: one is tried, for its error alone, and no event is looked for.
+        "            if steps[b] == 0:",
+        "                break",
         "            moving = 0",
         f"            for i in range({LANES}):",
         f"                if series[{(local + size + 2) * LANES} + i] > 0.0:",
