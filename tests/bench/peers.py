@@ -1,9 +1,11 @@
-"""The same work by other programs: one period of the driven pendulum
+"""The same work by other programs: one period of a forced system for many starts.
 
-    theta'' + 0.08 theta' + (0.545 cos t + 0.1) sin theta = 0
+For the most part that is the driven pendulum
 
-for many starts.  Each function returns a callable that maps starts (n, 2) to images (n, 2), angles unwrapped, on one
-thread; compilation is over when it is returned.
+    theta'' + 0.08 theta' + (0.545 cos t + 0.1) sin theta = 0.
+
+Each function returns a callable that maps starts (n, 2) to images (n, 2), angles unwrapped, on one thread; compilation
+is over when it is returned.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cellmap
+from cellmap.codegen.rebind import rebind
 
 Points = NDArray[np.float64]
 PERIOD = 2 * pi
@@ -31,6 +34,20 @@ def best_time(work: Callable[[], Any], rounds: int = 5) -> float:
         work()
         times.append(time.perf_counter() - began)
     return min(times)
+
+
+def best_times(works: Sequence[Callable[[], Any]], rounds: int = 9) -> list[float]:
+    """Return the shortest times of several pieces of work that run on this thread, in turns so that all see one load.
+
+    Time is that of the processor: what other programs take in between does not count.
+    """
+    times = [[np.inf] for _ in works]
+    for _ in range(rounds + 1):
+        for work, taken in zip(works, times, strict=True):
+            began = time.thread_time()
+            work()
+            taken.append(time.thread_time() - began)
+    return [min(taken) for taken in times]
 
 
 def pendulum_rhs(t: float, x: Any, p: Any) -> Any:
@@ -61,13 +78,32 @@ def heyoka_batches(tolerance: float, periods: int = 1, equation: Sequence[float]
     field = -damping * v - (drive * heyoka.cos(heyoka.time) + pull) * heyoka.sin(theta)
     size = heyoka.recommended_simd_size()
     integrator = heyoka.taylor_adaptive_batch([(theta, v), (v, field)], np.zeros((2, size)), tol=tolerance)
+    return batch_after_batch(integrator, size, periods * PERIOD)
+
+
+def heyoka_system(
+    rhs: Callable[..., Any], system: cellmap.ForcedSystem, tolerance: float, periods: int = 1
+) -> Callable[[Points], Points]:
+    """Return heyoka's batch mode for a right-hand side written with :mod:`math`, with the parameters of a system."""
+    import heyoka
+
+    states = heyoka.make_vars(*[f"x{j}" for j in range(system.dimension)])
+    field = rebind(rhs, {"sin": heyoka.sin, "cos": heyoka.cos})(heyoka.time, states, system.parameters)
+    size = heyoka.recommended_simd_size()
+    equations = list(zip(states, field, strict=True))
+    integrator = heyoka.taylor_adaptive_batch(equations, np.zeros((len(states), size)), tol=tolerance)
+    return batch_after_batch(integrator, size, periods * system.length)
+
+
+def batch_after_batch(integrator: Any, size: int, length: float) -> Callable[[Points], Points]:
+    """Return a function that integrates starts with an integrator of heyoka for a time."""
 
     def run(starts: Points) -> Points:
         images = np.empty_like(starts)
         for i in range(0, len(starts), size):
             integrator.set_time(np.zeros(size))
             integrator.state[:] = starts[i : i + size].T
-            integrator.propagate_until(np.full(size, periods * PERIOD))
+            integrator.propagate_until(np.full(size, length))
             images[i : i + size] = integrator.state.T
         return images
 

@@ -1,0 +1,307 @@
+"""Scenes: what an effect costs, dry friction against viscous, the double pendulum against heyoka, first compilation."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import reduce
+from math import atan, cos, pi, sin, sqrt
+from operator import add
+from typing import Any
+
+import numpy as np
+import pytest
+from peers import best_times, heyoka_system
+
+from cellmap import ForcedSystem, PointMap, stroboscopic_map
+from cellmap.flow import flow
+from systems import double_pendulum, driven_pendulum
+from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
+from systems.effects import ConstantTorque, DryFriction, Effect, Gravity, QuadraticDrag, TorsionSpring, ViscousDamping
+from systems.harmonics import HarmonicDrive
+from systems.pendulum import Pendulum
+from systems.scene import scene
+from systems.waves import SquareDrive, TriangleDrive
+
+RATES = (30.0, 100.0)
+"""Half-widths (rad/s) of the windows."""
+
+
+def pendulum_starts(count: int, rate: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform((-pi, -rate), (pi, rate), (count, 2))
+
+
+def double_starts(count: int, rate: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform((-pi, -pi, -rate, -rate), (pi, pi, rate, rate), (count, 4))
+
+
+# Terms by hand, each as one may write it into the equation of a pendulum: where right-hand sides jump in the order in
+# which the scene has them, since those take long to compile.
+
+Handwritten = Callable[..., Any]
+
+
+def by_hand(pivot: Handwritten, *at_joint: Handwritten) -> Handwritten:
+    def rhs(t: float, x: Any, p: Any, s: Any = ()) -> tuple[float, float]:
+        theta, v = x
+        acceleration = pivot(t, theta, p, s)
+        if at_joint:
+            acceleration = acceleration + reduce(add, [term(theta, v, p, s) for term in at_joint])
+        return v, acceleration
+
+    return rhs
+
+
+def vertical(t: float, theta: float, p: Any, s: Any) -> float:
+    w = 2 * pi * p.frequency
+    lift = -(p.amplitude * w * w) * cos(w * t + p.phase)
+    return -((p.gravity + lift) / p.length) * sin(theta)
+
+
+def horizontal(t: float, theta: float, p: Any, s: Any) -> float:
+    w = 2 * pi * p.frequency
+    lift = -p.amplitude * w * w * cos(w * t + p.phase)
+    return -p.gravity / p.length * sin(theta) - lift / p.length * cos(theta)
+
+
+def tilted(t: float, theta: float, p: Any, s: Any) -> float:
+    w = 2 * pi * p.frequency
+    lift = -p.amplitude * w * w * cos(w * t + p.phase)
+    return -(p.gravity + cos(p.tilt) * lift) / p.length * sin(theta) - sin(p.tilt) * lift / p.length * cos(theta)
+
+
+def rotating(t: float, theta: float, p: Any, s: Any) -> float:
+    w = 2 * pi * p.frequency
+    up = -p.vertical_amplitude * w * w * cos(w * t + p.phase)
+    aside = p.horizontal_amplitude * w * w * sin(w * t + p.phase)
+    return -(p.gravity + up) / p.length * sin(theta) - aside / p.length * cos(theta)
+
+
+def alternating(t: float, theta: float, p: Any, s: Any) -> float:
+    return -p.gravity / p.length * sin(theta) + p.torque * cos(2 * pi * p.frequency * t + p.phase)
+
+
+def harmonic(t: float, theta: float, p: Any, s: Any) -> float:
+    w = 2 * pi * p.frequency
+    lift = -p.amplitude_1 * w**2 * cos(w * t + p.phase_1)
+    lift -= p.amplitude_2 * (2 * w) ** 2 * cos(2 * w * t + p.phase_2)
+    lift -= p.amplitude_3 * (3 * w) ** 2 * cos(3 * w * t + p.phase_3)
+    return -(p.gravity + lift) / p.length * sin(theta)
+
+
+def square(t: float, theta: float, p: Any, s: Any) -> float:
+    return -((p.gravity + -p.acceleration * s[0]) / p.length) * sin(theta)
+
+
+def smooth_square(t: float, theta: float, p: Any, s: Any) -> float:
+    c, e = cos(2 * pi * p.frequency * t + p.phase), p.smoothing
+    return -(p.gravity - p.acceleration * c * sqrt((1 + e * e) / (c * c + e * e))) / p.length * sin(theta)
+
+
+def triangle(t: float, theta: float, p: Any, s: Any) -> float:
+    turned = 2 * pi * p.frequency * t + p.phase
+    lift = -p.acceleration * ((4 / pi) * atan(cos(turned) / (1 + s[0] * sin(turned))))
+    return -((p.gravity + lift) / p.length) * sin(theta)
+
+
+def smooth_triangle(t: float, theta: float, p: Any, s: Any) -> float:
+    turned, e = 2 * pi * p.frequency * t + p.phase, p.smoothing
+    wave = atan(cos(turned) / sqrt(sin(turned) ** 2 + e * e)) / atan(1 / e)
+    return -(p.gravity - p.acceleration * wave) / p.length * sin(theta)
+
+
+def viscous(theta: float, v: float, p: Any, s: Any) -> float:
+    return -p.damping * v
+
+
+def drag(theta: float, v: float, p: Any, s: Any) -> float:
+    return -p.drag * (v * v) * s[0]
+
+
+def spring(theta: float, v: float, p: Any, s: Any) -> float:
+    return -p.stiffness * (theta - p.rest)
+
+
+def constant(theta: float, v: float, p: Any, s: Any) -> float:
+    return p.constant_torque
+
+
+def dry(theta: float, v: float, p: Any, s: Any) -> float:
+    return -p.friction * s[0]
+
+
+DRIVE = VerticalDrive(0.003, 50.0)
+SCENES: dict[str, tuple[tuple[Effect, ...], Handwritten]] = {
+    "vertical drive": ((DRIVE,), by_hand(vertical)),
+    "horizontal drive": ((HorizontalDrive(0.003, 50.0),), by_hand(horizontal)),
+    "tilted drive": ((TiltedDrive(0.003, 50.0, tilt=0.3),), by_hand(tilted)),
+    "rotating drive": ((RotatingDrive(0.003, 0.002, 50.0),), by_hand(rotating)),
+    "torque drive": ((TorqueDrive(1e4, 50.0),), by_hand(alternating)),
+    "three harmonics": ((HarmonicDrive((0.003, 4e-4, 1e-4), (0.0, 1.0, 2.0), 50.0),), by_hand(harmonic)),
+    "smooth square wave": ((SquareDrive(296.0, 50.0, smoothing=0.3),), by_hand(smooth_square)),
+    "smooth triangle wave": ((TriangleDrive(296.0, 50.0, smoothing=0.3),), by_hand(smooth_triangle)),
+    "square wave": ((SquareDrive(296.0, 50.0),), by_hand(square)),
+    "triangle wave": ((TriangleDrive(296.0, 50.0),), by_hand(triangle)),
+    "vertical drive + constant torque": ((DRIVE, ConstantTorque(20.0)), by_hand(vertical, constant)),
+}
+ADDED: dict[str, tuple[Effect, Handwritten]] = {
+    "viscous damping": (ViscousDamping(10.0), viscous),
+    "torsion spring": (TorsionSpring(300.0, 0.1), spring),
+    "quadratic drag": (QuadraticDrag(0.1), drag),
+    "dry friction": (DryFriction(10.0), dry),
+}
+for number in range(1, len(ADDED) + 1):
+    kinds, terms = zip(*list(ADDED.values())[:number], strict=True)
+    SCENES[f"vertical drive + {' + '.join(list(ADDED)[:number])}"] = (DRIVE, *kinds), by_hand(vertical, *terms)
+
+
+def kernel_of(system: ForcedSystem) -> Any:
+    return flow(system, 0.0, system.length, 1e-9, 1e-9, "auto", 16384).kernel.advance
+
+
+def test_effects_against_terms_by_hand(say, one_thread):
+    """The same terms, in a scene and by hand; where the formulas are equal so is the kernel, and no time can differ."""
+    starts = pendulum_starts(8192, 100.0)
+    base = stroboscopic_map(scene(Pendulum(0.0272), Gravity(9.8), DRIVE))
+    say("scenes of a pendulum with gravity: time against terms by hand, and against the vertical drive alone")
+    for name, (effects, rhs) in SCENES.items():
+        system = scene(Pendulum(0.0272), Gravity(9.8), *effects)
+        hand = ForcedSystem(rhs, system.params, system.period, system.coordinates, switches=system.switches)
+        ours, theirs = stroboscopic_map(system), stroboscopic_map(hand)
+        assert ours(starts) == pytest.approx(theirs(starts), rel=1e-9, abs=1e-9)
+        works = [lambda m=m: m.iterate(starts, 1) for m in (ours, theirs, base)]
+        scene_time, hand_time, base_time = best_times(works, rounds=15)
+        same = "the same kernel" if kernel_of(system) is kernel_of(hand) else "another kernel"
+        say(f"  {name}: {scene_time / hand_time:.3f} of the time by hand ({same}); {scene_time / base_time:.2f}")
+
+
+def friction_cases() -> dict[str, tuple[ForcedSystem, ForcedSystem, Callable[[int, float], np.ndarray], int]]:
+    single, double = driven_pendulum(), double_pendulum()
+    return {
+        "pendulum, friction 10 rad/s^2": (single, driven_pendulum(damping=0.0, friction=10.0), pendulum_starts, 16384),
+        "pendulum, friction 300 rad/s^2": (
+            single,
+            driven_pendulum(damping=0.0, friction=300.0),
+            pendulum_starts,
+            16384,
+        ),
+        "double pendulum, friction 10 rad/s^2": (
+            double,
+            double_pendulum(damping=0.0, friction=10.0),
+            double_starts,
+            2048,
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", friction_cases())
+def test_dry_friction_against_viscous(say, one_thread, name):
+    smooth, rough, starts_in, count = friction_cases()[name]
+    for rate in RATES:
+        starts = starts_in(count, rate)
+        maps = [stroboscopic_map(system) for system in (smooth, rough)]
+        for periods in (1, 50):
+            # Later on many stick: the starts of the last period are those that the earlier ones have left.
+            some = starts if periods == 1 else maps[1].iterate(starts, periods - 1).points
+            viscous_time, dry_time = best_times([lambda m=m, x=some: m.iterate(x, 1) for m in maps], rounds=7)
+            say(
+                f"{name}, rates +-{rate:g} rad/s, period {periods}: {dry_time / viscous_time:.2f} times the time of "
+                f"viscous damping 10/s; {count / dry_time:,.0f} periods/s"
+            )
+
+
+def double_by_hand(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    """Write the equations of the double pendulum solved for the accelerations, as textbooks have them."""
+    a, b, u, v = x
+    w = 2 * pi * p.frequency
+    weight = p.gravity - p.amplitude * w * w * cos(w * t + p.phase)
+    m, n, k, l = p.mass_1, p.mass_2, p.length_1, p.length_2  # noqa: E741
+    d = a - b
+    share = m + n * sin(d) ** 2
+    first = n * (k * u * u * sin(2 * d) + 2 * l * v * v * sin(d))
+    first += weight * ((2 * m + n) * sin(a) + n * sin(a - 2 * b))
+    second = n * l * v * v * sin(2 * d) + (m + n) * (2 * k * u * u * sin(d) + weight * (sin(2 * a - b) - sin(b)))
+    first, second = -first / (2 * k * share), second / (2 * l * share)
+    if hasattr(p, "damping"):
+        inner, outer = -p.damping * m * k * k * u, -p.damping * m * k * k * (v - u)
+        inner = inner - outer
+        determinant = n * k * k * l * l * share
+        first += (n * l * l * inner - n * k * l * cos(d) * outer) / determinant
+        second += ((m + n) * k * k * outer - n * k * l * cos(d) * inner) / determinant
+    return u, v, first, second
+
+
+PERIODS = 5  # a call of heyoka, so that the overhead of its calls from Python counts little
+FORMS = {"the scene's equations": None, "textbook equations": double_by_hand}
+
+
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+def test_double_pendulum_against_heyoka(say, one_thread, damping):
+    """Errors are those of one period, in units of 1 + abs(image), which is how both programs weigh them."""
+    pytest.importorskip("heyoka")
+    system, starts = double_pendulum(damping=damping), double_starts(2048, 100.0)
+    reference = stroboscopic_map(system, rtol=1e-14, atol=1e-14).iterate(starts, 1).unwrapped
+    forms = {name: rhs or system.rhs for name, rhs in FORMS.items()}
+
+    def error(images: np.ndarray) -> float:
+        return float((np.abs(images - reference) / (1.0 + np.abs(reference))).max())
+
+    ours: dict[tuple[str, float], PointMap] = {}
+    for tolerance in (3e-10, 1e-9, 2e-9, 4e-9, 8e-9, 1.6e-8, 3.2e-8, 6.4e-8):
+        for name, rhs in forms.items():
+            if rhs is system.rhs or tolerance == 1e-9:
+                form = ForcedSystem(rhs, system.params, system.period, system.coordinates)
+                ours[name, tolerance] = stroboscopic_map(form, rtol=tolerance, atol=tolerance)
+    peers = [(name, tolerance) for name in forms for tolerance in (1e-9, 1e-10, 1e-11)]
+    works = [lambda m=m: m.iterate(starts, PERIODS) for m in ours.values()]
+    runs = [heyoka_system(forms[name], system, tolerance, PERIODS) for name, tolerance in peers]
+    works += [lambda run=run: run(starts) for run in runs]
+    times = best_times(works, rounds=5)
+    own_times, peer_times = dict(zip(ours, times, strict=False)), dict(zip(peers, times[len(ours) :], strict=True))
+    own_errors = {key: error(m.iterate(starts, 1).unwrapped) for key, m in ours.items()}
+    for key in ours:
+        if key[1] == 1e-9:
+            rate = PERIODS * len(starts) / own_times[key]
+            say(
+                f"double pendulum, damping {damping:g}/s, {key[0]}: cellmap 1e-9: {rate:,.0f} periods/s, largest error "
+                f"{own_errors[key]:.1e}"
+            )
+    best = ("the scene's equations", 1e-9)
+    for key in peers:
+        own = error(heyoka_system(forms[key[0]], system, key[1])(starts))
+        able = [taken for k, taken in own_times.items() if own_errors[k] <= own]
+        at_equal = f"{peer_times[key] / min(able):.2f} times as fast at no larger error" if able else "none as accurate"
+        say(
+            f"  heyoka {key[1]:g}, {key[0]}: largest error {own:.1e}; cellmap is {at_equal}, "
+            f"{peer_times[key] / own_times[best]:.2f} times at its own 1e-9"
+        )
+
+
+PROGRAM = """
+import sys, time
+import cellmap, systems
+names = {
+    "pendulum": lambda: systems.driven_pendulum(),
+    "double pendulum": lambda: systems.double_pendulum(),
+    "pendulum with dry friction": lambda: systems.driven_pendulum(friction=10.0),
+    "double pendulum with dry friction": lambda: systems.double_pendulum(friction=10.0),
+}
+for make in names.values():
+    began = time.perf_counter()
+    system = make()
+    cellmap.stroboscopic_map(system)([0.1] * system.dimension)
+    print(f"{time.perf_counter() - began:.2f}")
+"""
+
+
+def test_first_map(say, tmp_path):
+    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    names = ("pendulum", "double pendulum", "pendulum with dry friction", "double pendulum with dry friction")
+    runs = [
+        subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    for name, first, second in zip(names, *(done.stdout.split() for done in runs), strict=True):
+        say(f"first map of a {name}: {first} s with its compilation, {second} s in the next process")
