@@ -77,6 +77,14 @@ def test_a_start_that_touches_a_surface_leaves_it_on_the_right_side(force: float
     assert images.unwrapped == pytest.approx(np.tile(images.unwrapped[1], (3, 1)), abs=1e-11)
 
 
+def test_rest_on_a_surface_is_rest() -> None:
+    """Nothing moves, so the switching function is zero throughout."""
+    system = ForcedSystem(two_springs, {"force": 0.0}, 2.0 * pi, ("x", "v"), switches=position)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate([[0.0, 0.0], [1e-305, 0.0]], 3)
+    assert (images.status == Status.OK).all()
+    assert np.abs(images.points).max() <= 1e-305
+
+
 def test_the_derivative_at_a_start_that_sticks() -> None:
     """Neighbours of the start with a small velocity stop at once: their image does not depend on it."""
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 1.0))

@@ -10,6 +10,7 @@ from .options import INLINE, LANES
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
 
+_NOTHING = 1e-300  # coefficients that hold no digits
 _NARROW = 0.05  # interval from which on all coefficients are looked at
 _NARROWEST = 1e-9  # interval in which a minimum that all but touches zero is taken not to
 _TIE = 1e-13  # share of the friction limit by which a force may pass it and still be held
@@ -23,13 +24,16 @@ def first_root(a, degree):
 
     Intervals are passed over where a bound from value, slope and largest curvature keeps them positive, and halved
     until they are, or the polynomial falls throughout and Halley's method finds its root.  A zero at time 0 does not
-    count.  The coefficients are changed.
+    count, and a polynomial that vanishes or is none is never negative.  The coefficients are changed.
     """
-    first = 0
+    first, total = 0, 0.0
     while first < degree and a[first] == 0.0:
         first += 1
     for k in range(first, degree + 1):
         a[k - first] = a[k]
+        total += abs(a[k])
+    if not _NOTHING < total < np.inf:
+        return NEVER
     degree -= first
     if a[0] < 0.0:
         return 0.0
@@ -206,9 +210,13 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
             return -1.0
     first = NEVER
     for e in range(count):
-        shift = int(fresh[e])
+        shift, total = int(fresh[e]), 0.0
         for k in range(length - shift):
             a[k] = series[((size + e) * length + k + shift) * LANES]
+            total += abs(a[k])
+        if not total < np.inf:
+            errors[:] = 1e300  # a mode that cannot be told is no mode
+            return -1.0
         if slides[e] > 0.0 and -10.0 * _TIE < a[0] < 0.0:
             a[0] = 0.0
         roots[e] = first_root(a, order - shift)
