@@ -56,11 +56,15 @@ class Cover:
         Corner of the first box and sides of a box.
     boxes : ndarray of int, shape (number, dimension)
         Whole-number places of the boxes, sorted.
+    certain : ndarray of bool, shape (number,), or None
+        For equilibria, the boxes that hold nothing else, or only orbits that approach them; in the others an orbit
+        belongs to the set if it rests.
     """
 
     lower: NDArray[np.float64]
     widths: NDArray[np.float64]
     boxes: NDArray[np.int64]
+    certain: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +13,18 @@ from .coordinates import difference, turns_of, wrap
 from .jacobian import jacobian
 from .periodic import resolution
 from .pointmap import PointMap, follow
-from .settling import inside_cover
+from .settling import AT_REST, boxes_of, inside_cover
 
-_AT_REST = 1e-13  # largest move in a period, relative to the resolution
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent
 _THIN = 1e-9  # width of boxes along directions in which the set does not reach, relative to the resolution
 _BOXES = 32  # along the set
 _MOST_BOXES = 20_000
 _SAMPLE = 256
+_PERIODS = 64  # in which orbits near the edge have to come closer
 
 
 def sets_of_equilibria(
-    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]
+    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
 ) -> list[Attractor]:
     """Return the attracting sets of equilibria on which some of the orbits rest.
 
@@ -39,6 +40,8 @@ def sets_of_equilibria(
         Ends of orbits.
     extent : ndarray, shape (dimension,)
         Size of the region of interest.
+    known : sequence of Attractor, optional
+        Attractors that need not be found again.
 
     Returns
     -------
@@ -47,6 +50,9 @@ def sets_of_equilibria(
     """
     exact = point_map.exact or point_map
     left = states[_rests(exact, states, extent)]
+    for other in known:
+        if other.cover is not None and other.kind is Kind.EQUILIBRIA and len(left):
+            left = left[~inside_cover(other.cover, left, exact)]
     found: list[Attractor] = []
     while len(left):
         attractor = _explored(exact, left[0], extent)
@@ -67,7 +73,7 @@ def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.floa
     images = follow(exact, states, 1)
     with np.errstate(invalid="ignore"):
         moved = np.abs(difference(images.points, states, exact.coordinates))
-        still = (moved <= _AT_REST * resolution(states, extent)).all(axis=-1)
+        still = (moved <= AT_REST * resolution(states, extent)).all(axis=-1)
     return np.asarray(still & ~images.turns.any(axis=-1))
 
 
@@ -98,7 +104,14 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
         exponents = np.log(np.abs(multipliers))
     sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
     steps = np.array(list(itertools.product((-1, 0, 1), repeat=d)))
-    cover = Cover(place - 0.5 * widths, widths, _moved(boxes, steps, around.astype(np.int64)))
+    grown = _moved(boxes, steps, around.astype(np.int64))
+    places = wrap(place + grown * widths, exact.coordinates)
+    certain = _drawn(exact, places, centres, widths, wide, extent)
+    lower = place - 0.5 * widths
+    # Boxes are numbered within the turn of an angle, as the places of points are.
+    numbers = boxes_of(places, lower, widths, exact)
+    order = np.lexsort(numbers.T[::-1])
+    cover = Cover(lower, widths, numbers[order], certain[order])
     return Attractor(Kind.EQUILIBRIA, 1, sample, (0,) * d, multipliers, exponents, exact.coordinates, cover=cover)
 
 
@@ -130,9 +143,40 @@ def _flooded(
     while len(front) and len(known) < _MOST_BOXES:
         new = _moved(front, steps, around)
         new = _not_among(new, known)
+        new = new[((np.abs(new * widths) <= extent) | (around > 0)).all(axis=-1)]
         front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
         known = np.concatenate([known, front])
     return np.unique(known, axis=0)
+
+
+def _drawn(
+    exact: PointMap,
+    places: NDArray[np.float64],
+    centres: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    wide: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, which rest."""
+    from scipy.spatial import KDTree
+
+    offsets = np.array(list(itertools.product(*[(-0.5, 0.0, 0.5) if w else (0.0,) for w in wide])))
+    points = (places[:, None, :] + offsets * widths).reshape(-1, len(widths))
+    restless = np.flatnonzero(~_rests(exact, wrap(points, exact.coordinates), extent))
+    drawn = np.ones(len(points), bool)
+    if len(restless):
+        lower, turn = turns_of(exact.coordinates)
+        lower = np.where(turn > 0, lower, 0.0)
+        scaled = [(wrap(p, exact.coordinates) - lower) / extent for p in (centres, points)]
+        tree = KDTree(scaled[0], boxsize=np.where(turn > 0, turn, 0.0) / extent)
+        nearest = centres[tree.query(scaled[1][restless])[1]]
+        begin = wrap(points[restless], exact.coordinates)
+        images = follow(exact, begin, _PERIODS)
+        far, near = (
+            np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images.points)
+        )
+        drawn[restless] = near < far
+    return np.asarray(drawn.reshape(len(places), -1).all(axis=1))
 
 
 def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:

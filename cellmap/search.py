@@ -110,7 +110,7 @@ def sort_out(
     refused = Refused.none_yet(point_map, extent) if refused is None else refused
     while len(orbits):
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, refused)
-        fresh += sets_of_equilibria(point_map, orbits.points, extent)
+        fresh += sets_of_equilibria(point_map, orbits.points, extent, attractors)
         if not fresh:
             break
         attractors = [*attractors, *fresh]

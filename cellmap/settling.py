@@ -8,13 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor, Cover, Kind
+from .attractor import Attractor, Cover
 from .coordinates import turns_of
 from .kernels.capture import capture
 from .pointmap import Orbits, PointMap, Status
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
+
+AT_REST = 1e-13
+"""Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
 
 ESCAPED, DIVERGED, UNDECIDED = -1, -2, -3
 """Labels of starts without an attractor: left the table, grew beyond all bounds, not settled."""
@@ -28,7 +31,7 @@ class Catalogue:
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     owners: NDArray[np.int64]
-    covers: tuple[tuple[int, Cover, NDArray[np.int64], int], ...]
+    covers: tuple[tuple[int, Cover, NDArray[np.int64]], ...]
     turn: NDArray[np.float64]
 
     @classmethod
@@ -42,7 +45,7 @@ class Catalogue:
             np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
             np.array([k for k, n in regions for _ in n.centres], np.int64),
             tuple(
-                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes), 1 if a.kind is Kind.EQUILIBRIA else RESIDENCE)
+                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes))
                 for k, a in enumerate(attractors)
                 if a.cover is not None
             ),
@@ -99,13 +102,18 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
     now = orbits
     found, when = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
     residence = np.zeros((len(catalogue.covers), n), np.int64)
+    before = np.full(now.points.shape, np.nan)
     inaccurate = steps = 0
     for k in range(age, age + periods + 1):
         capture(now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn)
-        for row, (owner, cover, keys, stay) in enumerate(catalogue.covers):
-            residence[row] = np.where(inside_cover(cover, now.points, point_map, keys), residence[row] + 1, 0)
-            resident = (residence[row] >= stay) & (found < 0)
-            found[resident], when[resident] = owner, max(k - stay + 1, 0)
+        for row, (owner, cover, keys) in enumerate(catalogue.covers):
+            if cover.certain is None:
+                residence[row] = np.where(inside_cover(cover, now.points, point_map, keys), residence[row] + 1, 0)
+                resident, since = residence[row] >= RESIDENCE, max(k - RESIDENCE + 1, 0)
+            else:
+                resident, since = _held(cover, cover.certain, now.points, before, point_map, keys), k
+            resident &= found < 0
+            found[resident], when[resident] = owner, since
         last = k == age + periods
         over = (found >= 0) | ~now.alive
         if last or np.count_nonzero(over) * 4 > len(over):
@@ -114,10 +122,12 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
             labels[rows] = np.where(found[over] >= 0, found[over], _codes(now.status[over]))
             times[rows] = np.where(found[over] >= 0, when[over], -1)
             keep = ~over
-            members, now, found, when, residence = members[keep], now[keep], found[keep], when[keep], residence[:, keep]
+            members, now, found, when = members[keep], now[keep], found[keep], when[keep]
+            residence = residence[:, keep]
         if last or not len(members):
             break
         steps += len(members)
+        before = now.points.copy() if catalogue.covers else before
         point_map.advance(now, 1)
     inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
     return Settled(labels, times, now, inaccurate, steps)
@@ -135,6 +145,22 @@ def inside_cover(
     places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
     place = np.minimum(np.searchsorted(known, places), len(known) - 1)
     return np.asarray(known[place] == places)
+
+
+def _held(
+    cover: Cover,
+    certain: NDArray[np.bool_],
+    points: NDArray[np.float64],
+    before: NDArray[np.float64],
+    point_map: PointMap,
+    keys: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Tell which points are in boxes of equilibria for certain, or rest in one of the others."""
+    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
+    place = np.minimum(np.searchsorted(keys, places), len(keys) - 1)
+    with np.errstate(invalid="ignore"):
+        rests = (np.abs(points - before) <= AT_REST * (1.0 + np.abs(points))).all(axis=-1)
+    return np.asarray((keys[place] == places) & (rests | certain[place]))
 
 
 def boxes_of(

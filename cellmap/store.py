@@ -224,7 +224,8 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
         record = getattr(attractor, part)
         if record is not None:
             for field in dataclasses.fields(record):
-                group[f"{part}/{field.name}"] = getattr(record, field.name)
+                if (value := getattr(record, field.name)) is not None:
+                    group[f"{part}/{field.name}"] = value
 
 
 def _read(file: h5py.Group) -> Basins:
@@ -253,7 +254,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     parts: dict[str, Any] = {}
     for part, record in (("neighbourhood", Neighbourhood), ("cover", Cover)):
         if part in group:
-            parts[part] = record(**{f.name: group[part][f.name][()] for f in dataclasses.fields(record)})
+            parts[part] = record(**{name: values[()] for name, values in group[part].items()})
     return Attractor(
         kind=Kind(group.attrs["kind"]),
         period=int(group.attrs["period"]),
