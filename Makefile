@@ -41,11 +41,12 @@ figures: env
 	$(RUN) -m studies
 	@echo "Everything is in $(CURDIR)/studies/output/"
 
+# A process for each core, and whole files to each, so that what a file compiles is compiled once.
 test: env
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n auto --dist loadfile
 
 test-all: env
-	$(RUN) -m pytest -m ""
+	$(RUN) -m pytest -n auto --dist loadfile -m ""
 
 check: env
 	$(RUN) -m ruff format --check
