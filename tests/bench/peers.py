@@ -36,18 +36,21 @@ def best_time(work: Callable[[], Any], rounds: int = 5) -> float:
     return min(times)
 
 
-def best_times(works: Sequence[Callable[[], Any]], rounds: int = 9) -> list[float]:
+def best_times(works: Sequence[Callable[[], Any]], seconds: float = 1.0, rounds: int = 5) -> list[float]:
     """Return the shortest times of several pieces of work that run on this thread, in turns so that all see one load.
 
-    Time is that of the processor: what other programs take in between does not count.
+    Time is that of the processor: what other programs take in between does not count.  There are so many rounds at
+    least, and more until the seconds are over.
     """
-    times = [[np.inf] for _ in works]
-    for _ in range(rounds + 1):
-        for work, taken in zip(works, times, strict=True):
+    best = [np.inf for _ in works]
+    first = time.thread_time()
+    while rounds > 0 or time.thread_time() < first + seconds:
+        rounds -= 1
+        for k, work in enumerate(works):
             began = time.thread_time()
             work()
-            taken.append(time.thread_time() - began)
-    return [min(taken) for taken in times]
+            best[k] = min(best[k], time.thread_time() - began)
+    return best
 
 
 def pendulum_rhs(t: float, x: Any, p: Any) -> Any:
