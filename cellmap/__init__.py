@@ -14,6 +14,8 @@ from .basins import find_basins as find_basins
 from .coordinates import Coordinate as Coordinate
 from .coordinates import angle as angle
 from .discrete import discrete_map as discrete_map
+from .floquet import FloquetResult as FloquetResult
+from .floquet import floquet_multipliers as floquet_multipliers
 from .grid import CellGrid as CellGrid
 from .interpolated import interpolated_map as interpolated_map
 from .jacobian import jacobian as jacobian
@@ -24,6 +26,12 @@ from .pointmap import ToleranceWarning as ToleranceWarning
 from .rebuild import rebuild_map as rebuild_map
 from .rebuild import recompute_basins as recompute_basins
 from .search import find_attractors as find_attractors
+from .stability import Boundary as Boundary
+from .stability import CriticalValue as CriticalValue
+from .stability import Crossing as Crossing
+from .stability import StabilityMap as StabilityMap
+from .stability import critical_values as critical_values
+from .stability import stability_map as stability_map
 from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
 from .threads import set_threads as set_threads
@@ -63,6 +71,14 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "trajectory",
     "Trajectory",
     "jacobian",
+    "floquet_multipliers",
+    "FloquetResult",
+    "critical_values",
+    "CriticalValue",
+    "Crossing",
+    "stability_map",
+    "StabilityMap",
+    "Boundary",
     "find_attractors",
     "Attractor",
     "Kind",
