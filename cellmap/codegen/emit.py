@@ -34,6 +34,14 @@ def in_chains(terms: Iterable[str]) -> str:
     return f"({' + '.join(listed[::2])}) + ({' + '.join(listed[1::2])})"
 
 
+def dot(pairs: Iterable[tuple[str, str]]) -> str:
+    """Write a sum of products; empty where there are none."""
+    listed = list(pairs)
+    if len(listed) < 4:
+        return " + ".join(f"{x} * {y}" for x, y in listed)
+    return f"dot({', '.join(f'{x}, {y}' for x, y in listed)})"
+
+
 def library(function: str, level: int) -> str:
     """Return where a function comes from: vectorisable where there is one and the state is involved, else libm."""
     if function in {"fmin", "fmax"}:

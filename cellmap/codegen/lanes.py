@@ -24,6 +24,7 @@ import math
 from numba import njit
 from cellmap.kernels import simd_math
 from cellmap.kernels.options import KERNEL
+from cellmap.kernels.sums import dot
 
 """
 

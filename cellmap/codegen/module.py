@@ -21,7 +21,7 @@ from typing import Any
 
 import numba
 
-from ..kernels import borrow, options, simd_math, switching
+from ..kernels import borrow, options, simd_math, sums, switching
 
 
 def cache_folder() -> Path | None:
@@ -35,7 +35,9 @@ def cache_folder() -> Path | None:
 
 @functools.cache
 def _inlined_text() -> str:
-    return "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (borrow, options, simd_math, switching))
+    return "".join(
+        Path(str(m.__file__)).read_text(encoding="utf-8") for m in (borrow, options, simd_math, sums, switching)
+    )
 
 
 @functools.lru_cache(maxsize=256)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .emit import assignment, in_chains, input_name
+from .emit import assignment, dot, input_name
 from .expression import Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
@@ -95,7 +95,7 @@ def _scaled_coefficients(tableau: Tableau) -> list[str]:
 
 
 def _combination(prefix: str, row: tuple[float, ...], j: int) -> str:
-    return in_chains(f"{prefix}_{k} * k{k}_{j}" for k, a in enumerate(row) if a)
+    return dot((f"{prefix}_{k}", f"k{k}_{j}") for k, a in enumerate(row) if a)
 
 
 def _stage_states(tableau: Tableau, stage: int, dimension: int) -> list[str]:
@@ -109,7 +109,7 @@ def _finish(tableau: Tableau, dimension: int) -> list[str]:
     last = f"a{len(tableau.stages)}"
     lines = [f"y{j} = x{j} + ({_combination(last, tableau.weights, j)})" for j in range(dimension)]
     for j in range(dimension):
-        sums = [in_chains(f"{e!r} * k{k}_{j}" for k, e in enumerate(row) if e) for row in tableau.errors]
+        sums = [dot((repr(e), f"k{k}_{j}") for k, e in enumerate(row) if e) for row in tableau.errors]
         if len(sums) == 1:
             lines.append(f"e{j} = h * ({sums[0]})")
         else:

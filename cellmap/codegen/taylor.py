@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from .emit import in_chains, input_name, library
+from .emit import dot, in_chains, input_name, library
 from .expression import Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
@@ -124,15 +124,15 @@ class Series:
 
     def _square(self, a: Expression, k: int) -> str:
         pairs = [(self.name(a, i), self.name(a, k - i)) for i in range((k + 1) // 2)]
-        terms = [f"{x} * {y}" for x, y in pairs if x and y]
-        text = f"2.0 * ({in_chains(terms)})" if terms else ""
+        terms = dot((x, y) for x, y in pairs if x and y)
+        text = f"2.0 * ({terms})" if terms else ""
         middle = self.name(a, k // 2) if k % 2 == 0 else ""
         return " + ".join(filter(None, (f"{middle} * {middle}" if middle else "", text)))
 
     def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> str:
         """Sum of a_i b_(k-i) over i from first to last."""
         pairs = [(self.name(a, i), self.name(b, k - i)) for i in range(first, last + 1)]
-        return in_chains(f"{x} * {y}" for x, y in pairs if x and y)
+        return dot((x, y) for x, y in pairs if x and y)
 
     def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> str:
         """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
@@ -191,8 +191,8 @@ class Series:
                 if i == k:
                     lines.append(f"{weight} = {i}.0 * {term}" if i > 1 else f"{weight} = {term}")
                 factors.append((weight, k - i))
-        own = in_chains(f"{w} * {self.name(node, m)}" for w, m in factors)
-        other = in_chains(f"{w} * {partner}_{m}" for w, m in factors)
+        own = dot((w, self.name(node, m)) for w, m in factors)
+        other = dot((w, f"{partner}_{m}") for w, m in factors)
         signs = {"sin": ("", "-"), "cos": ("-", ""), "sinh": ("", ""), "cosh": ("", "")}[operation]
         scale = repr(1.0 / k)
         lines.append(f"{target} = {signs[0]}{scale} * ({other})" if other else f"{target} = 0.0")
