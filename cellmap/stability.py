@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
@@ -19,6 +19,7 @@ _ROUNDS = 80
 _GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
 _DIP = 0.3  # an extremum that a parabola puts this near to zero, relative to the values around, is looked into
 _BESIDE = 0.25  # distance at which both sides of a crossing are looked at, in steps of the scan
+_REAL = 1e-5  # imaginary part of a double multiplier that rounding explains
 _LEAVING = 3  # test function: the largest modulus against 1
 
 
@@ -283,21 +284,21 @@ def _axis(label: str, given: tuple[str, ArrayLike]) -> tuple[str, NDArray[np.flo
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Test functions (n, 4) at parameter points, with what else is known there (n)."""
+    """Test functions (n, 4) at parameter points, with what else is known there (n).
+
+    ``crossing`` is how the multiplier that is nearest to the unit circle would cross it.
+    """
 
     tests: NDArray[np.float64]
-    leading: NDArray[np.complex128]
+    largest: NDArray[np.float64]
     unstable: NDArray[np.int64]
     status: NDArray[np.uint8]
-
-    @property
-    def largest(self) -> NDArray[np.float64]:
-        return np.abs(self.leading)
+    crossing: NDArray[np.int64]
 
     def turned(self, shape: tuple[int, int]) -> _Seen:
         """Return the points of a grid column by column instead of row by row."""
         order = np.arange(len(self.tests)).reshape(shape).T.ravel()
-        return _Seen(self.tests[order], self.leading[order], self.unstable[order], self.status[order])
+        return _Seen(*(getattr(self, f.name)[order] for f in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +325,11 @@ class _Tests:
         # Without damping this vanishes everywhere, but for rounding.
         tests[np.abs(logarithms) < 1e-9, Crossing.NEIMARK_SACKER] = 1.0
         tests[:, _LEAVING] = np.log(np.abs(found[:, 0])) - MARGIN
-        return _Seen(tests, found[:, 0], unstable_count(found), status)
+        distance = np.where(np.isnan(found[:, :1]), 0.0, np.abs(np.abs(found) - 1.0))
+        nearest = np.take_along_axis(found, np.argmin(distance, axis=1)[:, None], axis=1)[:, 0]
+        real = np.where(nearest.real > 0.0, Crossing.PLUS_ONE, Crossing.MINUS_ONE)
+        crossing = np.where(np.abs(nearest.imag) > _REAL, Crossing.NEIMARK_SACKER, real)
+        return _Seen(tests, np.abs(found[:, 0]), unstable_count(found), status, crossing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,7 +377,6 @@ def _crossings(
     dips = _dips(functions)
     if len(dips[0]):
         dip_line, middle, dip_which = dips
-        # The number of unstable multipliers must tell what the test function does: none where all of a line is wild.
         sides = [scan[middle - 1], scan[middle], scan[middle + 1]]
         height = [functions[dip_line, middle + k, dip_which] for k in (-1, 0, 1)]
         turn, value = _extremum(function(dip_line, dip_which), sides, height)
@@ -396,9 +400,13 @@ def _crossings(
         sides = [functions[jump_line, jump_step + k, _LEAVING] for k in (0, 1)]
         edges = (scan[jump_step], scan[jump_step + 1])
         found = _refined(function(jump_line, modulus), *edges, *sides)
-        leading = at(jump_line, found).leading
-        kind = np.where(np.abs(leading.imag) > 1e-3, 2, np.where(leading.real > 0.0, 0, 1))
-        line, roots, which = np.append(line, jump_line), np.append(roots, found), np.append(which, kind)
+        line, roots = np.append(line, jump_line), np.append(roots, found)
+        which = np.append(which, np.full(len(found), Crossing.NEIMARK_SACKER))
+
+    # The product of two real multipliers is 1 as well where both cross together.
+    pairs = np.flatnonzero(which == Crossing.NEIMARK_SACKER)
+    if len(pairs):
+        which[pairs] = at(line[pairs], roots[pairs]).crossing
 
     order = np.lexsort((which, roots, line))
     line, roots, which = line[order], roots[order], which[order]
