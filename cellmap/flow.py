@@ -98,8 +98,10 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
     for size in (0.1, 1.1):
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
+            # Jumps are met as events: what is sampled is one smooth side.
+            signs = tuple(1.0 if s >= 0.0 else -1.0 for s in system.signs(0.0, state))
             with np.errstate(all="ignore"):
-                samples = np.array([system.derivative(t, state) for t in times.tolist()])
+                samples = np.array([system.derivative(t, state, signs) for t in times.tolist()])
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
