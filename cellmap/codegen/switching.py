@@ -80,7 +80,7 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int, one_st
         "                    if landed >= 0.0:",
         "                        t = landed",
         "                        surfaces(t, state, p, values, rates, gains, jumps, normals)",
-        "                        switching.project(state, values, normals, hits, slides)",
+        "                        switching.project(state, values, normals, hits, slides, on_surface, held)",
         "                        switching.switch("
         "rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors, on_surface, held, after)",
         *indent(5, _store(size, count)),
@@ -205,7 +205,7 @@ def _finish(traced: SwitchingTrace, size: int, count: int, errors: int) -> Itera
         yield "    if slides.max() > 0.0:"
         yield "        hits[:] = 0.0"
         yield "        surfaces(t, state, p, values, rates, gains, jumps, normals)"
-        yield "        switching.project(state, values, normals, hits, slides)"
+        yield "        switching.project(state, values, normals, hits, slides, on_surface, held)"
         yield from indent(2, (f"lanes[{j * LANES} + i] = state[{j}]" for j in range(size)))
     yield f"for i in range({LANES}):"
     for j in range(size):

@@ -241,15 +241,32 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
 
 
 @njit(**INLINE)
-def project(state, surfaces, normals, hits, slides):
-    """Move a state onto the surfaces it has reached, by the last digits that it is away from them."""
-    for e in range(surfaces.size):
+def project(state, surfaces, normals, hits, slides, active, shifts):
+    """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them."""
+    count, dimension = normals.shape
+    if count == 1:
         square = 0.0
-        for j in range(normals.shape[1]):
-            square += normals[e, j] * normals[e, j]
-        if hits[e] + slides[e] > 0.0 and square > 0.0:
-            for j in range(normals.shape[1]):
-                state[j] -= normals[e, j] * (surfaces[e] / square)
+        for j in range(dimension):
+            square += normals[0, j] * normals[0, j]
+        if hits[0] + slides[0] > 0.0 and square > 0.0:
+            for j in range(dimension):
+                state[j] -= normals[0, j] * (surfaces[0] / square)
+        return
+    products, alone = np.empty((count, count)), 0.0
+    for e in range(count):
+        for k in range(count):
+            products[e, k] = 0.0
+            for j in range(dimension):
+                products[e, k] += normals[e, j] * normals[k, j]
+        active[e] = 1.0 if hits[e] + slides[e] > 0.0 and products[e, e] > 0.0 else 0.0
+        alone += abs(surfaces[e]) / products[e, e] if active[e] else 0.0
+        shifts[e] = 0.0
+    equivalent_control(surfaces, products, active, shifts, shifts)
+    for e in range(count):
+        # Surfaces that all but coincide have no point of intersection nearby.
+        if active[e] and abs(shifts[e]) <= 1e3 * alone:
+            for j in range(dimension):
+                state[j] += normals[e, j] * shifts[e]
 
 
 @njit(**INLINE)
