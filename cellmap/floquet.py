@@ -219,10 +219,10 @@ class Linearised:
 
     def check(self, points: NDArray[np.float64]) -> None:
         """Raise ValueError where the state is no equilibrium, or the period is not that of the right-hand side."""
-        corners = [points.min(axis=0), points.max(axis=0)] if len(points) else []
-        for corner in corners:
+        extremes = {int(find(column)) for column in points.T for find in (np.argmin, np.argmax)} if len(points) else ()
+        for k in sorted(extremes):
             # A system is checked when it is made, its period among all.
-            self.system.with_params(**dict(zip(self.swept, corner.tolist(), strict=True)))
+            self.system.with_params(**dict(zip(self.swept, points[k].tolist(), strict=True)))
         if not any(e.operation != "constant" or e.value for e in self.compiled.rates):
             return
         times, d = np.arange(_TIMES)[:, None] / _TIMES, self.dimension

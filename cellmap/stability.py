@@ -249,7 +249,7 @@ def stability_map(
     linear = linearise(system, equilibrium, names, _TOLERANCE)
     shape, d = (axes[1].size, axes[0].size), linear.dimension
     count = axes[0].size * axes[1].size
-    claim_memory(f"a stability map of {shape[1]} x {shape[0]}", 8 * count * (d * d + 3 * d + 30), "give fewer values")
+    claim_memory(f"a stability map of {shape[1]} x {shape[0]}", 8 * count * (d * d + 3 * d + 60), "give fewer values")
     grid = np.stack(np.broadcast_arrays(axes[0][None, :], axes[1][:, None]), axis=-1)
     linear.check(grid.reshape(-1, 2))
     tests = _Tests(linear)

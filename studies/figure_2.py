@@ -113,7 +113,7 @@ def draw(result: Result) -> Figure:
     for k, (damping, pair) in enumerate(result.maps.items()):
         shade = 0.25 + 0.75 * k / max(1, len(result.maps) - 1)
         for state, found in pair.items():
-            _curve(family, found, CURVES[state], alpha=shade, label=f"{state}, {damping:g} w0")
+            _curve(family, found, CURVES[state], alpha=shade, label=f"{state}, {damping:g} $\\omega_0$")
     family.set_title("Damping")
     family.legend(fontsize="x-small", markerscale=5.0, ncols=2)
     for state, found in result.wide.items():
