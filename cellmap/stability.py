@@ -313,9 +313,10 @@ class _Tests:
         found = multipliers_of(matrices, determinant)
         tests = np.empty((len(points), 4))
         if d == 2:
-            trace = matrices[:, 0, 0] + matrices[:, 1, 1]
-            tests[:, Crossing.PLUS_ONE] = 1.0 - trace + determinant
-            tests[:, Crossing.MINUS_ONE] = 1.0 + trace + determinant
+            # Of a matrix near to I the entries know more than its trace and determinant.
+            (a, b), (c, e) = np.moveaxis(matrices, 0, -1)
+            tests[:, Crossing.PLUS_ONE] = (a - 1.0) * (e - 1.0) - b * c
+            tests[:, Crossing.MINUS_ONE] = (a + 1.0) * (e + 1.0) - b * c
             tests[:, Crossing.NEIMARK_SACKER] = np.expm1(logarithms)
         else:
             tests[:, Crossing.PLUS_ONE] = np.linalg.det(matrices - np.eye(d))
