@@ -20,7 +20,7 @@ _THIN = 1e-9  # width of boxes along directions in which the set does not reach,
 _BOXES = 32  # along the set
 _MOST_BOXES = 20_000
 _SAMPLE = 256
-_PERIODS = 64  # in which orbits near the edge have to come closer
+_PERIODS = 16  # in which orbits near the edge have to come closer
 
 
 def sets_of_equilibria(
@@ -103,10 +103,11 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers))
     sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
-    steps = np.array(list(itertools.product((-1, 0, 1), repeat=d)))
+    steps = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
     grown = _moved(boxes, steps, around.astype(np.int64))
     places = wrap(place + grown * widths, exact.coordinates)
-    certain = _drawn(exact, places, centres, widths, wide, extent)
+    certain = _amid(grown, boxes, steps, around.astype(np.int64))
+    certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
     lower = place - 0.5 * widths
     # Boxes are numbered within the turn of an angle, as the places of points are.
     numbers = boxes_of(places, lower, widths, exact)
@@ -147,6 +148,16 @@ def _flooded(
         front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
         known = np.concatenate([known, front])
     return np.unique(known, axis=0)
+
+
+def _amid(
+    boxes: NDArray[np.int64], among: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which boxes, and all their neighbours, are among others."""
+    keys = {tuple(box) for box in among.tolist()}
+    neighbours = boxes[:, None, :] + steps
+    neighbours = np.where(around > 0, neighbours % np.maximum(around, 1), neighbours)
+    return np.array([all(tuple(n) in keys for n in group) for group in neighbours.tolist()], dtype=bool)
 
 
 def _drawn(
