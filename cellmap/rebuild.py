@@ -41,6 +41,8 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     >>> bool(rebuild_map(decay, original.recipe)([1.0]) == original([1.0]))
     True
     """
+    if not isinstance(recipe, Mapping):
+        raise TypeError(f"recipe={recipe!r}: give point_map.recipe, or basins.settings['map']")
     kind = recipe.get("kind")
     match kind, source:
         case "interpolated", _:

@@ -145,7 +145,8 @@ class ForcedSystem:
         """Return the signs of the switching functions at one time and state: -1, 1, and 0 on a surface."""
         if self.switches is None:
             return ()
-        return tuple(float(np.sign(h)) for h in self.switches(t, tuple(x), self.parameters))
+        values = map(float, self.switches(t, tuple(x), self.parameters))
+        return tuple(float(h > 0.0) - float(h < 0.0) for h in values)
 
     def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
         """Return the right-hand side at one time and state, evaluated in plain Python.
@@ -155,7 +156,11 @@ class ForcedSystem:
         """
         if self.switches is None:
             return tuple(self.rhs(t, tuple(x), self.parameters))
-        return tuple(self.rhs(t, tuple(x), self.parameters, self.signs(t, x) if signs is None else tuple(signs)))
+        own = self.signs(t, x)
+        chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
+        if len(chosen) != len(own):
+            raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
+        return tuple(self.rhs(t, tuple(x), self.parameters, chosen))
 
     def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
@@ -206,8 +211,9 @@ class ForcedSystem:
                 raise ValueError(f"{functions} asks for a parameter that params lacks ({error})") from error
             except IndexError as error:
                 names = ", ".join(c.name for c in self.axes)
+                signs = "" if self.switches is None else ", or for more signs than there are switches"
                 raise ValueError(
-                    f"{functions} asks for more state variables than there are coordinates ({names}): name each "
+                    f"{functions} asks for more state variables than there are coordinates ({names}){signs}: name each "
                     f"({error})"
                 ) from error
             except TypeError as error:

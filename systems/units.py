@@ -78,6 +78,8 @@ def in_units(part: P, units: Units) -> P:
     >>> in_units(Gravity(9.8), Units(length=4.9, time=0.5))
     Gravity(gravity=0.5)
     """
+    if not isinstance(units, Units):
+        raise TypeError(f"units={units!r}: give Units, such as Units(length=0.0272, time=0.003)")
     if not isinstance(part, Part):
         raise TypeError(f"part={part!r}: give a body or an effect, such as Gravity(9.8)")
     changes: dict[str, Any] = {}
