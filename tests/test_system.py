@@ -157,3 +157,28 @@ def test_a_parameter_may_have_the_name_of_a_method_of_tuples() -> None:
 def test_tiny_and_huge_periods(period: float) -> None:
     rhs: Callable[..., Any] = lambda t, x, p: (x[1], -x[0] + cos(2 * pi * t / period))  # noqa: E731
     assert system(rhs=rhs, period=period).length == period
+
+
+def rubbed(t, x, p, s):
+    return x[1], -x[0] - p.limit * s[0]
+
+
+@pytest.mark.parametrize(
+    ("signs", "message"),
+    [((1.0, 1.0), "give 1, one for each switching function"), ((7.0,), "at most 1"), ("a", "one real number")],
+)
+def test_signs_that_do_not_fit_are_refused(signs, message):
+    block = ForcedSystem(rubbed, {"limit": 0.3}, 1.0, ("x", "v"), switches=lambda t, x, p: (x[1],))
+    assert block.derivative(0.0, (0.5, 0.0), (1.0,)) == (0.0, -0.8)
+    with pytest.raises((TypeError, ValueError), match=message):
+        block.derivative(0.0, (0.5, 0.0), signs)
+
+
+def test_switches_may_be_truth_values():
+    block = ForcedSystem(rubbed, {"limit": 0.3}, 1.0, ("x", "v"), switches=lambda t, x, p: (x[1] > 0.0,))
+    assert block.signs(0.0, (0.0, 1.0)) == (1.0,)
+
+
+def test_more_signs_than_switches():
+    with pytest.raises(ValueError, match="more signs than there are switches"):
+        ForcedSystem(lambda t, x, p, s: (x[1], s[1]), {}, 1.0, ("x", "v"), switches=lambda t, x, p: (x[1],))
