@@ -107,7 +107,8 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     grown = _moved(boxes, steps, around.astype(np.int64))
     places = wrap(place + grown * widths, exact.coordinates)
     certain = _amid(grown, boxes, steps, around.astype(np.int64))
-    certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
+    if not certain.all():
+        certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
     lower = place - 0.5 * widths
     # Boxes are numbered within the turn of an angle, as the places of points are.
     numbers = boxes_of(places, lower, widths, exact)
