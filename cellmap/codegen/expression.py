@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 ANALYTIC = frozenset(
@@ -73,6 +73,11 @@ class Expression:
         if not self.arguments:
             return self.operation if self.value is None else f"{self.operation}[{self.value}]"
         return f"{self.operation}({', '.join(map(repr, self.arguments))})"
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether it is the constant zero."""
+        return bool(self.operation == "constant" and self.value == 0.0)
 
     def _refuse(self, *_: object) -> Any:
         raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
@@ -170,6 +175,30 @@ class Graph:
             case ("neg", _) if arguments[0].operation == "neg":
                 return arguments[0].arguments[0]
         return self.node(operation, arguments)
+
+    def times(self, a: Expression, b: Expression) -> Expression:
+        """Multiply; nothing is left of a factor of zero."""
+        return self.constant(0.0) if a.vanishes or b.vanishes else self.apply("mul", a, b)
+
+    def minus(self, a: Expression, b: Expression) -> Expression:
+        """Subtract; a minuend of zero, and a difference of equals, vanish."""
+        if a.vanishes:
+            return self.apply("neg", b)
+        return self.constant(0.0) if a is b else self.apply("sub", a, b)
+
+    def substituted(
+        self,
+        outputs: Sequence[Expression],
+        values: Mapping[Expression, Expression],
+        apply: Callable[..., Expression] | None = None,
+    ) -> tuple[Expression, ...]:
+        """Return expressions with some nodes replaced; `apply` makes the nodes anew, by default as they were."""
+        rule = apply or self.apply
+        known = dict(values)
+        for node in in_order(outputs):
+            if node not in known:
+                known[node] = rule(node.operation, *(known[a] for a in node.arguments)) if node.arguments else node
+        return tuple(known[e] for e in outputs)
 
     def power(self, base: Expression, exponent: Any) -> Expression:
         """Raise to a power; small whole exponents become products, halves become square roots."""

@@ -13,7 +13,7 @@ and 0 where it slides, "slide" is 1 where it slides and 0 where it is free.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -91,7 +91,7 @@ def _in_modes(base: Trace, surfaces: tuple[Expression, ...], signs: tuple[Expres
     slides = tuple(graph.node("slide", value=i) for i in range(count))
     held = _held_signs(graph, rates, gains, signs, slides)
     components = [
-        _sum(graph, [f, *(_times(graph, s, jump[j]) for s, jump in zip(held, jumps, strict=True))])
+        _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(held, jumps, strict=True))])
         for j, f in enumerate(smooth)
     ]
     # A coordinate that is held at zero stays there to the last bit.
@@ -113,7 +113,7 @@ def _affine(
     """Split f(s) into f_0 and g_i with f = f_0 + sum of s_i g_i at s_i = +-1."""
     zero, one, half = graph.constant(0.0), graph.constant(1.0), graph.constant(0.5)
     slopes = [along(graph, outputs, {sign: one}) for sign in signs]
-    smooth = list(substitute(graph, outputs, dict.fromkeys(signs, zero)))
+    smooth = list(graph.substituted(outputs, dict.fromkeys(signs, zero)))
     if not any(_depends(slope, signs) for slope in slopes):
         return tuple(smooth), tuple(slopes)
     jumps = []
@@ -122,13 +122,13 @@ def _affine(
         if _depends(slope, others):
             raise ValueError("rhs multiplies signs by one another: what they are on a surface is not defined")
         rest = dict.fromkeys(others, zero)
-        above = substitute(graph, outputs, {**rest, sign: one})
-        below = substitute(graph, outputs, {**rest, sign: graph.constant(-1.0)})
-        middle = substitute(graph, outputs, {**rest, sign: zero})
-        jumps.append(tuple(graph.apply("mul", half, _minus(graph, u, v)) for u, v in zip(above, below, strict=True)))
+        above = graph.substituted(outputs, {**rest, sign: one})
+        below = graph.substituted(outputs, {**rest, sign: graph.constant(-1.0)})
+        middle = graph.substituted(outputs, {**rest, sign: zero})
+        jumps.append(tuple(graph.apply("mul", half, graph.minus(u, v)) for u, v in zip(above, below, strict=True)))
         for j, (u, v, w) in enumerate(zip(above, below, middle, strict=True)):
             mean = u if u is v else graph.apply("mul", half, graph.apply("add", u, v))
-            smooth[j] = graph.apply("add", smooth[j], _minus(graph, mean, w))
+            smooth[j] = graph.apply("add", smooth[j], graph.minus(mean, w))
     return tuple(smooth), tuple(jumps)
 
 
@@ -143,54 +143,31 @@ def _held_signs(
     count, apply, one = len(signs), graph.apply, graph.constant(1.0)
     rows = [
         [
-            apply("add", one, apply("mul", u, apply("sub", a, one))) if i == j else _times(graph, u, a)
+            apply("add", one, apply("mul", u, apply("sub", a, one))) if i == j else graph.times(u, a)
             for j, a in enumerate(gains[i])
         ]
         for i, u in enumerate(slides)
     ]
-    right = [_minus(graph, s, _times(graph, u, b)) for s, u, b in zip(signs, slides, rates, strict=True)]
+    right = [graph.minus(s, graph.times(u, b)) for s, u, b in zip(signs, slides, rates, strict=True)]
     for i in range(count):
         for k in range(i + 1, count):
             if rows[k][i] is graph.constant(0.0):
                 continue
             factor = apply("div", rows[k][i], rows[i][i])
             for j in range(i + 1, count):
-                rows[k][j] = _minus(graph, rows[k][j], _times(graph, factor, rows[i][j]))
-            right[k] = _minus(graph, right[k], apply("mul", factor, right[i]))
+                rows[k][j] = graph.minus(rows[k][j], graph.times(factor, rows[i][j]))
+            right[k] = graph.minus(right[k], apply("mul", factor, right[i]))
     held: list[Expression] = [one] * count
     for i in reversed(range(count)):
         known = right[i]
         for j in range(i + 1, count):
-            known = _minus(graph, known, _times(graph, rows[i][j], held[j]))
+            known = graph.minus(known, graph.times(rows[i][j], held[j]))
         held[i] = apply("div", known, rows[i][i])
     return held
 
 
-def substitute(
-    graph: Graph, outputs: Sequence[Expression], values: Mapping[Expression, Expression]
-) -> tuple[Expression, ...]:
-    """Return expressions with some nodes replaced."""
-    known = dict(values)
-    for node in in_order(outputs):
-        if node not in known:
-            known[node] = graph.apply(node.operation, *(known[a] for a in node.arguments)) if node.arguments else node
-    return tuple(known[e] for e in outputs)
-
-
 def _depends(expressions: Sequence[Expression], inputs: Sequence[Expression]) -> bool:
     return not set(in_order(expressions)).isdisjoint(inputs)
-
-
-def _times(graph: Graph, a: Expression, b: Expression) -> Expression:
-    zero = graph.constant(0.0)
-    return zero if a is zero or b is zero else graph.apply("mul", a, b)
-
-
-def _minus(graph: Graph, a: Expression, b: Expression) -> Expression:
-    zero = graph.constant(0.0)
-    if a is zero:
-        return graph.apply("neg", b)
-    return zero if a is b else graph.apply("sub", a, b)
 
 
 def _sum(graph: Graph, terms: Sequence[Expression]) -> Expression:

@@ -20,7 +20,7 @@ from .emit import assignment
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .lanes import StepCode, lane_module
-from .methods import Method, choose_method, taylor_margin, taylor_order
+from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import generated_module, module_in_memory
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
@@ -68,8 +68,8 @@ def flow_kernel(
     traced = traced_function(rhs, dimension, names) if symbolic else None
     chosen = choose_method(method, traced, rtol)
     if traced is None:
-        return _finished(_called(rhs, called_steps(dimension, len(names), _tableau(chosen)), dimension, names), chosen)
-    return _finished(_compiled(chosen.write(traced), dimension, names), chosen)
+        return finished(_called(rhs, called_steps(dimension, len(names), _tableau(chosen)), dimension, names), chosen)
+    return finished(_compiled(chosen.write(traced), dimension, names), chosen)
 
 
 @kept
@@ -83,7 +83,7 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
     except UntraceableError:
         return None
     chosen = choose_method("auto", tangent, rtol)
-    return _finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
+    return finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
 
 
 @kept
@@ -105,7 +105,7 @@ def switching_kernel(
     # Derivatives are wanted at few places: there it pays to compile less.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
     advance = generated_module(switching_module(traced, order, len(names), one_step=tangent)).advance
-    return PeriodKernel(advance, "Taylor", order - 1, 1, taylor_margin, trial=0)
+    return finished(advance, taylor_method(order), trial=0)
 
 
 @kept
@@ -156,9 +156,10 @@ def _compiled(code: StepCode, dimension: int, names: Names) -> Callable[..., Any
     return advance
 
 
-def _finished(advance: Callable[..., Any], method: Method) -> PeriodKernel:
+def finished(advance: Callable[..., Any], method: Method, trial: int = 1) -> PeriodKernel:
+    """Return a compiled period with what its method knows about it."""
     stages = len(method.tableau.nodes) if method.tableau else 1
-    return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin)
+    return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin, trial)
 
 
 def _tableau(method: Method) -> Any:

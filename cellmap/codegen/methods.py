@@ -34,20 +34,13 @@ class Method:
         The flow stretches errors on their way, most where steps are large.  The factor covers the largest ratios of
         error to estimate that were measured on pendulums, Duffing oscillators and double pendulums.
         """
-        return _margin(self.stretch, tolerance)
+        factor, growth = self.stretch
+        return factor * max(1.0, (tolerance / 1e-9) ** growth)
 
 
-def _margin(stretch: tuple[float, float], tolerance: float) -> float:
-    factor, growth = stretch
-    return factor * max(1.0, (tolerance / 1e-9) ** growth)
-
-
-_TAYLOR_STRETCH = (1.0, 0.1)
-
-
-def taylor_margin(tolerance: float) -> float:
-    """Return the margin of the Taylor method; see :meth:`Method.margin`."""
-    return _margin(_TAYLOR_STRETCH, tolerance)
+def taylor_method(order: int) -> Method:
+    """Return the Taylor method of an order."""
+    return Method("Taylor", lambda trace: taylor_steps(trace, order), order - 1, stretch=(1.0, 0.1))
 
 
 def _runge_kutta(tableau: Tableau) -> Method:
@@ -91,8 +84,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
                 "method='Taylor' needs a right-hand side of +, -, *, /, powers and analytic functions of math, without "
                 "branches on the state: use method='DOP853'"
             )
-        order = taylor_order(rtol)
-        return Method("Taylor", lambda t: taylor_steps(t, order), order - 1, stretch=_TAYLOR_STRETCH)
+        return taylor_method(taylor_order(rtol))
     return _runge_kutta(dop853() if name == "DOP853" else rk45())
 
 

@@ -31,9 +31,9 @@ def _canonical_names() -> dict[Any, str]:
 
 CANONICAL_NAMES = _canonical_names()
 
-_ARRAY_FUNCTIONS: dict[str, Any] = {name: f for f, name in CANONICAL_NAMES.items() if isinstance(f, np.ufunc)}
+ARRAY_FUNCTIONS: dict[str, Any] = {name: f for f, name in CANONICAL_NAMES.items() if isinstance(f, np.ufunc)}
 for _name in ("fmin", "fmax", "hypot"):
-    _ARRAY_FUNCTIONS[_name] = functools.partial(lambda f, *several: functools.reduce(f, several), getattr(np, _name))
+    ARRAY_FUNCTIONS[_name] = functools.partial(lambda f, *several: functools.reduce(f, several), getattr(np, _name))
 
 
 class _Namespace(types.ModuleType):
@@ -106,7 +106,7 @@ def over_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
     >>> over_arrays(lambda angle: 2 * sin(angle))(np.zeros(3))
     array([0., 0., 0.])
     """
-    return rebind(function, _ARRAY_FUNCTIONS)
+    return rebind(function, ARRAY_FUNCTIONS)
 
 
 def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -> Callable[..., Any]:

@@ -153,14 +153,12 @@ def _lane(series: Series, size: int, count: int) -> Iterable[str]:
     yield from series.at_order(CONSTANT, 0, of_lanes=True)
     for k in range(order):
         yield from series.at_order(STATEFUL, k)
-        for j, component in enumerate(series.trace.outputs):
-            term = series.name(component, k)
-            yield f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0"
+        yield from series.next_of_states(k)
     yield from series.at_order(STATEFUL, order, only=series.extra)
     for j in range(size):
-        yield lane(j, f"s{j}_0 + ({' + '.join(f's{j}_{k}' for k in range(order, 0, -1))})")
+        yield lane(j, f"s{j}_0 + {series.change(j)}")
         yield from (row(j * length + k, f"s{j}_{k}") for k in range(length))
-        yield f"e{j} = abs(s{j}_{order}) + 0.5 * abs(s{j}_{order - 1})"
+        yield f"e{j} = {series.local_error(j)}"
         yield lane(errors + j, f"lanes[{(errors + j) * LANES} + i] + e{j}")
         yield row(local + j, f"e{j}")
     yield row(local + size, "h")

@@ -20,23 +20,33 @@ _MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": l
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
-def taylor_steps(trace: Trace, order: int) -> StepCode:
-    """Write one step of the Taylor method of the given order for a traced, analytic right-hand side."""
+_RATIONAL = frozenset({"add", "sub", "mul", "div", "neg", "sqrt"})
+
+
+def taylor_steps(trace: Trace, order: int, resting: int = 0) -> StepCode:
+    """Write one step of the Taylor method of the given order for a traced, analytic right-hand side.
+
+    `resting` numbers follow the states of a lane: inputs "sign", which differ from lane to lane and stay as they are.
+    Of the nodes that depend on no state, those with such a number belong to the lane, the others to all.
+    """
     series = Series(trace, order)
-    once = series.at_order(CONSTANT, 0)
-    per_step = ["t0 = t"]
-    per_lane = [f"s{j}_0 = x{j}" for j in range(len(trace.states))]
-    per_step += [f"h{k} = h / {k}.0" for k in range(1, order + 1)]
+    levels = series.levels
+    for node in in_order(trace.outputs):
+        if node in series.modal and node.arguments:
+            moving = levels[node] == TIMED or any(levels[a] == STATEFUL for a in node.arguments)
+            if moving or node.operation not in _RATIONAL:
+                levels[node] = STATEFUL
+    count = len(trace.states)
+    once = series.at_order(CONSTANT, 0, of_lanes=False)
+    per_step = ["t0 = t", *(f"h{k} = h / {k}.0" for k in range(1, order + 1))]
+    per_lane = [f"s{j}_0 = x{j}" for j in range(count)]
+    per_lane += [f"g{k} = x{count + k}; y{count + k} = x{count + k}; e{count + k} = 0.0" for k in range(resting)]
+    per_lane += series.at_order(CONSTANT, 0, of_lanes=True)
     for k in range(order):
         per_step += series.at_order(TIMED, k)
-        per_lane += series.at_order(STATEFUL, k)
-        per_lane += [
-            f"s{j}_{k + 1} = h{k + 1} * {term}" if (term := series.name(e, k)) else f"s{j}_{k + 1} = 0.0"
-            for j, e in enumerate(trace.outputs)
-        ]
-    for j in range(len(trace.states)):
-        tail = " + ".join(f"s{j}_{k}" for k in range(order, 0, -1))
-        per_lane += [f"y{j} = x{j} + ({tail})", f"e{j} = abs(s{j}_{order}) + 0.5 * abs(s{j}_{order - 1})"]
+        per_lane += [*series.at_order(STATEFUL, k), *series.next_of_states(k)]
+    for j in range(count):
+        per_lane += [f"y{j} = x{j} + {series.change(j)}", f"e{j} = {series.local_error(j)}"]
     return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
 
 
@@ -81,6 +91,19 @@ class Series:
             if self.levels[node] == level and node in wanted and of_lanes in (None, node in self.modal):
                 lines += self._statements(node, k, level)
         return lines
+
+    def next_of_states(self, k: int) -> list[str]:
+        """Statements for coefficient k + 1 of the states, from coefficient k of their derivatives."""
+        terms = [self.name(e, k) for e in self.trace.outputs]
+        return [f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0" for j, term in enumerate(terms)]
+
+    def change(self, j: int) -> str:
+        """Sum of the series of a state without its first term: what a step adds."""
+        return f"({' + '.join(f's{j}_{k}' for k in range(self.order, 0, -1))})"
+
+    def local_error(self, j: int) -> str:
+        """Estimate of the error of a step in a state."""
+        return f"abs(s{j}_{self.order}) + 0.5 * abs(s{j}_{self.order - 1})"
 
     def _statements(self, node: Expression, k: int, level: int) -> list[str]:
         target, number = self.name(node, k), self.numbers[node]
