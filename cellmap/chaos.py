@@ -13,7 +13,7 @@ from .coordinates import difference, turns_of
 from .jacobian import tangent
 from .periodic import resolution
 from .pointmap import Orbits, PointMap
-from .settling import Catalogue, box_keys, boxes_of
+from .settling import Catalogue, box_keys, boxes_around, boxes_of, moved_boxes
 
 _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
@@ -156,10 +156,6 @@ def _cover(
 ) -> Cover:
     """Boxes of the points and all their neighbours."""
     visited = np.unique(boxes_of(points, lower, widths, point_map), axis=0)
-    d = visited.shape[1]
-    turn = turns_of(point_map.coordinates)[1]
-    shifts = np.array(list(itertools.product((-1, 0, 1), repeat=d)))
-    grown = (visited[:, None, :] + shifts).reshape(-1, d)
-    around = np.where(turn > 0, _BOXES, 2**62)
-    grown = np.where(turn > 0, grown % around, grown)
-    return Cover(lower, widths, np.unique(grown, axis=0))
+    shifts = np.array(list(itertools.product((-1, 0, 1), repeat=visited.shape[1])))
+    around = boxes_around(widths, turns_of(point_map.coordinates)[1])
+    return Cover(lower, widths, moved_boxes(visited, shifts, around))

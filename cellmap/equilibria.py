@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Cover, Kind
 from .coordinates import difference, turns_of, wrap
 from .jacobian import jacobian
-from .periodic import resolution
+from .periodic import multipliers_of, resolution
 from .pointmap import PointMap, follow
-from .settling import AT_REST, boxes_of, inside_cover
+from .settling import AT_REST, boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent
 _THIN = 1e-9  # width of boxes along directions in which the set does not reach, relative to the resolution
@@ -81,7 +81,7 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     """Return the set of equilibria around one of them; None where it is a single one, or nothing is drawn to it."""
     d = exact.dimension
     matrix = jacobian(exact, place) * (extent / extent[:, None])
-    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    multipliers = multipliers_of(matrix)
     sizes = np.abs(multipliers)
     if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):
         return None
@@ -95,18 +95,17 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     across = min(_BOXES, int(_MOST_BOXES ** (1.0 / np.count_nonzero(wide))) // 2)
     turn = turns_of(exact.coordinates)[1]
     widths = np.where(wide, 2.0 * reaches * extent / across, _THIN * resolution(place, extent))
-    around = np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0)
-    widths = np.where(turn > 0, turn / np.maximum(around, 1.0), widths)
-    boxes = _flooded(exact, place, widths, around.astype(np.int64), wide, extent)
+    around = boxes_around(widths, turn)
+    widths = np.where(turn > 0, turn / np.maximum(around, 1), widths)
+    boxes = _flooded(exact, place, widths, around, wide, extent)
     centres = wrap(place + boxes * widths, exact.coordinates)
-    multipliers = multipliers[np.lexsort((-multipliers.imag, -multipliers.real, -np.round(sizes, 12)))]
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers))
     sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
     steps = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
-    grown = _moved(boxes, steps, around.astype(np.int64))
+    grown = moved_boxes(boxes, steps, around)
     places = wrap(place + grown * widths, exact.coordinates)
-    certain = _amid(grown, boxes, steps, around.astype(np.int64))
+    certain = _amid(grown, boxes, steps, around)
     if not certain.all():
         certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
     lower = place - 0.5 * widths
@@ -143,7 +142,7 @@ def _flooded(
     steps = np.concatenate([sign * np.eye(len(place), dtype=np.int64)[wide] for sign in (1, -1)])
     known = front = np.zeros((1, len(place)), np.int64)
     while len(front) and len(known) < _MOST_BOXES:
-        new = _moved(front, steps, around)
+        new = moved_boxes(front, steps, around)
         new = _not_among(new, known)
         new = new[((np.abs(new * widths) <= extent) | (around > 0)).all(axis=-1)]
         front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
@@ -156,8 +155,7 @@ def _amid(
 ) -> NDArray[np.bool_]:
     """Tell which boxes, and all their neighbours, are among others."""
     keys = {tuple(box) for box in among.tolist()}
-    neighbours = boxes[:, None, :] + steps
-    neighbours = np.where(around > 0, neighbours % np.maximum(around, 1), neighbours)
+    neighbours = wrapped_boxes(boxes[:, None, :] + steps, around)
     return np.array([all(tuple(n) in keys for n in group) for group in neighbours.tolist()], dtype=bool)
 
 
@@ -194,9 +192,3 @@ def _drawn(
 def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:
     both, index, counts = np.unique(np.concatenate([new, known]), axis=0, return_index=True, return_counts=True)
     return np.asarray(both[(counts == 1) & (index < len(new))])
-
-
-def _moved(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return all boxes some steps away; along an angle they wrap."""
-    moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
-    return np.unique(np.where(around > 0, moved % np.maximum(around, 1), moved), axis=0)

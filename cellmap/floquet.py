@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .checks import claim_memory, finite_number, finite_points
 from .codegen.kernel import traces_faithfully
 from .codegen.linear import LinearKernel, linear_kernel, values
-from .flow import Flow
+from .flow import Flow, steps_of_harmonics
 from .pointmap import Orbits, Status
 from .system import ForcedSystem
 from .threads import run_over, slices
@@ -246,7 +246,7 @@ class Linearised:
                 )
 
     def _fewest_steps(self, points: NDArray[np.float64]) -> int:
-        """Return half the number of the highest harmonic of the forcing: fewer steps might not see it."""
+        """Return the steps without which a part of the forcing might be passed over, at some of the points."""
         if not len(points):
             return 1
         some = points[np.linspace(0, len(points) - 1, 5).astype(int)]
@@ -256,10 +256,7 @@ class Linearised:
         outputs = values(self.compiled.motion.outputs[: self.dimension], times, states, self.parameters)
         samples = np.stack([np.broadcast_to(o, (_SAMPLES, len(some))) for o in outputs])
         samples = samples[:, :, np.isfinite(samples).all(axis=(0, 1))]
-        strength = np.abs(np.fft.rfft(samples, axis=1))[:, 1:] / _SAMPLES
-        strongest = np.abs(samples).max(axis=1, keepdims=True, initial=0.0)
-        present = (strength > 1e-7 * strength.max(axis=1, keepdims=True, initial=0.0)) & (strength > 1e-12 * strongest)
-        return max(1, int((np.flatnonzero(present.any(axis=(0, 2))).max(initial=0) + 2) // 2))
+        return steps_of_harmonics(np.moveaxis(samples, 1, 0))
 
 
 def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str], rtol: float) -> Linearised:

@@ -89,9 +89,7 @@ def _values(system: ForcedSystem) -> NDArray[np.float64]:
 def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
     """Return the steps without which the integrator might step over a part of the forcing and not see it.
 
-    A period takes at least half the number of the highest harmonic that the right-hand side has at one of two states,
-    counting those that move the image by more than the tolerance and have a ten-millionth of the strength of the
-    strongest.
+    They follow from the harmonics of the right-hand side at two states that move the image by more than the tolerance.
     """
     times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
     fewest = 1
@@ -105,11 +103,19 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
-            strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / _FORCING_SAMPLES
-            floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), tolerance / system.length)
-            present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
-            fewest = max(fewest, int((np.flatnonzero(present.any(axis=1)).max(initial=0) + 2) // 2))
+            fewest = max(fewest, steps_of_harmonics(samples, tolerance / system.length))
     return max(1, int(np.ceil(fewest * length / system.length)))
+
+
+def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
+    """Return half the number of the highest harmonic of samples of a period, shape (times, ...), at least 1.
+
+    Harmonics count from a strength of `least` on, and from a ten-millionth of that of the strongest.
+    """
+    strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / len(samples)
+    floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), least)
+    present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
+    return max(1, int((np.flatnonzero(present.reshape(len(present), -1).any(axis=1)).max(initial=0) + 2) // 2))
 
 
 @dataclass(frozen=True, eq=False)

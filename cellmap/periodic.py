@@ -88,6 +88,12 @@ def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDAr
     return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
 
 
+def multipliers_of(matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues of the derivative of one round, the largest first."""
+    found = np.linalg.eigvals(matrix).astype(complex)
+    return found[np.lexsort((-found.imag, -found.real, -np.round(np.abs(found), 12)))]
+
+
 def stable_orbit(
     point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> Attractor | None:
@@ -110,8 +116,7 @@ def stable_orbit(
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
     round_trip = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
-    multipliers = np.linalg.eigvals(round_trip).astype(complex)
-    multipliers = multipliers[np.lexsort((-multipliers.imag, -multipliers.real, -np.round(np.abs(multipliers), 12)))]
+    multipliers = multipliers_of(round_trip)
     if not np.abs(multipliers[0]) < _STABLE:
         return None
     kind = Kind.ROTATING if any(turns) else Kind.FIXED_POINT if period == 1 else Kind.PERIODIC

@@ -104,10 +104,9 @@ def sort_out(
     max_period: int,
     extent: NDArray[np.float64],
     age: int,
-    refused: Refused | None = None,
+    refused: Refused,
 ) -> tuple[Orbits, list[Attractor]]:
     """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
-    refused = Refused.none_yet(point_map, extent) if refused is None else refused
     while len(orbits):
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, refused)
         fresh += sets_of_equilibria(point_map, orbits.points, extent, attractors)

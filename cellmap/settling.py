@@ -171,8 +171,23 @@ def boxes_of(
     with np.errstate(invalid="ignore"):
         places = np.floor((points - lower) / widths)
     places = np.where(np.isfinite(places), np.clip(places, -(2.0**40), 2.0**40), -(2.0**40)).astype(np.int64)
-    around = np.where(turn > 0, np.round(turn / widths), 2**62).astype(np.int64)
-    return np.where(turn > 0, places % around, places)
+    return wrapped_boxes(places, boxes_around(widths, turn))
+
+
+def boxes_around(widths: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return how many boxes make the turn of each angle; 0 for other coordinates."""
+    return np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0).astype(np.int64)
+
+
+def wrapped_boxes(places: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bring places of boxes along an angle into its turn."""
+    return np.where(around > 0, places % np.maximum(around, 1), places)
+
+
+def moved_boxes(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return all boxes that lie some steps away from others, each once, sorted."""
+    moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
+    return np.unique(wrapped_boxes(moved, around), axis=0)
 
 
 def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[np.int64]:

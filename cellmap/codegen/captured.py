@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .rebind import global_names
+from .rebind import global_names, names_in
 
 R = TypeVar("R")
 
@@ -64,7 +64,7 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
     seen.add(id(item))
     if isinstance(item, types.FunctionType):
         yield item.__code__
-        names = frozenset(_mentioned(item.__code__))
+        names = frozenset(names_in(item.__code__))
         inner: list[Any] = [item.__globals__[n] for n in sorted(global_names(item.__code__)) if n in item.__globals__]
         inner += [c.cell_contents for c in item.__closure__ or ()]
         inner += [item.__defaults__, item.__kwdefaults__]
@@ -89,12 +89,3 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
         inner = [plain] if plain is not None else [call, getattr(item, "__dict__", None)]
     for part in inner:
         yield from _values(part, seen, names)
-
-
-def _mentioned(code: types.CodeType) -> set[str]:
-    """Return all names outside of code that it mentions, those of attributes among them."""
-    names = set(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            names |= _mentioned(constant)
-    return names

@@ -7,7 +7,7 @@ import dis
 import functools
 import math
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -122,8 +122,17 @@ def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -
 
 def global_names(code: types.CodeType) -> set[str]:
     """Return the names that code, and the code inside it, looks up among globals."""
-    names = {i.argval for i in dis.get_instructions(code) if i.opname in {"LOAD_GLOBAL", "LOAD_NAME"}}
+    looked_up = {"LOAD_GLOBAL", "LOAD_NAME"}
+    return {i.argval for part in _with_inner(code) for i in dis.get_instructions(part) if i.opname in looked_up}
+
+
+def names_in(code: types.CodeType) -> set[str]:
+    """Return all names outside of it that code, and the code inside it, mentions, those of attributes among them."""
+    return {name for part in _with_inner(code) for name in part.co_names}
+
+
+def _with_inner(code: types.CodeType) -> Iterator[types.CodeType]:
+    yield code
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            names |= global_names(constant)
-    return names
+            yield from _with_inner(constant)
