@@ -33,6 +33,7 @@ from .stability import StabilityMap as StabilityMap
 from .stability import critical_values as critical_values
 from .stability import stability_map as stability_map
 from .stroboscopic import stroboscopic_map as stroboscopic_map
+from .sweep import swept_map as swept_map
 from .system import ForcedSystem as ForcedSystem
 from .threads import set_threads as set_threads
 from .threads import thread_count as thread_count
@@ -71,6 +72,7 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "trajectory",
     "Trajectory",
     "jacobian",
+    "swept_map",
     "floquet_multipliers",
     "FloquetResult",
     "critical_values",

@@ -16,7 +16,8 @@ from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .pointmap import Orbits, PointMap, Status
+from .pointmap import Family, Orbits, PointMap, Status
+from .sweep import swept_axes, swept_function
 
 _BOUND = 1e100
 
@@ -83,6 +84,13 @@ def discrete_map(
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
 
+    def swept(names_swept: tuple[str, ...]) -> PointMap | None:
+        if not symbolic:
+            return None
+        return discrete_map(
+            swept_function(function, d, names, names_swept), values, swept_axes(axes, names_swept), name
+        )
+
     return PointMap(
         name=name,
         coordinates=axes,
@@ -90,6 +98,7 @@ def discrete_map(
         advance=advance,
         recipe={"kind": "discrete"},
         tangent=derivative,
+        family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
     )
 
 

@@ -15,7 +15,7 @@ from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
 from .grid import CellGrid, grid_points
 from .kernels.contraction import WIDTH, basis_polynomials
-from .pointmap import CHUNK, CellTable, Cost, Orbits, PointMap, Status
+from .pointmap import CHUNK, CellTable, Cost, Family, Orbits, PointMap, Status
 from .threads import run_over, slices
 
 ORDERS = (1, 3, 5)
@@ -129,6 +129,7 @@ def interpolated_map(
         tolerance=exact.tolerance,
         exact=exact,
         table=table,
+        family=Family(lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance)),
         cost=Cost(seconds=time.perf_counter() - began, steps=_tabulated(grid, order) + grid.size),
     )
 

@@ -196,6 +196,23 @@ class MapError:
 
 
 @dataclass(frozen=True, eq=False)
+class Family:
+    """The maps that differ from a map in the values of its parameters.
+
+    Parameters
+    ----------
+    at : callable
+        ``at(params)`` returns the map with other values of its parameters, given all of them.
+    swept : callable
+        ``swept(names)`` returns the map with some parameters as further state variables that rest (see
+        :func:`swept_map`), or None where only `at` is known.
+    """
+
+    at: Callable[[Mapping[str, float]], PointMap]
+    swept: Callable[[tuple[str, ...]], PointMap | None] = lambda names: None
+
+
+@dataclass(frozen=True, eq=False)
 class PointMap:
     """A map of phase space to itself: stroboscopic, interpolated or discrete, all of one type.
 
@@ -224,6 +241,8 @@ class PointMap:
         Table of an interpolated map.
     tangent : callable or None
         ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
+    family : Family or None
+        How the map changes with its parameters.
     cost : Cost
         What making the map has cost.
     """
@@ -238,6 +257,7 @@ class PointMap:
     exact: PointMap | None = None
     table: CellTable | None = None
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
+    family: Family | None = field(default=None, repr=False)
     cost: Cost = Cost()
 
     def __repr__(self) -> str:
@@ -248,6 +268,21 @@ class PointMap:
     def dimension(self) -> int:
         """Number of state variables."""
         return len(self.coordinates)
+
+    def with_params(self, **changes: float) -> PointMap:
+        """Return the map with some parameters changed: of a system, or of a function, or a new table.
+
+        Raises
+        ------
+        ValueError
+            For a name that the map does not have, or a map that was made without its family.
+        """
+        unknown = changes.keys() - self.params.keys()
+        if unknown:
+            raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self.params)}")
+        if self.family is None:
+            raise ValueError(f"{self!r} does not know how its parameters change it: give its PointMap a family")
+        return self.family.at({**self.params, **changes})
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""

@@ -13,7 +13,8 @@ from .coordinates import turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
-from .pointmap import Orbits, PointMap
+from .pointmap import Family, Orbits, PointMap
+from .sweep import swept_system
 from .system import ForcedSystem
 
 SMALLEST_TOLERANCE = 1e-14
@@ -107,6 +108,13 @@ def stroboscopic_map(
             raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
         return tangent_by_lanes(carried, points, system.dimension)
 
+    def again(other: ForcedSystem) -> PointMap:
+        return stroboscopic_map(other, phase, rtol, atol, method, max_steps)
+
+    def swept(names: tuple[str, ...]) -> PointMap | None:
+        further = swept_system(system, names)
+        return None if further is None else again(further)
+
     return PointMap(
         name=system.name,
         coordinates=system.axes,
@@ -124,4 +132,5 @@ def stroboscopic_map(
         period=system.length,
         tolerance=(rtol, atol),
         tangent=tangent,
+        family=Family(at=lambda params: again(system.with_params(**params)), swept=swept),
     )

@@ -4,9 +4,8 @@ About an equilibrium the right-hand side becomes dv/dt = A(t, p) v.  Time is cou
 lanes with different periods take their steps together.  The state of a lane is (v, L, q): a direction, the logarithm L
 of the determinant of the flow, dL/dtau = T trace A (Liouville), and the swept parameters q, which rest.
 
-Where A has power series, a lane expands what depends on its own parameters and on time; what all lanes share is
-expanded once a step.  In the expressions a swept parameter is then an input "sign": a number that differs from lane
-to lane and stays as it is.  Elsewhere it is a state of zero derivative.
+A swept parameter is a state of zero derivative.  Where A has power series, a lane expands what depends on its own
+parameters and on time; what all lanes share is expanded once a step.
 """
 
 from __future__ import annotations
@@ -83,25 +82,21 @@ def linear_kernel(
     spread = reduce(lambda a, b: graph.apply("add", a, b), diagonal)
     inputs = {traced.time: graph.apply("mul", length, traced.time)}
     inputs |= {state: graph.constant(x) for state, x in zip(traced.states, equilibrium, strict=True)}
-    lanes = {traced.parameters[names.index(name)]: graph.node("sign", value=k) for k, name in enumerate(swept)}
+    resting = [graph.node("state", value=d + 1 + k) for k in range(len(swept))]
+    lanes = {traced.parameters[names.index(name)]: node for name, node in zip(swept, resting, strict=True)}
     sparse = _sparse(graph)
     (length,) = graph.substituted([length], lanes, sparse)
     inputs[traced.time] = graph.apply("mul", length, traced.time)
     inputs |= {direction: graph.node("state", value=j) for j, direction in enumerate(directions)}
     settled = graph.substituted([*slopes, spread, *traced.outputs], {**lanes, **inputs}, sparse)
-    scaled = tuple(graph.times(length, e) for e in settled[: d + 1])
+    scaled = [graph.times(length, e) for e in settled]
     states = tuple(graph.node("state", value=j) for j in range(d + 1))
-    linear = replace(traced, states=states, outputs=scaled)
-
-    method = choose_method("auto", linear, rtol)
-    resting = {node: graph.node("state", value=d + 1 + k) for k, node in enumerate(lanes.values())}
     zeros = (graph.constant(0.0),) * len(swept)
-    motion = replace(linear, states=(*states, *resting.values()), outputs=(*graph.substituted(scaled, resting), *zeros))
-    series = method.name == "Taylor"
-    code = taylor_steps(linear, taylor_order(rtol), len(swept)) if series else method.write(motion)
+    motion = replace(traced, states=(*states, *resting), outputs=(*scaled[: d + 1], *zeros))
+    method = choose_method("auto", motion, rtol)
+    code = taylor_steps(motion, taylor_order(rtol)) if method.name == "Taylor" else method.write(motion)
     advance = generated_module(lane_module(code, len(motion.states), len(names) + 1)).advance
-    rates = graph.substituted([graph.times(length, e) for e in settled[d + 1 :]], resting)
-    return LinearKernel(finished(advance, method), motion, rates)
+    return LinearKernel(finished(advance, method), motion, tuple(scaled[d + 1 :]))
 
 
 def values(

@@ -57,6 +57,7 @@ def taylor_order(rtol: float, trace: Trace | None = None) -> int:
     For a right-hand side of much work two thirds of that cost no more, and are compiled in half the time.
     """
     order = max(8, min(20, round(6.0 - log10(rtol))))
+    trace = trace and trace.with_resting_inputs()
     return order if trace is None or _series_work(trace) <= _MUCH_WORK else max(8, round(order * 2 / 3))
 
 
@@ -71,6 +72,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
     ValueError
         Where the Taylor method is asked for and the right-hand side has no power series that can be traced.
     """
+    trace = trace and trace.with_resting_inputs()
     analytic = trace is not None and trace.is_analytic and _powers_have_recurrences(trace)
     if name == "auto":
         name = (

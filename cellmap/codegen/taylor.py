@@ -8,7 +8,7 @@ everything that depends on time alone is computed once for all lanes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from .emit import dot, in_chains, input_name, library
@@ -23,12 +23,14 @@ _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _RATIONAL = frozenset({"add", "sub", "mul", "div", "neg", "sqrt"})
 
 
-def taylor_steps(trace: Trace, order: int, resting: int = 0) -> StepCode:
+def taylor_steps(trace: Trace, order: int) -> StepCode:
     """Write one step of the Taylor method of the given order for a traced, analytic right-hand side.
 
-    `resting` numbers follow the states of a lane: inputs "sign", which differ from lane to lane and stay as they are.
-    Of the nodes that depend on no state, those with such a number belong to the lane, the others to all.
+    States that rest have no series.  Of the nodes that depend on no other state, those with such a number belong to
+    the lane, the others to all.
     """
+    resting = trace.resting
+    trace = trace.with_resting_inputs()
     series = Series(trace, order)
     levels = series.levels
     for node in in_order(trace.outputs):
@@ -36,16 +38,16 @@ def taylor_steps(trace: Trace, order: int, resting: int = 0) -> StepCode:
             moving = levels[node] == TIMED or any(levels[a] == STATEFUL for a in node.arguments)
             if moving or node.operation not in _RATIONAL:
                 levels[node] = STATEFUL
-    count = len(trace.states)
+    moving_states = [j for j in range(len(trace.states)) if j not in resting]
     once = series.at_order(CONSTANT, 0, of_lanes=False)
     per_step = ["t0 = t", *(f"h{k} = h / {k}.0" for k in range(1, order + 1))]
-    per_lane = [f"s{j}_0 = x{j}" for j in range(count)]
-    per_lane += [f"g{k} = x{count + k}; y{count + k} = x{count + k}; e{count + k} = 0.0" for k in range(resting)]
+    per_lane = [f"s{j}_0 = x{j}" for j in moving_states]
+    per_lane += [f"g{j} = x{j}; y{j} = x{j}; e{j} = 0.0" for j in resting]
     per_lane += series.at_order(CONSTANT, 0, of_lanes=True)
     for k in range(order):
         per_step += series.at_order(TIMED, k)
-        per_lane += [*series.at_order(STATEFUL, k), *series.next_of_states(k)]
-    for j in range(count):
+        per_lane += [*series.at_order(STATEFUL, k), *series.next_of_states(k, moving_states)]
+    for j in moving_states:
         per_lane += [f"y{j} = x{j} + {series.change(j)}", f"e{j} = {series.local_error(j)}"]
     return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
 
@@ -92,10 +94,11 @@ class Series:
                 lines += self._statements(node, k, level)
         return lines
 
-    def next_of_states(self, k: int) -> list[str]:
-        """Statements for coefficient k + 1 of the states, from coefficient k of their derivatives."""
-        terms = [self.name(e, k) for e in self.trace.outputs]
-        return [f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0" for j, term in enumerate(terms)]
+    def next_of_states(self, k: int, numbers: Iterable[int] | None = None) -> list[str]:
+        """Statements for coefficient k + 1 of all states, or of some, from coefficient k of their derivatives."""
+        chosen = range(len(self.trace.outputs)) if numbers is None else numbers
+        terms = [(j, self.name(self.trace.outputs[j], k)) for j in chosen]
+        return [f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0" for j, term in terms]
 
     def change(self, j: int) -> str:
         """Sum of the series of a state without its first term: what a step adds."""

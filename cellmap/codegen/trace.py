@@ -7,7 +7,7 @@ import math
 import random
 from collections import namedtuple
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .expression import (
@@ -42,6 +42,16 @@ class Trace:
     def is_analytic(self) -> bool:
         """Whether the components have power series."""
         return is_analytic(self.outputs)
+
+    @property
+    def resting(self) -> tuple[int, ...]:
+        """Numbers of the states whose derivative is zero."""
+        return tuple(j for j, e in enumerate(self.outputs) if e.vanishes)
+
+    def with_resting_inputs(self) -> Trace:
+        """Return the trace with each resting state as an input "sign": a number of a lane that stays as it is."""
+        inputs = {self.states[j]: self.graph.node("sign", value=j) for j in self.resting}
+        return replace(self, outputs=self.graph.substituted(self.outputs, inputs)) if inputs else self
 
     def levels(self) -> dict[Expression, int]:
         """Return for each node whether it depends on parameters alone, on time, or on the state."""
