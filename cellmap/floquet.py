@@ -12,15 +12,13 @@ from .checks import claim_memory, finite_number, finite_points
 from .codegen.kernel import traces_faithfully
 from .codegen.linear import LinearKernel, linear_kernel, values
 from .flow import Flow, steps_of_harmonics
+from .orbit import unstable_count
 from .pointmap import Orbits, Status
 from .system import ForcedSystem
 from .threads import run_over, slices
 
 POINTS = 4096
 """Parameter points in a slice of work.  Fixed, so that results do not depend on the number of threads."""
-
-MARGIN = 1e-8
-"""A multiplier counts as unstable from this far outside the unit circle on: rounding moves those on it."""
 
 _MAX_STEPS = 1_000_000
 _TIMES = 16  # looks at the right-hand side, to see that it vanishes
@@ -309,12 +307,6 @@ def multipliers_of(matrices: NDArray[np.float64], determinant: NDArray[np.float6
     found = np.take_along_axis(found, order, axis=-1)
     found[~finite] = complex(np.nan, np.nan)
     return found
-
-
-def unstable_count(multipliers: NDArray[np.complex128]) -> NDArray[np.int64]:
-    """Return how many multipliers are outside the unit circle, -1 where they are not known."""
-    modulus = np.abs(multipliers)
-    return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + MARGIN, axis=-1))
 
 
 def _of_two(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Kind
 from .coordinates import difference, wrap
 from .jacobian import tangent
+from .orbit import PeriodicOrbit
 from .pointmap import PointMap
 
 _ITERATIONS = 25
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
+_DAMPED_ITERATIONS = 60
+_SMALLEST_SHARE = 1e-3  # of a step, below which there is no hope
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
@@ -94,13 +97,81 @@ def multipliers_of(matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
     return found[np.lexsort((-found.imag, -found.real, -np.round(np.abs(found), 12)))]
 
 
-def stable_orbit(
-    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> Attractor | None:
-    """Return the attractor through a periodic point; None where its multipliers do not prove it stable.
+def damped_newton(
+    point_map: PointMap,
+    guesses: NDArray[np.float64],
+    periods: NDArray[np.int64],
+    extent: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Solve P^period(x) = x, up to whole turns of angles, from guesses that may be far away.
 
-    The least period is found, and the orbit is begun at its point nearest the origin.
+    A step is halved until the next one, foreseen with the old derivative, is shorter (Deuflhard's natural monotonicity
+    test), so that saddles are found from as far as other orbits.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    guesses : ndarray, shape (n, dimension)
+        Places to begin at.
+    periods : ndarray of int, shape (n,)
+        Steps after which each point is to return.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest; no step is longer than a quarter of it.
+
+    Returns
+    -------
+    tuple of ndarray
+        Solutions (n, dimension), wrapped, and which of them converged.
+
+    References
+    ----------
+    Deuflhard, *Newton Methods for Nonlinear Problems* (2004), section 3.3.
     """
+    exact = point_map.exact or point_map
+    d, identity = exact.dimension, np.eye(exact.dimension)
+    base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
+    steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
+    share = np.ones(len(base))
+    settled = np.zeros(len(base), bool)
+    active = np.arange(len(base))
+    for _ in range(_DAMPED_ITERATIONS):
+        if not len(active):
+            break
+        images, matrices = tangent(exact, points[active], periods[active])
+        residual = difference(images, points[active], exact.coordinates)
+        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1))
+        with np.errstate(all="ignore"):
+            foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
+            length = np.linalg.norm(steps[active] / extent, axis=-1)
+            shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * share[active]) * length
+        taken = finite & shorter
+        again = active[~taken]
+        share[again] *= 0.5
+        points[again] = base[again] + share[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
+        accepted = active[taken]
+        slopes = identity - matrices[taken]
+        solvable = np.abs(np.linalg.det(slopes)) > 1e-14
+        accepted, slopes, residual = accepted[solvable], slopes[solvable], residual[taken][solvable]
+        inverses[accepted] = np.linalg.inv(slopes)
+        step = np.einsum("nij,nj->ni", inverses[accepted], residual)
+        longest = np.abs(step / extent).max(axis=-1, initial=0.0)
+        base[accepted], steps[accepted] = points[accepted], step
+        share[accepted] = np.minimum(np.minimum(1.0, 2.0 * share[accepted]), 0.25 / np.maximum(longest, 1e-300))
+        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
+        done = (np.abs(step) <= 1e-8 * resolution(points[accepted], extent)).all(axis=-1)
+        share[accepted[done]] = 1.0
+        points[accepted] = base[accepted] + share[accepted, None] * step
+        settled[accepted[done]] = True
+        trying = again[(share[again] > _SMALLEST_SHARE) & np.isfinite(points[again]).all(axis=-1)]
+        active = np.sort(np.concatenate([trying, accepted[~done]]))
+    return wrap(points, exact.coordinates), settled
+
+
+def closed_orbit(
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> PeriodicOrbit:
+    """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
     exact = point_map.exact or point_map
     points, turns, matrices = _follow(exact, point, period)
     same = 1e-8 * resolution(points[0], extent)
@@ -115,14 +186,21 @@ def stable_orbit(
     rounded = np.round(points / scale, 6)
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
-    round_trip = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
-    multipliers = multipliers_of(round_trip)
-    if not np.abs(multipliers[0]) < _STABLE:
+    matrix = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
+    return PeriodicOrbit(period, points, turns, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
+
+
+def stable_orbit(
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> Attractor | None:
+    """Return the attractor through a periodic point; None where its multipliers do not prove it stable."""
+    orbit = closed_orbit(point_map, point, period, extent)
+    if not np.abs(orbit.multipliers[0]) < _STABLE:
         return None
-    kind = Kind.ROTATING if any(turns) else Kind.FIXED_POINT if period == 1 else Kind.PERIODIC
+    kind = Kind.ROTATING if any(orbit.turns) else Kind.FIXED_POINT if orbit.period == 1 else Kind.PERIODIC
     with np.errstate(divide="ignore"):
-        exponents = np.log(np.abs(multipliers)) / period
-    return Attractor(kind, period, points, turns, multipliers, exponents, exact.coordinates)
+        exponents = np.log(np.abs(orbit.multipliers)) / orbit.period
+    return Attractor(kind, orbit.period, orbit.points, orbit.turns, orbit.multipliers, exponents, orbit.coordinates)
 
 
 def _follow(

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .checks import claim_memory, finite_number, whole_number
-from .floquet import MARGIN, Linearised, linearise, multipliers_of, swept_values, unstable_count
+from .floquet import Linearised, linearise, multipliers_of, swept_values
+from .orbit import MARGIN, unstable_count
 from .pointmap import Status
 from .system import ForcedSystem
 

@@ -1,0 +1,122 @@
+"""The equations of a periodic orbit, in state variables and parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
+
+from .attractor import Attractor
+from .coordinates import turns_of
+from .jacobian import tangent
+from .orbit import PeriodicOrbit
+from .pointmap import PointMap
+from .sweep import swept_map
+from .tracing import Place
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitProblem:
+    """The equations P^period(x; q) - x = turns of angles, for unknowns (x, q) in units of `scale`."""
+
+    point_map: PointMap
+    swept: PointMap
+    period: int
+    turns: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return self.point_map.dimension
+
+    @property
+    def upright(self) -> NDArray[np.float64]:
+        """Unit vector along the last parameter."""
+        return np.eye(len(self.scale))[-1]
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (..., d) and their derivatives (..., d, d + m) at unknowns (..., d + m)."""
+        d = self.dimension
+        state = unknowns * self.scale
+        images, matrices = tangent(self.swept, state, self.period)
+        residual = (images[..., :d] - state[..., :d] - self.turns) / self.scale[:d]
+        slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
+        return residual, slopes
+
+    def matrix(self, place: Place) -> NDArray[np.float64]:
+        """Return the derivative of one round by the state, in units of `scale`."""
+        return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
+
+    def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+        """Return a state between two neighbours, along angles the shorter way."""
+        turn = turns_of(self.point_map.coordinates)[1]
+        shift = second - first
+        shift -= np.where(turn > 0, turn * np.round(shift / np.where(turn > 0, turn, 1.0)), 0.0)
+        return first + share * shift
+
+
+def begin_orbit(
+    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str
+) -> tuple[PointMap, NDArray[np.float64], int]:
+    """Return the exact map, a point of the orbit and its period; refuse what is no periodic orbit of the map."""
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if not isinstance(orbit, PeriodicOrbit | Attractor):
+        raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
+    exact = point_map.exact or point_map
+    if name not in exact.params:
+        raise ValueError(f"name={name!r}: this map has the parameters {sorted(exact.params)}")
+    if not orbit.period:
+        raise ValueError(f"orbit={orbit!r}: give a periodic orbit")
+    if orbit.coordinates != exact.coordinates:
+        raise ValueError(f"orbit={orbit!r}: its coordinates are not those of {exact!r}")
+    return exact, np.array(orbit.points[0]), orbit.period
+
+
+def orbit_problem(
+    exact: PointMap, state: NDArray[np.float64], period: int, names: tuple[str, ...], spans: tuple[float, ...]
+) -> OrbitProblem:
+    """Return the equations of a periodic orbit near a state, scaled by a coordinate's natural size and the spans."""
+    swept = swept_map(exact, *names)
+    d = exact.dimension
+    values = [exact.params[name] for name in names]
+    images, matrices = tangent(swept, np.append(state, values), period)
+    turn = turns_of(exact.coordinates)[1]
+    around = np.where(turn > 0, turn, 1.0)
+    moved = images[:d] - state
+    turns = np.where(turn > 0, turn * np.round(moved / around), 0.0)
+    if not (np.abs(moved - turns) <= 1e-4 * (1.0 + np.abs(state))).all():
+        raise ValueError(
+            f"orbit through {state.tolist()} is no orbit of period {period} of {exact!r}: it moves by "
+            f"{(moved - turns).tolist()}; take it from this map with its present parameters"
+        )
+    # Balancing the derivative tells what displacements of different coordinates go together.
+    ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
+    return OrbitProblem(
+        exact, swept, period, turns, np.append(_size(state, matrices, turn, ratios, spans) * ratios, spans)
+    )
+
+
+def _size(
+    state: NDArray[np.float64],
+    matrices: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    ratios: NDArray[np.float64],
+    spans: tuple[float, ...],
+) -> float:
+    """Return the natural size of displacements, where those of the coordinates are in given ratios.
+
+    A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
+    """
+    angles = turn > 0
+    if angles.any():
+        return float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
+    d = len(state)
+    size = float(np.abs(state / ratios).max())
+    drift = np.linalg.lstsq(np.eye(d) - matrices[:d, :d], matrices[:d, d:] * spans, rcond=1e-3)[0]
+    furthest = float(np.abs(drift / ratios[:, None]).max())
+    size = max(size, min(furthest, 10.0 * size) if size > 1e-9 else furthest)
+    return size if size > 1e-9 else 1.0

@@ -1,0 +1,127 @@
+"""Curves of solutions of n equations in n + 1 unknowns, by pseudo-arclength."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Returns residuals (n,) and their derivatives (n, n + 1) at unknowns (n + 1,), all scaled to be of order 1."""
+
+_ITERATIONS = 10
+_CONVERGED = 1e-14  # scaled length of a Newton step that moves nothing any more
+_FLOOR = 1e-6  # Newton steps below this that no longer shrink by half are rounding
+_STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which a step was too long
+_SHORTEST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A solution (n + 1,), the derivatives (n, n + 1) there, and the unit tangent of the curve."""
+
+    unknowns: NDArray[np.float64]
+    derivatives: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+
+    @property
+    def bordered(self) -> float:
+        """Determinant of derivatives and tangent: it changes sign where curves cross."""
+        return float(np.linalg.det(np.vstack([self.derivatives, self.tangent])))
+
+
+def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> Place | None:
+    """Return the solution in the plane through a guess, by Newton's method; None where it does not converge.
+
+    The tangent of the curve points along `normal`.
+    """
+    unknowns, last = guess.copy(), np.inf
+    for _ in range(_ITERATIONS):
+        residual, derivatives = problem(unknowns)
+        if not (np.isfinite(residual).all() and np.isfinite(derivatives).all()):
+            return None
+        matrix = np.vstack([derivatives, normal])
+        try:
+            change = np.linalg.solve(matrix, -np.append(residual, normal @ (unknowns - guess)))
+        except np.linalg.LinAlgError:
+            return None
+        length = float(np.linalg.norm(change))
+        if length <= _CONVERGED or (last <= _FLOOR and not length < 0.5 * last):
+            # The derivatives are those at the place itself, not at one before it.
+            tangent = tangent_of(derivatives, normal)
+            return None if tangent is None else Place(unknowns, derivatives, tangent)
+        if not length < 2.0 * last:
+            return None
+        unknowns = unknowns + change
+        last = length
+    return None
+
+
+def tangent_of(derivatives: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the unit vector that the derivatives (n, n + 1) map to zero, pointing along another."""
+    try:
+        found = np.linalg.solve(np.vstack([derivatives, along]), np.append(np.zeros(len(derivatives)), 1.0))
+    except np.linalg.LinAlgError:
+        return None
+    length = float(np.linalg.norm(found))
+    return found / length if np.isfinite(length) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Stride:
+    """A step of a curve from one place to the next, `length` along the tangent of the first."""
+
+    problem: Problem
+    begin: Place
+    end: Place
+    length: float
+
+    def at(self, length: float) -> Place | None:
+        """Return the place that is so far along the tangent."""
+        begin = self.begin
+        return corrected(self.problem, begin.unknowns + length * begin.tangent, begin.tangent)
+
+    def interpolated(self, share: float) -> Place:
+        """Return a place between the ends that is no solution, but near to one."""
+        begin, end = self.begin, self.end
+        return replace(begin, unknowns=begin.unknowns + share * (end.unknowns - begin.unknowns))
+
+    def located(self, test: Callable[[Place], float]) -> Place | None:
+        """Return the place between the ends at which a function of places changes its sign."""
+
+        def value(length: float) -> float:
+            place = self.at(length)
+            if place is None:
+                raise FloatingPointError
+            return test(place)
+
+        try:
+            return self.at(brentq(value, 0.0, self.length, xtol=1e-15, rtol=1e-14))
+        except (FloatingPointError, ValueError):
+            return None
+
+
+def strides(
+    problem: Problem, begin: Place, longest: float, first: float | None = None
+) -> Generator[Stride, bool | None, None]:
+    """Yield steps along a curve from a place on it, for ever; stop where no step is short enough.
+
+    Steps are adapted to the number of Newton's iterations, through the angle between tangents, up to `longest`.
+    A stride that is sent back is repeated with half its length.
+    """
+    here, length = begin, longest if first is None else first
+    while length > _SHORTEST:
+        there = corrected(problem, here.unknowns + length * here.tangent, here.tangent)
+        turned = -1.0 if there is None else float(here.tangent @ there.tangent)
+        if there is None or turned < _STRAIGHT:
+            length *= 0.5
+            continue
+        refused = yield Stride(problem, here, there, length)
+        if refused:
+            length *= 0.5
+            continue
+        here = there
+        length = min(longest, length * (1.5 if turned > 0.99 else 0.9))
