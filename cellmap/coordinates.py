@@ -109,7 +109,7 @@ def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDAr
         if c.turn is not None and c.lower is not None:
             shift = np.floor((wrapped[..., j] - c.lower) / c.turn)
             wrapped[..., j] = np.maximum(wrapped[..., j] - shift * c.turn, c.lower)
-            wrapped[..., j] = np.where(wrapped[..., j] >= c.lower + c.turn, c.lower, wrapped[..., j])
+            wrapped[..., j] = np.where((wrapped[..., j] - c.lower) / c.turn >= 1.0, c.lower, wrapped[..., j])
     return wrapped
 
 

@@ -50,6 +50,19 @@ def test_wrapping_any_number_gives_an_angle_of_the_turn(circle: Coordinate, x: f
     assert circle.lower <= point < circle.lower + circle.turn
 
 
+@pytest.mark.parametrize("circle", CIRCLES, ids=str)
+def test_an_angle_next_to_the_cut_is_wrapped_once(circle: Coordinate) -> None:
+    assert circle.lower is not None and circle.turn is not None
+    for whole in range(-20, 21):
+        x = circle.lower + whole * circle.turn
+        for near in x + np.arange(-6, 7) * ulp(x):
+            point, turns = wrapped_rows(float(near), circle)
+            assert wrapped_rows(point, circle) == (point, 0)
+            again = wrap(np.array([near]), [circle])
+            assert wrap(again, [circle])[0] == again[0]
+            assert abs(turns - whole) <= 1
+
+
 def test_the_cut_belongs_to_the_turn_above_it() -> None:
     circle = angle("theta")
     assert wrapped_rows(-pi, circle) == (-pi, 0)

@@ -46,7 +46,7 @@ def wrap_rows(points, turns, lower, turn):
                 whole = np.floor((points[i, j] - lower[j]) / turn[j])
                 if whole != 0.0 and abs(whole) < 1e15:
                     x = max(points[i, j] - whole * turn[j], lower[j])
-                    if x >= lower[j] + turn[j]:
+                    if (x - lower[j]) / turn[j] >= 1.0:
                         x = lower[j]
                         whole += 1.0
                     points[i, j] = x

@@ -1,0 +1,58 @@
+"""The study of least amplitudes: by multipliers, by release, and as measured."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from cellmap import critical_values, stroboscopic_map, swept_map
+from studies import figure_17
+from systems import driven_pendulum
+from systems.compound import SHORT_ROD
+
+mpl.use("Agg")
+
+
+def test_a_release_needs_what_averaging_says_beyond_the_multipliers() -> None:
+    """At A/l = 0.13 and given 2,000 cycles; averaging and damping leave a tenth of the 0.0625 % open."""
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    strobe = swept_map(stroboscopic_map(system), "amplitude", "frequency")
+    frequency, scale = np.array([30.0]), np.array([0.004135307])
+    (released,) = figure_17.least_kept(strobe, frequency, scale, 2000)
+    found = critical_values(system.with_params(frequency=30.0), (pi, 0.0), "amplitude", 0.003, 0.006)
+    assert released / found[0].value - 1.0 == pytest.approx(figure_17.FINITE_ANGLE, rel=0.1)
+    edges = np.array([[0.999999], [1.000001]]) * released
+    assert figure_17.stays_up(strobe, edges, frequency, 2000).ravel().tolist() == [False, True]
+
+
+def test_whole_turns_are_falls_and_the_seam_is_none() -> None:
+    """At 3 Hz and 73 mm the state at rest on the seam is stable; without much drive the rod falls."""
+    strobe = swept_map(stroboscopic_map(driven_pendulum(length=0.069, damping=2.5)), "amplitude", "frequency")
+    amplitudes = np.linspace(0.0721, 0.0748, 20)[:, None]
+    assert figure_17.stays_up(strobe, amplitudes, np.array([3.0]), 400).all()
+    assert not figure_17.stays_up(strobe, 0.5 * amplitudes, np.array([3.0]), 400).any()
+
+
+def test_measured_points(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    assert figure_17.measured(path) is None
+    path.write_text("frequency_hz,amplitude_mm\n15,12.5\n35,5.25\n", encoding="utf-8")
+    points = figure_17.measured(path)
+    assert points is not None
+    assert points.tolist() == [[15.0, 12.5], [35.0, 5.25]]
+    path.write_text("frequency_hz,amplitude_mm\n15,\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="give positive numbers alone"):
+        figure_17.measured(path)
+    path.write_text("f,A\n15,3\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="its heading must be frequency_hz,amplitude_mm"):
+        figure_17.measured(path)
+
+
+@pytest.mark.slow
+def test_it_runs_quickly(tmp_path: Path) -> None:
+    figure_17.main(quick=True, output=tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["figure_17.png"]
