@@ -107,9 +107,10 @@ def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDAr
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
         if c.turn is not None and c.lower is not None:
-            shift = np.floor((wrapped[..., j] - c.lower) / c.turn)
-            wrapped[..., j] = np.maximum(wrapped[..., j] - shift * c.turn, c.lower)
-            wrapped[..., j] = np.where((wrapped[..., j] - c.lower) / c.turn >= 1.0, c.lower, wrapped[..., j])
+            angles = wrapped[..., j]
+            inside = (angles >= c.lower) & (angles < c.lower + c.turn)
+            turned = np.maximum(angles - np.floor((angles - c.lower) / c.turn) * c.turn, c.lower)
+            wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.turn, c.lower, turned))
     return wrapped
 
 

@@ -42,11 +42,15 @@ def wrap_rows(points, turns, lower, turn):
     """Bring angles back into their turn and count the whole turns taken away."""
     for j in range(points.shape[1]):
         if turn[j] > 0.0:
+            upper = lower[j] + turn[j]
             for i in range(points.shape[0]):
+                # What is in its turn stays as it is, so that wrapping again changes nothing.
+                if lower[j] <= points[i, j] < upper:
+                    continue
                 whole = np.floor((points[i, j] - lower[j]) / turn[j])
-                if whole != 0.0 and abs(whole) < 1e15:
+                if abs(whole) < 1e15:
                     x = max(points[i, j] - whole * turn[j], lower[j])
-                    if (x - lower[j]) / turn[j] >= 1.0:
+                    if x >= upper:
                         x = lower[j]
                         whole += 1.0
                     points[i, j] = x
