@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from .branch import Bifurcation, BifurcationKind, Branch
 from .checks import finite_number, whole_number
 from .coordinates import wrap
+from .multipliers import multipliers_of
 from .orbit_problem import OrbitProblem, orbit_problem
-from .periodic import multipliers_of
 from .threads import progress_bar
 from .tracing import Place, corrected, strides
 

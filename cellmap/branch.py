@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from .checks import finite_number
 from .coordinates import wrap
-from .orbit import PeriodicOrbit, unstable_count
+from .multipliers import unstable_count
+from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem
 from .periodic import closed_orbit
 from .pointmap import PointMap

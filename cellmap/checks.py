@@ -65,6 +65,22 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.fl
     return array
 
 
+def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
+    """Return values of a parameter as a new array (n,) of floats: finite, strictly increasing or decreasing."""
+    try:
+        values = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: give real numbers, one for each step") from None
+    if values.ndim != 1 or not values.size:
+        raise ValueError(f"{name} has the shape {values.shape}: give a list of at least one value")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} has the value {values[~np.isfinite(values)][0]}: give finite numbers")
+    steps = np.diff(values)
+    if not ((steps > 0.0).all() or (steps < 0.0).all()):
+        raise ValueError(f"{name} goes up and down, or repeats a value: sort it, and give each value once")
+    return values
+
+
 def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     """Return parameters as floats, in the order given."""
     if not isinstance(params, Mapping):

@@ -14,9 +14,9 @@ from .branch import Bifurcation, BifurcationKind, Branch
 from .branching import crossing
 from .checks import finite_number, whole_number
 from .coordinates import wrap
-from .orbit import PeriodicOrbit, unstable_count
+from .multipliers import multipliers_of, unstable_count
+from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem, begin_orbit, orbit_problem
-from .periodic import multipliers_of
 from .pointmap import PointMap
 from .threads import progress_bar
 from .tracing import Place, Stride, corrected, strides, tangent_of

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Cover, Kind
 from .coordinates import difference, turns_of, wrap
 from .jacobian import jacobian
-from .periodic import multipliers_of, resolution
+from .multipliers import multipliers_of
+from .periodic import resolution
 from .pointmap import PointMap, follow
 from .settling import AT_REST, boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
 

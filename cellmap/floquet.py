@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from .checks import claim_memory, finite_number, finite_points
 from .codegen.kernel import traces_faithfully
 from .codegen.linear import LinearKernel, linear_kernel, values
+from .crossings import Matrices
 from .flow import Flow, steps_of_harmonics
-from .orbit import unstable_count
+from .multipliers import multipliers_of, unstable_count
 from .pointmap import Orbits, Status
 from .system import ForcedSystem
 from .threads import run_over, slices
@@ -215,6 +216,11 @@ class Linearised:
         matrices[lost], logarithms[lost] = np.nan, np.nan
         return matrices, logarithms, status
 
+    def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
+        """Return the monodromy matrices at parameter points (n, m)."""
+        matrices, logarithms, status = self.monodromy(points, progress)
+        return Matrices(matrices, np.exp(logarithms), np.expm1(logarithms), status)
+
     def check(self, points: NDArray[np.float64]) -> None:
         """Raise ValueError where the state is no equilibrium, or the period is not that of the right-hand side."""
         extremes = {int(find(column)) for column in points.T for find in (np.argmin, np.argmax)} if len(points) else ()
@@ -295,30 +301,3 @@ def swept_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has the value {array[~np.isfinite(array)].flat[0]}: give finite numbers")
     return array
-
-
-def multipliers_of(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the sorted eigenvalues (n, d) of matrices (n, d, d) of known determinants; NaN where not finite."""
-    d = matrices.shape[-1]
-    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-    known = np.where(finite[:, None, None], matrices, np.eye(d))
-    found = _of_two(known, determinant) if d == 2 else np.linalg.eigvals(known).astype(np.complex128)
-    order = np.lexsort((-found.imag, -np.abs(found)), axis=-1)
-    found = np.take_along_axis(found, order, axis=-1)
-    found[~finite] = complex(np.nan, np.nan)
-    return found
-
-
-def _of_two(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Eigenvalues of 2 x 2 matrices: the smaller from the determinant, without a difference of nearly equal numbers."""
-    (a, b), (c, e) = np.moveaxis(matrices, 0, -1)
-    half = 0.5 * (a + e)
-    square = (0.5 * (a - e)) ** 2 + b * c
-    root = np.sqrt(np.abs(square))
-    with np.errstate(all="ignore"):
-        first = half + np.copysign(root, half)
-        second = np.where(first == 0.0, 0.0, determinant / first)
-        pair = half + 1j * root
-        pair = pair * (np.sqrt(np.abs(determinant)) / np.abs(pair))
-    real = (square >= 0.0) | (determinant <= 0.0)
-    return np.stack([np.where(real, first, pair), np.where(real, second, pair.conj())], axis=-1)

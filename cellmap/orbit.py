@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinate
-
-MARGIN = 1e-8
-"""A multiplier nearer to the unit circle than this counts as on it."""
+from .multipliers import MARGIN, unstable_count
 
 
 class OrbitKind(StrEnum):
@@ -145,9 +143,3 @@ def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
             table.append(1.0 - abs(last))
             polynomial = (polynomial - last * polynomial[::-1])[:-1]
     return np.array([*ends, *table])
-
-
-def unstable_count(multipliers: NDArray[np.complex128]) -> NDArray[np.int64]:
-    """Return how many multipliers (..., d) are outside the unit circle; -1 where they are not known."""
-    modulus = np.abs(multipliers)
-    return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + MARGIN, axis=-1))

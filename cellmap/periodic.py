@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Kind
 from .coordinates import difference, wrap
 from .jacobian import tangent
+from .multipliers import multipliers_of
 from .orbit import PeriodicOrbit
 from .pointmap import PointMap
 
@@ -89,12 +90,6 @@ def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:
     """Size against which differences of points count as small: their own, or 1, or that of a smaller region."""
     return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
-
-
-def multipliers_of(matrix: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the eigenvalues of the derivative of one round, the largest first."""
-    found = np.linalg.eigvals(matrix).astype(complex)
-    return found[np.lexsort((-found.imag, -found.real, -np.round(np.abs(found), 12)))]
 
 
 def damped_newton(

@@ -34,7 +34,7 @@ WINDOW = CellGrid((-pi, -500.0), (pi, 500.0), (120, 120))
 
 
 def test_all_cycles_of_the_henon_map() -> None:
-    # Biham, Wenzel, Physical Review Letters 63 (1989) 819: numbers of cycles; besides them the saddle off the attractor.
+    # Biham, Wenzel, Physical Review Letters 63 (1989) 819: numbers of cycles; the saddle off the attractor besides.
     known = {1: 2, 2: 1, 4: 1, 6: 2, 7: 4, 8: 7, 9: 6, 10: 10}
     orbits = find_periodic_orbits(henon_map(), CellGrid((-2, -1), (2, 1), (100, 100)), max_period=10)
     assert Counter(o.period for o in orbits) == known

@@ -2,5 +2,7 @@
 
 from .animation import animate as animate
 from .basins import plot_basins as plot_basins
+from .diagram import plot_bifurcation_diagram as plot_bifurcation_diagram
+from .global_continuation import plot_basin_continuation as plot_basin_continuation
 from .motion import plot_phase_portrait as plot_phase_portrait
 from .motion import plot_time_series as plot_time_series

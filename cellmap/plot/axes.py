@@ -11,6 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
+from ..checks import whole_number
 from ..coordinates import Coordinate, turns_of
 
 
@@ -20,6 +21,16 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
     if coordinate.turn is not None and isclose(coordinate.turn, 2 * pi) and span >= pi:
         axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
+
+
+def column_of(given: int | str, coordinates: Sequence[Coordinate]) -> int:
+    """Return the number of a coordinate, given by its number or its name."""
+    known = [c.name for c in coordinates]
+    if isinstance(given, str):
+        if given not in known:
+            raise ValueError(f"coordinate={given!r}: the coordinates are {known}")
+        return known.index(given)
+    return whole_number("coordinate", given, at_most=len(known) - 1)
 
 
 def multiple_of_pi(x: float) -> str:

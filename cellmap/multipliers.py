@@ -1,0 +1,51 @@
+"""Multipliers: the eigenvalues of the derivative of one round."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+MARGIN = 1e-8
+"""A multiplier nearer to the unit circle than this counts as on it."""
+
+
+def unstable_count(multipliers: NDArray[np.complex128]) -> NDArray[np.int64]:
+    """Return how many multipliers (..., d) are outside the unit circle; -1 where they are not known."""
+    modulus = np.abs(multipliers)
+    return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + MARGIN, axis=-1))
+
+
+def multipliers_of(
+    matrices: NDArray[np.float64], determinants: NDArray[np.float64] | None = None
+) -> NDArray[np.complex128]:
+    """Return the eigenvalues (..., d) of matrices (..., d, d), the largest modulus first; NaN where not finite.
+
+    Of a pair the one above the real axis comes first.  Determinants (...) that are known better than the matrices tell
+    make the smaller of two eigenvalues more accurate.
+    """
+    d = matrices.shape[-1]
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+    known = np.where(finite[..., None, None], matrices, np.eye(d))
+    if d == 2 and determinants is not None:
+        found = _of_two(known, determinants)
+    else:
+        found = np.linalg.eigvals(known).astype(np.complex128)
+    order = np.lexsort((-found.imag, -found.real, -np.round(np.abs(found), 12)), axis=-1)
+    found = np.take_along_axis(found, order, axis=-1)
+    found[~finite] = complex(np.nan, np.nan)
+    return found
+
+
+def _of_two(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Eigenvalues of 2 x 2 matrices: the smaller from the determinant, without a difference of nearly equal numbers."""
+    (a, b), (c, e) = np.moveaxis(matrices, 0, -1)
+    half = 0.5 * (a + e)
+    square = (0.5 * (a - e)) ** 2 + b * c
+    root = np.sqrt(np.abs(square))
+    with np.errstate(all="ignore"):
+        first = half + np.copysign(root, half)
+        second = np.where(first == 0.0, 0.0, determinant / first)
+        pair = half + 1j * root
+        pair = pair * (np.sqrt(np.abs(determinant)) / np.abs(pair))
+    real = (square >= 0.0) | (determinant <= 0.0)
+    return np.stack([np.where(real, first, pair), np.where(real, second, pair.conj())], axis=-1)

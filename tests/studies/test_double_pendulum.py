@@ -1,0 +1,124 @@
+"""Studies of pendulums with several links and of the report's swings: the numbers that their docstrings promise."""
+
+from __future__ import annotations
+
+from math import nan, pi, sqrt
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+
+from cellmap import load_basins
+from studies import _chains, double_stability, figure_18, figure_20, flipping_basins, triple_stability
+
+
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0])
+def test_modes_of_equal_links(ratio: float) -> None:
+    """Two links of length l, r = 1 + m2/m1: (r +- sqrt(r^2 - r))/l where both hang, +- sqrt(r)/l where one does."""
+    length, r = 0.032, 1.0 + ratio
+    expected = {
+        "(0, 0)": [(r - sqrt(r * r - r)) / length, (r + sqrt(r * r - r)) / length],
+        "(0, π)": [-sqrt(r) / length, sqrt(r) / length],
+        "(π, 0)": [-sqrt(r) / length, sqrt(r) / length],
+        "(π, π)": [-(r + sqrt(r * r - r)) / length, -(r - sqrt(r * r - r)) / length],
+    }
+    for name, state in _chains.rest_states(2).items():
+        values, shapes = _chains.normal_modes((length, length), (1.0, ratio), state)
+        assert values == pytest.approx(expected[name], rel=1e-12)
+        # Both links move in every mode: the states do not separate.
+        assert np.abs(shapes).min() > 0.1 * np.abs(shapes).max()
+
+
+def test_intervals() -> None:
+    assert _chains.intervals([], True, 1.0) == ((0.0, 1.0),)
+    assert _chains.intervals([], False, 1.0) == ()
+    changes = [(0.7, 0), (0.2, 2), (0.5, 0), (0.6, 1)]
+    assert _chains.intervals(changes, True, 1.0) == ((0.0, 0.2), (0.5, 0.6), (0.7, 1.0))
+    assert _chains.overlap([(0.0, 2.0), (1.0, 3.0)]) == (1.0, 2.0)
+    assert _chains.text_of((nan, nan)) == _chains.text_of((2.0, 1.0)) == "none"
+
+
+def test_pushes_and_distances() -> None:
+    starts = figure_20.pushed("outer", np.array([0.0, 3.0]))
+    assert starts.tolist() == [[pi, 0.0, 0.0, 0.0], [pi, 0.0, 0.0, 3.0]]
+    turned = starts + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
+    assert figure_20.distance(turned, figure_20.UP_DOWN) == pytest.approx([0.0, 0.0], abs=1e-14)
+    assert figure_20.distance(turned, figure_20.DOWN_UP) == pytest.approx([pi, pi])
+
+
+@pytest.mark.slow
+def test_stability_of_the_double_pendulum() -> None:
+    """All to the digits of two independent methods."""
+    result = double_stability.compute(12)
+    found = result.windows["24 Hz, equal masses, undamped"]
+    assert found["(0, 0)"][0][0] == (0.0, pytest.approx(3.523140841e-3, abs=5e-13))
+    for name in ("(0, π)", "(π, 0)"):
+        assert found[name][0][0] == pytest.approx((4.452842149e-3, 9.546244854e-3), abs=5e-13)
+    assert [len(windows) for windows in found.values()] == [1, 1, 1, 0]
+    (window, lost), *_ = result.windows["50 Hz, m2 = m1/4, 10 /s (reference set)"]["(0, π)"]
+    assert window[1] == pytest.approx(12.532158062e-3, abs=5e-13)
+    assert lost == "NEIMARK_SACKER"
+    assert result.thresholds == {
+        1.0: pytest.approx(41.136433, abs=5e-7),
+        0.25: pytest.approx(21.418270, abs=5e-7),
+    }
+    assert max(result.decoupled.values()) < 1e-13
+
+
+@pytest.mark.slow
+def test_stability_of_the_triple_pendulum() -> None:
+    result = triple_stability.compute(12)
+    together = _chains.overlap(list(result.windows[0.0].values()))
+    assert together == pytest.approx((1.955039e-3, 2.268102e-3), abs=5e-10)
+    for name, window in result.decoupled.items():
+        assert result.windows[0.0][name] == pytest.approx(window, abs=1e-13)
+
+
+@pytest.mark.slow
+def test_basins_of_the_reference_set() -> None:
+    """60 x 60 centres, by two independent methods."""
+    basins = flipping_basins.measured(0.006, flipping_basins.REFERENCE).basins
+    states = [tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in basins.attractors]
+    assert states == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+    counts = np.array([basins.fractions[k].count for k in range(4)])
+    assert np.abs(counts - [1286, 596, 976, 742]).max() <= 5
+    assert counts.sum() == 3600
+
+
+@pytest.mark.slow
+def test_rotations_and_swings_of_twice_the_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flipping_basins.main(quick=True, output=tmp_path)
+    stored = [load_basins(tmp_path / "flipping_basins.h5", name).attractors for name in ("box, 6 mm", "box, 9.5 mm")]
+    assert {a.turns[:2] for a in stored[0]} == {(0, 0), (1, 1), (-1, -1)}
+    doubled = [a for a in stored[1] if a.period == 2]
+    assert {tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in doubled} == {(1, 1), (-1, -1)}
+    assert "3,600 starts" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_push_flips_the_double_pendulum(tmp_path: Path) -> None:
+    result = figure_20.compute(61)
+    for found in result.scans.values():
+        low, high = found.least
+        assert 0.0 < high - low < 1e-6
+        assert (found.ends[found.pushes < low] == 0).all()
+        assert (found.ends == 1).any()
+    assert figure_20.distance(result.flipping.states[-1], figure_20.DOWN_UP) < 0.1
+    assert figure_20.distance(result.returning.states[-1], figure_20.UP_DOWN) < 0.1
+
+
+@pytest.mark.slow
+def test_swings_of_the_inverted_pendulum() -> None:
+    """The report: within 0.12 rad at 35 Hz and 0.05 rad at 45 Hz."""
+    result = figure_18.compute(2)
+    for found in result.releases.values():
+        assert [found.swing(f) for f in (35.0, 45.0)] == pytest.approx([0.12, 0.05], abs=1e-5)
+        assert 1.0 < found.amplitude / result.limits[35.0] < 1.05
+    assert result.strong_ratio < 0.12 / 0.05
+    for frequency, seen in figure_18.SEEN.items():
+        low, high = result.tilted.ranges[frequency]
+        assert -low == pytest.approx(seen, rel=1e-3)
+        assert high < 0.0
