@@ -18,12 +18,13 @@ from .threads import progress_bar, run_over, slices
 
 _ITERATIONS = 8
 _ROUNDING = 1e-13  # residual, scaled, that no step makes smaller
+_CONVERGED = 3e-14  # step, scaled, that changes the derivatives by no more than their own tolerance
 _FLOOR = 1e-7  # steps below this that no longer shrink by half are rounding
 _NEAR = 0.3  # distance of a solution from its guess, scaled, beyond which it is on another branch
 _FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss where it was foreseen
-_SHORTEST = 2.0**-10  # step, as a share of the way to a neighbour
+_SHORTEST = 2.0**-6  # step, as a share of the way to a neighbour
 _CAREFUL = 2.0**-5  # the same where branches may cross
-_TRIES = 3  # neighbours from which a point is sought
+_TRIES = 2  # neighbours from which a point is sought in short steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[
         length = np.abs(step).max(axis=-1, initial=0.0)
         # At a crossing through +1 the residual alone tells that the state is known.
         done = (np.abs(residual) <= _ROUNDING).all(axis=-1)
-        done |= regular & (last[active] <= _FLOOR) & (length >= 0.5 * last[active])
+        done |= regular & ((length <= _CONVERGED) | ((last[active] <= _FLOOR) & (length >= 0.5 * last[active])))
         found.states[active[done]] = unknowns[active[done], :d] * scale
         found.matrices[active[done]] = (own[done] + np.eye(d)) * scale[:, None] / scale
         drifts = np.linalg.solve(safe[done], -slopes[done][..., d:]) * scale[:, None] / spans
@@ -120,6 +121,24 @@ def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[
     return found
 
 
+def _stride(problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]) -> _Solved:
+    """Return the orbits at parameters `after` (n, m) where they are as foreseen from `before`, and on the same side."""
+    foreseen = np.einsum("nij,nj->ni", begin.drifts, after - before)
+    found = _solve(problem, begin.states + foreseen, after)
+    wrong = ~(_as_foreseen(problem, begin, found, foreseen) & (begin.sides * found.sides > 0.0))
+    found.states[wrong] = found.matrices[wrong] = np.nan
+    return found
+
+
+def _as_foreseen(
+    problem: OrbitProblem, begin: _Solved, end: _Solved, foreseen: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    scale = problem.scale[: problem.dimension]
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs((end.states - begin.states - foreseen) / scale).max(axis=-1)
+        return np.asarray(wrong <= _FORESEEN * np.abs(foreseen / scale).max(axis=-1) + _SMALL)
+
+
 def _walk(
     problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64], longest: float = 1.0
 ) -> _Solved:
@@ -127,7 +146,7 @@ def _walk(
 
     A step, as a share of the way, is halved where the orbit is not where its derivatives by the parameters foresaw it.
     """
-    here, d = begin[np.arange(len(before))], problem.dimension
+    here = begin[np.arange(len(before))]
     share, step = np.zeros(len(before)), np.full(len(before), longest)
     active = np.flatnonzero(np.isfinite(here.states).all(axis=-1))
     while len(active):
@@ -136,10 +155,7 @@ def _walk(
         foreseen = np.einsum("nij,nj->ni", here.drifts[active], moved)
         to = before[active] + (share[active] + step[active])[:, None] * (after[active] - before[active])
         there = _solve(problem, here.states[active] + foreseen, to)
-        with np.errstate(invalid="ignore"):
-            wrong = np.abs((there.states - here.states[active] - foreseen) / problem.scale[:d]).max(axis=-1)
-            expected = np.abs(foreseen / problem.scale[:d]).max(axis=-1)
-            good = wrong <= _FORESEEN * expected + _SMALL
+        good = _as_foreseen(problem, here[active], there, foreseen)
         here[active[good]] = there[good]
         share[active[good]] += step[active[good]]
         step[active] = np.where(good, np.minimum(2.0 * step[active], longest), 0.5 * step[active])
@@ -193,16 +209,20 @@ def follow_over(
     known, tries = np.zeros(shape, bool), np.zeros(shape, np.int64)
     known[first] = True
     front = np.array([first])
+    hard = np.empty((0, 2, 2), np.int64)
     with progress_bar(known.size, progress) as tick:
-        while len(front):
-            begins, places = _neighbours(front, known, tries)
-            tries[tuple(places.T)] += 1
+        while len(front) or len(hard):
+            # Most points are one step away; the others wait until they are many.
+            easy = bool(len(front))
+            links = _links(front, known) if easy else hard
+            begins, places = links[:, 0], links[:, 1]
             before, after = (np.stack([x[p[:, 1]], y[p[:, 0]]], axis=-1) for p in (begins, places))
             nearest = grid[tuple(begins.T)]
             parts: dict[int, _Solved] = {}
 
             def work(part: slice) -> None:
-                parts[part.start] = _walk_on_one_branch(problem, nearest[part], before[part], after[part])  # noqa: B023
+                walk = _stride if easy else _walk_on_one_branch  # noqa: B023
+                parts[part.start] = walk(problem, nearest[part], before[part], after[part])  # noqa: B023
 
             run_over(slices(len(places), CHUNK), work)
             for begin, found in parts.items():
@@ -210,21 +230,25 @@ def follow_over(
                 good = np.isfinite(found.states).all(axis=-1)
                 grid[tuple(there[good].T)] = found[good]
                 known[tuple(there[good].T)] = True
+            if easy:
+                hard = np.concatenate([hard, links[~known[tuple(places.T)]]])
+            else:
+                tries[tuple(places.T)] += 1
+                hard = np.empty((0, 2, 2), np.int64)
             front = places[known[tuple(places.T)]]
+            hard = hard[~known[tuple(hard[:, 1].T)] & (tries[tuple(hard[:, 1].T)] < _TRIES)]
+            hard = hard[np.unique(hard[:, 1], axis=0, return_index=True)[1]]
             tick(len(front))
     return FollowedOrbit(problem, x, y, grid)
 
 
-def _neighbours(
-    front: NDArray[np.int64], known: NDArray[np.bool_], tries: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return places of a front with an unknown place next to each, every such place once."""
-    begins, places = [], []
+def _links(front: NDArray[np.int64], known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return pairs (n, 2, 2) of a place of a front and an unknown one next to it, every such place once."""
+    links = []
     for move in np.array([[0, 1], [0, -1], [1, 0], [-1, 0]]):
         there = front + move
         inside = np.asarray(((there >= 0) & (there < known.shape)).all(axis=1))
-        inside[inside] &= ~known[tuple(there[inside].T)] & (tries[tuple(there[inside].T)] < _TRIES)
-        begins.append(front[inside])
-        places.append(there[inside])
-    unique, index = np.unique(np.concatenate(places), axis=0, return_index=True)
-    return np.concatenate(begins)[index], unique
+        inside[inside] &= ~known[tuple(there[inside].T)]
+        links.append(np.stack([front[inside], there[inside]], axis=1))
+    every = np.concatenate(links)
+    return every[np.unique(every[:, 1], axis=0, return_index=True)[1]]
