@@ -61,6 +61,7 @@ class Bifurcation:
     after: int
     place: int
     _unknowns: NDArray[np.float64] = field(repr=False)
+    _along: NDArray[np.float64] = field(repr=False)
     _aside: NDArray[np.float64] | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:

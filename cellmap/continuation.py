@@ -178,14 +178,22 @@ def born_orbit(
     rounds = 2 if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING else 1
     scale = np.append(shrinking * old.scale[:-1], span)
     problem = replace(old, period=rounds * old.period, turns=rounds * old.turns, scale=scale)
-    origin = bifurcation._unknowns * old.scale / scale
-    aside = side * bifurcation._aside * old.scale / scale
-    aside /= np.linalg.norm(aside)
+    origin, aside, along = (
+        v * old.scale / scale for v in (bifurcation._unknowns, bifurcation._aside, bifurcation._along)
+    )
+    aside, along = side * aside / np.linalg.norm(aside), along / np.linalg.norm(along)
+    # Across the old branch, so that this is not found again.
+    normal = aside - (aside @ along) * along
+    normal /= np.linalg.norm(normal)
     first = min(_ASIDE, walker.longest)
     while first > 1e-6:
-        start = corrected(problem, origin + first * aside, aside)
-        if start is not None and np.linalg.norm(start.unknowns - origin) < 3.0 * first:
-            return replace(walker, problem=problem), start
+        start = corrected(problem, origin + first * aside, normal)
+        if start is not None:
+            away = float(np.linalg.norm(start.unknowns - origin))
+            # A doubled orbit is not closed after one round.
+            open_by = float(np.linalg.norm(old(start.unknowns * scale / old.scale)[0] * old.scale[:-1] / scale[:-1]))
+            if away < 3.0 * first and (rounds == 1 or open_by > 0.1 * away):
+                return replace(walker, problem=problem), start
         first *= 0.5
     return None
 
@@ -310,10 +318,10 @@ class Walker:
     def _event(self, kind: BifurcationKind, place: Place, stride: Stride) -> Bifurcation | None:
         """Return what is known of a bifurcation; None for two real multipliers whose product passes 1."""
         problem, d = self.problem, self.problem.dimension
-        unknowns, aside = place.unknowns, None
+        unknowns, along, aside = place.unknowns, place.tangent, None
         if kind is BifurcationKind.PITCHFORK:
             meeting = crossing(problem, unknowns, stride.begin.tangent)
-            unknowns, aside = meeting.unknowns, meeting.aside
+            unknowns, along, aside = meeting.unknowns, meeting.along, meeting.aside
             place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
             if abs(aside[-1]) > _VERTICAL:
                 kind = BifurcationKind.TRANSCRITICAL
@@ -337,6 +345,7 @@ class Walker:
             after=counts[1] if abs(counts[1] - counts[0]) == changes else after,
             place=0,
             _unknowns=unknowns,
+            _along=along,
             _aside=aside,
         )
 

@@ -16,6 +16,8 @@ from .pointmap import PointMap
 from .sweep import swept_map
 from .tracing import Place
 
+_FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
+
 
 @dataclass(frozen=True, eq=False)
 class OrbitProblem:
@@ -95,28 +97,27 @@ def orbit_problem(
         )
     # Balancing the derivative tells what displacements of different coordinates go together.
     ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
-    return OrbitProblem(
-        exact, swept, period, turns, np.append(_size(state, matrices, turn, ratios, spans) * ratios, spans)
-    )
+    scale = _sizes(state, matrices, turn, ratios, spans)
+    return OrbitProblem(exact, swept, period, turns, np.append(scale, spans))
 
 
-def _size(
+def _sizes(
     state: NDArray[np.float64],
     matrices: NDArray[np.float64],
     turn: NDArray[np.float64],
     ratios: NDArray[np.float64],
     spans: tuple[float, ...],
-) -> float:
-    """Return the natural size of displacements, where those of the coordinates are in given ratios.
+) -> NDArray[np.float64]:
+    """Return the natural sizes of displacements (d,), where those that go together have given ratios.
 
     A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
     """
-    angles = turn > 0
-    if angles.any():
-        return float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
-    d = len(state)
-    size = float(np.abs(state / ratios).max())
+    d, angles = len(state), turn > 0
     drift = np.linalg.lstsq(np.eye(d) - matrices[:d, :d], matrices[:d, d:] * spans, rcond=1e-3)[0]
-    furthest = float(np.abs(drift / ratios[:, None]).max())
-    size = max(size, min(furthest, 10.0 * size) if size > 1e-9 else furthest)
-    return size if size > 1e-9 else 1.0
+    furthest = np.abs(drift).max(axis=1)
+    if angles.any():
+        size = float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
+        return np.where(angles, size * ratios, np.clip(furthest, size * ratios, _FARTHEST * size * ratios))
+    size, longest = float(np.abs(state / ratios).max()), float((furthest / ratios).max())
+    size = max(size, min(longest, 10.0 * size) if size > 1e-9 else longest)
+    return (size if size > 1e-9 else 1.0) * ratios
