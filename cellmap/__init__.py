@@ -65,7 +65,9 @@ if TYPE_CHECKING:
     from .plot import plot_basin_continuation as plot_basin_continuation
     from .plot import plot_basins as plot_basins
     from .plot import plot_bifurcation_diagram as plot_bifurcation_diagram
+    from .plot import plot_branches as plot_branches
     from .plot import plot_phase_portrait as plot_phase_portrait
+    from .plot import plot_stability_map as plot_stability_map
     from .plot import plot_time_series as plot_time_series
     from .store import StoreError as StoreError
     from .store import load_basins as load_basins
@@ -79,6 +81,8 @@ _LATE = {
             "plot_basins",
             "plot_basin_continuation",
             "plot_bifurcation_diagram",
+            "plot_branches",
+            "plot_stability_map",
             "plot_time_series",
             "plot_phase_portrait",
             "animate",
@@ -141,6 +145,8 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "plot_basins",
     "plot_bifurcation_diagram",
     "plot_basin_continuation",
+    "plot_branches",
+    "plot_stability_map",
     "plot_time_series",
     "plot_phase_portrait",
     "animate",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from .branch import Bifurcation, BifurcationKind, Branch
 from .checks import finite_number, whole_number
 from .coordinates import wrap
-from .multipliers import multipliers_of
+from .multipliers import multipliers_of, pair_on_circle
 from .orbit_problem import OrbitProblem, orbit_problem
 from .threads import progress_bar
 from .tracing import Place, corrected, strides
@@ -136,26 +135,35 @@ def continue_bifurcation(
     start = corrected(problem, unknowns, direction)
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
+    low, high = np.array(box).T / np.array(spans)
     sides = []
     for sign in (-1.0, 1.0):
-        places, end = [start], "most points"
+        places, end = [start], "no convergence"
         label = f"curve of {bifurcation.kind}" if progress else None
         with progress_bar(most, label) as tick:
-            for place in _places(problem, replace(start, tangent=sign * start.tangent), longest):
-                values = place.unknowns[-2:] * spans
-                if not all(low <= v <= high for v, (low, high) in zip(values, box, strict=True)):
-                    end = "left the intervals"
-                    break
-                if bifurcation.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(place):
+            begin = replace(start, tangent=sign * start.tangent)
+            for stride in strides(problem, begin, longest, orbits.growing):
+                there = stride.end.unknowns[-2:]
+                cut = None if (there >= low).all() and (there <= high).all() else stride.cut(exact.dimension, low, high)
+                last = stride.end if cut is None else cut.end
+                if bifurcation.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
                     end = "multipliers met on the real axis"
                     break
-                places.append(place)
+                places.append(last)
                 tick(1)
-                if len(places) > most:
-                    break
-            else:
-                end = "no convergence"
+                if cut is not None:
+                    end = "left the intervals"
+                elif len(places) > 3 and stride.passes(begin, orbits.circles):
+                    end = "closed"
+                elif len(places) > most:
+                    end = "most points"
+                else:
+                    continue
+                break
         sides.append((places, end))
+        if end == "closed":
+            sides.append(([start], end))
+            break
     (back, first_end), (ahead, last_end) = sides
     places = [*back[:0:-1], *ahead]
     states = np.array([p.unknowns for p in places]) * orbits.scale
@@ -181,11 +189,6 @@ def _interval(label: str, given: tuple[float, float], value: float) -> tuple[flo
     return low, high
 
 
-def _places(problem: _Singular, start: Place, longest: float) -> Iterator[Place]:
-    for stride in strides(problem, start, longest):
-        yield stride.end
-
-
 @dataclass(frozen=True, eq=False)
 class _Singular:
     """The orbit's equations with those of a bifurcation, for unknowns (x, q1, q2) in units of a scale."""
@@ -209,7 +212,7 @@ class _Singular:
     def is_real(self, place: Place) -> bool:
         """Tell whether the multipliers whose product is 1 are no complex pair."""
         found = multipliers_of(self.matrix(place))
-        return bool(abs(found[np.argmin(np.abs(np.abs(found) - 1.0))].imag) < _REAL)
+        return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
 
     def _matrices(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         d = self.orbits.dimension

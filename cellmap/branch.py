@@ -30,7 +30,9 @@ class BifurcationKind(StrEnum):
     TRANSCRITICAL = "transcritical"
     """A multiplier passes +1, and a branch that goes on to both sides crosses."""
     NEIMARK_SACKER = "Neimark-Sacker"
-    """A complex pair of multipliers passes the unit circle."""
+    """A complex pair of multipliers passes the unit circle; without damping two pairs collide on it (Krein)."""
+    DEGENERATE = "degenerate"
+    """Several multipliers cross together, as a symmetry or chance has it; what is born there is not said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,9 @@ class Branch:
     def __repr__(self) -> str:
         found = "; ".join(f"{b.kind} at {b.value:.9g}" for b in self.bifurcations) or "no bifurcation"
         span = f"{self.values.min():.6g} to {self.values.max():.6g}"
-        return f"Branch(period {self.period}, {len(self.values)} points, {self.name} from {span}: {found})"
+        early = {end for end in self.ends if end not in ("left the interval", "bifurcation")}
+        ends = f"; ends: {', '.join(sorted(early))}" if early else ""
+        return f"Branch(period {self.period}, {len(self.values)} points, {self.name} from {span}: {found}{ends})"
 
     @property
     def unstable(self) -> NDArray[np.int64]:
@@ -122,7 +126,8 @@ class Branch:
         sides = np.sign(self.values - value)
         found = []
         problem = self._problem
-        for k in np.flatnonzero((sides[:-1] != sides[1:]) & (sides[1:] != 0)):
+        passed = (sides[:-1] != sides[1:]) & ((sides[1:] != 0) | (np.arange(1, len(sides)) == len(sides) - 1))
+        for k in np.flatnonzero(passed):
             share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
             guess = problem.between(self.points[k], self.points[k + 1], share)
             place = corrected(

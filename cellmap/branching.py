@@ -23,8 +23,10 @@ class Crossing:
     aside: NDArray[np.float64]
 
 
-def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing:
+def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing | None:
     """Return the place near a guess where the derivatives (n, n + 1) lose their rank, and both tangents there.
+
+    None where they are not known around it.
 
     The place solves G + mu b = 0 and z D = 0 for the left null vector z of the derivatives D, with an unfolding mu
     that vanishes, so that it is found as accurately as a regular solution.  The tangents are the roots of the algebraic
@@ -35,12 +37,19 @@ def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.flo
     Griewank, Reddien, SIAM Journal on Numerical Analysis 21 (1984) 176; Keller, *Lectures on Numerical Methods in
     Bifurcation Problems* (1987), section 5.
     """
+    try:
+        return _crossing(problem, guess, along)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing:
     unknowns, unfolding = guess.copy(), 0.0
-    left, _, right = np.linalg.svd(problem(unknowns)[1])
+    left, _, right = np.linalg.svd(_finite(problem(unknowns)[1]))
     b, plane = left[:, -1], right[-2:]
     n = len(b)
     for _ in range(_ROUNDS):
-        residual, derivatives = problem(unknowns)
+        residual, derivatives = map(_finite, problem(unknowns))
         bordered = np.zeros((n + 2, n + 2))
         bordered[:n, : n + 1], bordered[:n, n + 1], bordered[n:, : n + 1] = derivatives, b, plane
         inverse = np.linalg.inv(bordered)
@@ -60,12 +69,12 @@ def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.flo
 def _changes(problem: Problem, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the derivatives of the derivatives by each unknown, shape (n + 1, n, n + 1)."""
     offsets = _DIFFERENCE * np.eye(len(unknowns))
-    slopes = problem(np.concatenate([unknowns + offsets, unknowns - offsets]))[1]
+    slopes = _finite(problem(np.concatenate([unknowns + offsets, unknowns - offsets]))[1])
     return (slopes[: len(offsets)] - slopes[len(offsets) :]) / (2.0 * _DIFFERENCE)
 
 
 def _tangents(problem: Problem, unknowns: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing:
-    left, _, right = np.linalg.svd(problem(unknowns)[1])
+    left, _, right = np.linalg.svd(_finite(problem(unknowns)[1]))
     plane = right[-2:]
     curved = plane @ np.einsum("i,kij->kj", left[:, -1], _changes(problem, unknowns)) @ plane.T
     size, axes = np.linalg.eigh(0.5 * (curved + curved.T))
@@ -80,3 +89,9 @@ def _tangents(problem: Problem, unknowns: NDArray[np.float64], along: NDArray[np
             known, other = other, known
     known *= np.copysign(1.0, known @ along) / np.linalg.norm(known)
     return Crossing(unknowns, known, other / np.linalg.norm(other))
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.isfinite(values).all():
+        raise np.linalg.LinAlgError("values that are not finite")
+    return values

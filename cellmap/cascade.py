@@ -130,7 +130,7 @@ def period_doubling_cascade(
     ends = frozenset({BifurcationKind.PERIOD_DOUBLING, BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER})
     interval = (min(value, last), max(value, last))
     walker = Walker(exact, name, problem, interval, _STEP, _POINTS, None, ends)
-    if start is None or walker.unstable(start):
+    if start is None or walker.watch.unstable(start):
         raise ValueError(f"orbit={orbit!r}: give a stable orbit of this map")
     start = replace(start, tangent=start.tangent * np.sign((last - value) * start.tangent[-1]))
     found: list[Bifurcation] = []

@@ -7,24 +7,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor
 from .branch import Bifurcation, BifurcationKind, Branch
-from .branching import crossing
-from .checks import finite_number, whole_number
+from .checks import finite_number, finite_points, whole_number
 from .coordinates import wrap
-from .multipliers import multipliers_of, unstable_count
+from .events import TESTS, Watch
 from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem, begin_orbit, orbit_problem
 from .pointmap import PointMap
 from .threads import progress_bar
 from .tracing import Place, Stride, corrected, strides, tangent_of
 
-_REFUSALS = 6  # times that a step is halved because multipliers have crossed the circle without a bifurcation
-_REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
-_VERTICAL = 1e-5  # parameter component of the tangent of the branch that a pitchfork gives birth to
-_ASIDE = 0.02  # first step on a new branch, scaled
+_REFUSALS = 6  # halvings of a step on which more seems to happen than is found
+_ASIDE, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
+_ASTRIDE = 0.37  # part of a step beside a start that is a bifurcation
 
 
 def continue_orbit(
@@ -35,6 +33,7 @@ def continue_orbit(
     upper: float,
     step: float = 0.01,
     points: int = 1000,
+    sizes: ArrayLike | None = None,
     progress: bool = False,
 ) -> Branch:
     """Follow a periodic orbit through a parameter, around folds, and find its bifurcations.
@@ -56,9 +55,14 @@ def continue_orbit(
     lower, upper : float
         Interval of its values, in its unit, that holds the present one.
     step : float, optional
-        Longest step, where the interval has the length 1 and a coordinate its natural size.
+        Longest step, where the interval has the length 1 and a coordinate its natural size, or the size that it has
+        come to on the branch.
     points : int, optional
-        Most points to either side.
+        Most points to either side; `ends` of the branch says where they did not suffice.
+    sizes : array_like, shape (dimension,), optional
+        Natural sizes of displacements, in units of the coordinates.  By default a radian for an angle, and for others
+        what goes with it, or what the state and its drift with the parameter tell; give them for an equilibrium at 0
+        in unusual units.
     progress : bool, optional
         Show progress on a terminal.
 
@@ -93,12 +97,20 @@ def continue_orbit(
     value = float(exact.params[name])
     if not low <= value <= high:
         raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must hold {name}={value:g} of the map")
-    problem = orbit_problem(exact, state, period, (name,), (high - low,))
+    own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
+    if own is not None and not (own > 0.0).all():
+        raise ValueError(f"sizes={own.tolist()}: give positive numbers")
+    for end in (low, high):
+        exact.with_params(**{name: end})
+    problem = orbit_problem(exact, state, period, (name,), (high - low,), own)
     start = corrected(problem, np.append(state, value) / problem.scale, problem.upright)
     if start is None:
         start = _at_a_fold(problem, np.append(state, value) / problem.scale)
     walker = Walker(exact, name, problem, (low, high), longest, most, f"continuation in {name}" if progress else None)
+    start = walker.clear_start(start)
     ahead = walker.walk(start)
+    if ahead.end == "closed":
+        return replace(walker.branch(None, ahead), ends=("closed", "closed"))
     back = walker.walk(replace(start, tangent=-start.tangent))
     return walker.branch(back.reversed(), ahead)
 
@@ -177,7 +189,7 @@ def born_orbit(
     old = walker.problem
     rounds = 2 if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING else 1
     scale = np.append(shrinking * old.scale[:-1], span)
-    problem = replace(old, period=rounds * old.period, turns=rounds * old.turns, scale=scale)
+    problem = replace(old, period=rounds * old.period, scale=scale)
     origin, aside, along = (
         v * old.scale / scale for v in (bifurcation._unknowns, bifurcation._aside, bifurcation._along)
     )
@@ -186,7 +198,7 @@ def born_orbit(
     normal = aside - (aside @ along) * along
     normal /= np.linalg.norm(normal)
     first = min(_ASIDE, walker.longest)
-    while first > 1e-6:
+    while first > _NEAREST:
         start = corrected(problem, origin + first * aside, normal)
         if start is not None:
             away = float(np.linalg.norm(start.unknowns - origin))
@@ -234,127 +246,85 @@ class Walker:
     label: str | None
     stop_at: frozenset[BifurcationKind] = frozenset()
 
+    @property
+    def watch(self) -> Watch:
+        """What looks for bifurcations."""
+        return Watch(self.problem)
+
+    @property
+    def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        low, high = (v / self.problem.scale[-1:] for v in self.interval)
+        slack = 1e-13 * np.maximum(np.abs(low), np.abs(high))
+        return low - slack, high + slack
+
     def walk(self, start: Place) -> Walk:
         """Follow the branch along the tangent of a place."""
-        low, high = (v / self.problem.scale[-1] for v in self.interval)
-        slack = 1e-12 * max(abs(low), abs(high))
+        low, high = self._edges
         places, found = [start], []
-        end = "most points"
         with progress_bar(self.most, self.label) as tick:
             for stride, events in self._strides(start):
-                if not low - slack <= stride.end.unknowns[-1] <= high + slack:
-                    edge = low if stride.end.unknowns[-1] < low else high
-                    last = stride.located(lambda place, edge=edge: place.unknowns[-1] - edge)  # type: ignore[misc]
-                    inside = [b for b in events if low - slack <= b._unknowns[-1] <= high + slack]
-                    found += [replace(b, place=len(places) - 1) for b in inside]
-                    if last is not None and last.unknowns[-1] != places[-1].unknowns[-1]:
-                        places.append(last)
-                    return Walk(places, found, "left the interval")
                 found += [replace(b, place=len(places) - 1) for b in events]
                 places.append(stride.end)
                 tick(1)
                 if any(b.kind in self.stop_at and not b.before for b in events):
                     return Walk(places, found, "bifurcation")
-                if len(places) > 3 and self._closes(places[0], stride):
+                if not low < stride.end.unknowns[-1] < high:
+                    return Walk(places, found, "left the interval")
+                if len(places) > 3 and stride.passes(start, self.problem.circles):
                     return Walk(places, found, "closed")
                 if len(places) > self.most:
-                    return Walk(places, found, end)
-        return Walk(places, found, "no convergence")
+                    return Walk(places, found, "most points")
+        inside = low < places[-1].unknowns[-1] < high
+        return Walk(places, found, "no convergence" if inside else "left the interval")
+
+    def clear_start(self, start: Place) -> Place:
+        """Return a place next to a start that is a bifurcation itself, so that this is passed; else the start."""
+        low, high = self._edges
+        here = self.watch.sight(start)
+        for sign in (-1.0, 1.0):
+            length = sign * _ASTRIDE * self.longest
+            there = corrected(self.problem, start.unknowns + length * start.tangent, start.tangent)
+            if there is not None and low < there.unknowns[-1] < high:
+                beside = self.watch.sight(there)
+                if not here.is_singular(beside):
+                    return start
+                if not beside.is_singular(beside):
+                    return there
+        return start
 
     def _strides(self, start: Place) -> Iterator[tuple[Stride, list[Bifurcation]]]:
-        """Yield strides with the bifurcations on them; repeat those on which something was passed over."""
-        steps = strides(self.problem, start, self.longest)
+        """Yield strides with the bifurcations on them, the last one cut at the interval.
+
+        A stride is repeated with half its length where a test function vanishes at its end, where one seems to have
+        been to zero and back, and where the bifurcations found do not explain the number of unstable multipliers.
+        """
+        watch, (low, high) = self.watch, self._edges
+        steps = strides(self.problem, start, self.longest, self.problem.growing)
         stride: Stride | None = next(steps, None)
-        refusals = 0
+        before, slopes = watch.sight(start), np.zeros(len(TESTS))
         while stride is not None:
-            events = self._events(stride)
-            counts = [self.unstable(p) for p in (stride.begin, stride.end)]
-            explained = sum(b.after - b.before for b in events)
-            if counts[1] - counts[0] != explained and refusals < _REFUSALS:
-                refusals += 1
+            part = stride
+            if not low <= stride.end.unknowns[-1] <= high:
+                cut = stride.cut(self.problem.dimension, low, high)
+                if cut is None:
+                    stride = _send(steps, True)
+                    continue
+                part = cut
+            after = watch.sight(part.end)
+            events, clear = watch.events(part, before, after)
+            # A line through the last two values tells where a function heads.
+            headed = np.where(before.tests + slopes * part.length < 0.0, -1, 1)
+            back = (headed != before.sides) & (after.sides == before.sides) & before.watched & after.watched
+            doubtful = after.is_singular(before) or not clear or bool(back.any())
+            if doubtful and part is stride and stride.length > self.longest * 2.0**-_REFUSALS:
                 stride = _send(steps, True)
                 continue
-            refusals = 0
-            yield stride, events
+            if part.length > 0.0:
+                yield part, events
+            if part is not stride:
+                return
+            before, slopes = after, (after.tests - before.tests) / part.length
             stride = _send(steps, False)
-
-    def unstable(self, place: Place) -> int:
-        """Return the number of unstable multipliers at a place."""
-        return int(unstable_count(self._multipliers(place)))
-
-    def _multipliers(self, place: Place) -> NDArray[np.complex128]:
-        return multipliers_of(self.problem.matrix(place))
-
-    def _events(self, stride: Stride) -> list[Bifurcation]:
-        """Return the bifurcations on a stride, in its order."""
-        events = []
-        # Without damping the product of all is 1 everywhere, but for rounding.
-        conservative = all(abs(abs(np.prod(self._multipliers(p))) - 1.0) < 1e-9 for p in (stride.begin, stride.end))
-        for test, kind in (
-            (lambda p: float(p.tangent[-1]), BifurcationKind.FOLD),
-            (lambda p: p.bordered, BifurcationKind.PITCHFORK),
-            (self._minus_one, BifurcationKind.PERIOD_DOUBLING),
-            (self._pair, BifurcationKind.NEIMARK_SACKER),
-        ):
-            ends = test(stride.begin), test(stride.end)
-            if ends[0] * ends[1] < 0.0 and not (conservative and kind is BifurcationKind.NEIMARK_SACKER):
-                place = stride.located(test)
-                if place is None and kind is BifurcationKind.PITCHFORK:
-                    # Next to a crossing corrections may fail; the crossing itself is found from afar.
-                    place = stride.interpolated(ends[0] / (ends[0] - ends[1]))
-                if place is not None and (event := self._event(kind, place, stride)) is not None:
-                    events.append(event)
-        along = stride.begin.tangent
-        return sorted(events, key=lambda b: float(along @ b._unknowns))
-
-    def _minus_one(self, place: Place) -> float:
-        return float(np.linalg.det(self.problem.matrix(place) + np.eye(self.problem.dimension)))
-
-    def _pair(self, place: Place) -> float:
-        found = self._multipliers(place)
-        i, j = np.triu_indices(len(found), 1)
-        return float(np.prod(found[i] * found[j] - 1.0).real) if len(i) else 1.0
-
-    def _event(self, kind: BifurcationKind, place: Place, stride: Stride) -> Bifurcation | None:
-        """Return what is known of a bifurcation; None for two real multipliers whose product passes 1."""
-        problem, d = self.problem, self.problem.dimension
-        unknowns, along, aside = place.unknowns, place.tangent, None
-        if kind is BifurcationKind.PITCHFORK:
-            meeting = crossing(problem, unknowns, stride.begin.tangent)
-            unknowns, along, aside = meeting.unknowns, meeting.along, meeting.aside
-            place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
-            if abs(aside[-1]) > _VERTICAL:
-                kind = BifurcationKind.TRANSCRITICAL
-        matrix, multipliers = problem.matrix(place), self._multipliers(place)
-        if kind is BifurcationKind.NEIMARK_SACKER:
-            on_circle = np.argmin(np.abs(np.abs(multipliers) - 1.0))
-            if abs(multipliers[on_circle].imag) < _REAL:
-                return None
-        if kind is BifurcationKind.PERIOD_DOUBLING:
-            aside = np.append(np.linalg.svd(matrix + np.eye(d))[2][-1], 0.0)
-        counts = [self.unstable(p) for p in (stride.begin, stride.end)]
-        changes = {BifurcationKind.NEIMARK_SACKER: 2}.get(kind, 1)
-        after = counts[0] + changes if counts[1] > counts[0] else counts[0] - changes
-        state = unknowns * problem.scale
-        return Bifurcation(
-            kind=kind,
-            value=float(state[-1]),
-            point=wrap(state[:d], self.point_map.coordinates),
-            multipliers=multipliers,
-            before=counts[0],
-            after=counts[1] if abs(counts[1] - counts[0]) == changes else after,
-            place=0,
-            _unknowns=unknowns,
-            _along=along,
-            _aside=aside,
-        )
-
-    def _closes(self, start: Place, stride: Stride) -> bool:
-        """Tell whether a stride comes back to the start of the branch."""
-        apart = start.unknowns - stride.begin.unknowns
-        passed = 0.0 < float(stride.begin.tangent @ apart) <= stride.length
-        aligned = float(start.tangent @ stride.begin.tangent) > 0.9
-        return passed and aligned and bool(np.linalg.norm(apart) <= 1.1 * stride.length)
 
     def branch(self, back: Walk | None, ahead: Walk) -> Branch:
         """Join what was found to both sides of the start."""
@@ -365,9 +335,9 @@ class Walker:
         return Branch(
             name=self.name,
             period=self.problem.period,
-            values=unknowns[:, -1],
+            values=np.clip(unknowns[:, -1], *self.interval),
             points=wrap(unknowns[:, :-1], self.point_map.coordinates),
-            multipliers=np.array([self._multipliers(p) for p in places]),
+            multipliers=np.array([self.watch.multipliers(p) for p in places]),
             bifurcations=(*(back.found if back else []), *found),
             ends=("bifurcation" if back is None else back.end, ahead.end),
             point_map=self.point_map,

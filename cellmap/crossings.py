@@ -93,8 +93,9 @@ class CrossingFunctions:
             tests[:, Crossing.MINUS_ONE] = (a + 1.0) * (e + 1.0) - b * c
             tests[:, Crossing.NEIMARK_SACKER] = excess
         else:
-            tests[:, Crossing.PLUS_ONE] = np.linalg.det(matrices - np.eye(d))
-            tests[:, Crossing.MINUS_ONE] = np.linalg.det(matrices + np.eye(d))
+            known = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))[:, None, None]
+            for which, sign in ((Crossing.PLUS_ONE, -1.0), (Crossing.MINUS_ONE, 1.0)):
+                tests[:, which] = np.linalg.det(np.where(known, matrices, 0.0) + sign * np.eye(d))
             first, second = np.triu_indices(d, 1)
             tests[:, Crossing.NEIMARK_SACKER] = np.prod(found[:, first] * found[:, second] - 1.0, axis=-1).real
         with np.errstate(divide="ignore"):

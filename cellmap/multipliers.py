@@ -36,6 +36,13 @@ def multipliers_of(
     return found
 
 
+def pair_on_circle(multipliers: NDArray[np.complex128]) -> tuple[int, int]:
+    """Return the numbers of the two of some multipliers (d,), d > 1, whose product is nearest to 1."""
+    i, j = np.triu_indices(len(multipliers), 1)
+    nearest = int(np.argmin(np.abs(multipliers[i] * multipliers[j] - 1.0)))
+    return int(i[nearest]), int(j[nearest])
+
+
 def _of_two(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Eigenvalues of 2 x 2 matrices: the smaller from the determinant, without a difference of nearly equal numbers."""
     (a, b), (c, e) = np.moveaxis(matrices, 0, -1)

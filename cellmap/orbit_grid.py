@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor
 from .checks import claim_memory
+from .coordinates import difference
 from .crossings import Matrices
 from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem, begin_orbit, orbit_problem
-from .pointmap import CHUNK, PointMap, Status
+from .pointmap import CHUNK, PointMap, Status, follow
 from .threads import progress_bar, run_over, slices
 
 _ITERATIONS = 8
@@ -24,6 +25,7 @@ _NEAR = 0.3  # distance of a solution from its guess, scaled, beyond which it is
 _FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss where it was foreseen
 _SHORTEST = 2.0**-6  # step, as a share of the way to a neighbour
 _CAREFUL = 2.0**-5  # the same where branches may cross
+_OPEN = 1e-5  # distance, scaled, by which an orbit is open before its period is over
 _TRIES = 2  # neighbours from which a point is sought in short steps
 
 
@@ -118,7 +120,26 @@ def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[
         unknowns[active[~done & regular], :d] += step[~done & regular]
         near = np.abs(unknowns[active, :d] - guesses[active] / scale).max(axis=-1) <= _NEAR
         active = active[~done & regular & near]
+    shorter = _repeat_themselves(problem, found.states, values)
+    found.states[shorter] = found.matrices[shorter] = np.nan
     return found
+
+
+def _repeat_themselves(
+    problem: OrbitProblem, states: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which orbits have a shorter period: a doubled orbit's parent solves its equations too."""
+    repeated = np.zeros(len(states), bool)
+    rows = np.flatnonzero(np.isfinite(states).all(axis=-1)) if problem.period > 1 else np.empty(0, np.int64)
+    if len(rows):
+        begin = np.concatenate([states[rows], values[rows]], axis=-1)
+        orbit, d = begin, problem.dimension
+        for k in range(1, problem.period // 2 + 1):
+            orbit = follow(problem.swept, orbit, 1).points
+            if problem.period % k == 0:
+                apart = difference(orbit[:, :d], begin[:, :d], problem.point_map.coordinates) / problem.scale[:d]
+                repeated[rows] |= (np.abs(apart) <= _OPEN).all(axis=-1)
+    return repeated
 
 
 def _stride(problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]) -> _Solved:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from .attractor import Attractor
-from .coordinates import turns_of
+from .coordinates import difference, turns_of
 from .jacobian import tangent
 from .orbit import PeriodicOrbit
 from .pointmap import PointMap
@@ -21,18 +21,32 @@ _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's
 
 @dataclass(frozen=True, eq=False)
 class OrbitProblem:
-    """The equations P^period(x; q) - x = turns of angles, for unknowns (x, q) in units of `scale`."""
+    """The equations P^period(x; q) = x, up to turns of angles, for unknowns (x, q) in units of `scale`."""
 
     point_map: PointMap
     swept: PointMap
     period: int
-    turns: NDArray[np.float64]
     scale: NDArray[np.float64]
 
     @property
     def dimension(self) -> int:
         """Number of state variables."""
         return self.point_map.dimension
+
+    @property
+    def around(self) -> NDArray[np.float64]:
+        """Turns of the state variables, 0 for those on the line."""
+        return turns_of(self.point_map.coordinates)[1]
+
+    @property
+    def circles(self) -> NDArray[np.float64]:
+        """Turns of the unknowns in their units, 0 for those on the line."""
+        return np.append(self.around, np.zeros(len(self.scale) - self.dimension)) / self.scale
+
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """State variables on the line: their natural size is theirs along the branch."""
+        return np.append(self.around == 0, np.zeros(len(self.scale) - self.dimension, bool))
 
     @property
     def upright(self) -> NDArray[np.float64]:
@@ -44,7 +58,11 @@ class OrbitProblem:
         d = self.dimension
         state = unknowns * self.scale
         images, matrices = tangent(self.swept, state, self.period)
-        residual = (images[..., :d] - state[..., :d] - self.turns) / self.scale[:d]
+        moved = images[..., :d] - state[..., :d]
+        # Where an angle that enters other images crosses its cut, these jump by whole turns.
+        residual = (moved - self.around * np.round(moved / np.where(self.around > 0, self.around, 1.0))) / self.scale[
+            :d
+        ]
         slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
         return residual, slopes
 
@@ -54,10 +72,7 @@ class OrbitProblem:
 
     def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
         """Return a state between two neighbours, along angles the shorter way."""
-        turn = turns_of(self.point_map.coordinates)[1]
-        shift = second - first
-        shift -= np.where(turn > 0, turn * np.round(shift / np.where(turn > 0, turn, 1.0)), 0.0)
-        return first + share * shift
+        return first + share * difference(second, first, self.point_map.coordinates)
 
 
 def begin_orbit(
@@ -79,26 +94,29 @@ def begin_orbit(
 
 
 def orbit_problem(
-    exact: PointMap, state: NDArray[np.float64], period: int, names: tuple[str, ...], spans: tuple[float, ...]
+    exact: PointMap,
+    state: NDArray[np.float64],
+    period: int,
+    names: tuple[str, ...],
+    spans: tuple[float, ...],
+    sizes: NDArray[np.float64] | None = None,
 ) -> OrbitProblem:
-    """Return the equations of a periodic orbit near a state, scaled by a coordinate's natural size and the spans."""
+    """Return the equations of a periodic orbit near a state, scaled by coordinates' natural sizes and by the spans."""
     swept = swept_map(exact, *names)
     d = exact.dimension
     values = [exact.params[name] for name in names]
     images, matrices = tangent(swept, np.append(state, values), period)
-    turn = turns_of(exact.coordinates)[1]
-    around = np.where(turn > 0, turn, 1.0)
-    moved = images[:d] - state
-    turns = np.where(turn > 0, turn * np.round(moved / around), 0.0)
-    if not (np.abs(moved - turns) <= 1e-4 * (1.0 + np.abs(state))).all():
+    moved = difference(images[:d], state, exact.coordinates)
+    if not (np.abs(moved) <= 1e-4 * (1.0 + np.abs(state))).all():
         raise ValueError(
             f"orbit through {state.tolist()} is no orbit of period {period} of {exact!r}: it moves by "
-            f"{(moved - turns).tolist()}; take it from this map with its present parameters"
+            f"{moved.tolist()}; take it from this map with its present parameters"
         )
-    # Balancing the derivative tells what displacements of different coordinates go together.
-    ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
-    scale = _sizes(state, matrices, turn, ratios, spans)
-    return OrbitProblem(exact, swept, period, turns, np.append(scale, spans))
+    if sizes is None:
+        # Balancing the derivative tells what displacements of different coordinates go together.
+        ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
+        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], ratios, spans)
+    return OrbitProblem(exact, swept, period, np.append(sizes, spans))
 
 
 def _sizes(

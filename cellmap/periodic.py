@@ -140,8 +140,11 @@ def damped_newton(
             foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
             length = np.linalg.norm(steps[active] / extent, axis=-1)
             shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * share[active]) * length
-        taken = finite & shorter
-        again = active[~taken]
+        # A solution at which another one is born has no next step, and needs none.
+        closed = finite & (np.abs(residual) <= 4e-15 * resolution(points[active], extent)).all(axis=-1)
+        settled[active[closed]] = True
+        taken = finite & shorter & ~closed
+        again = active[~taken & ~closed]
         share[again] *= 0.5
         points[again] = base[again] + share[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
         accepted = active[taken]

@@ -14,9 +14,12 @@ Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.
 
 _ITERATIONS = 10
 _CONVERGED = 1e-14  # scaled length of a Newton step that moves nothing any more
-_FLOOR = 1e-6  # Newton steps below this that no longer shrink by half are rounding
+_FLOOR = 1e-6  # Newton steps below this that no longer shrink by half are rounding,
+_ROUNDING = 1e-10  # if the residual is
 _STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which a step was too long
 _SHORTEST = 1e-9
+_REPEATED = 0.43  # no power of it leads back to round numbers
+_ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,8 @@ def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.f
         except np.linalg.LinAlgError:
             return None
         length = float(np.linalg.norm(change))
-        if length <= _CONVERGED or (last <= _FLOOR and not length < 0.5 * last):
+        stays = last <= _FLOOR and not length < 0.5 * last and float(np.abs(residual).max()) <= _ROUNDING
+        if length <= _CONVERGED or stays:
             # The derivatives are those at the place itself, not at one before it.
             tangent = tangent_of(derivatives, normal)
             return None if tangent is None else Place(unknowns, derivatives, tangent)
@@ -103,16 +107,44 @@ class Stride:
         except (FloatingPointError, ValueError):
             return None
 
+    def cut(self, first: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Stride | None:
+        """Return the stride up to where the unknowns from number `first` on leave an interval; None if it has none."""
+        ends = []
+        for k, (low, high) in enumerate(zip(lower, upper, strict=True), first):
+            value = self.end.unknowns[k]
+            if not low <= value <= high:
+                edge = low if value < low else high
+                last = self.located(lambda place, k=k, edge=edge: place.unknowns[k] - edge)  # type: ignore[misc]
+                if last is not None:
+                    last.unknowns[k] = edge
+                    ends.append((self.along(last.unknowns), last))
+        if not ends:
+            return None
+        length, last = min(ends, key=lambda e: e[0])
+        return replace(self, end=last, length=length)
+
+    def along(self, unknowns: NDArray[np.float64]) -> float:
+        """Return how far along the tangent unknowns are."""
+        return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
+
+    def passes(self, place: Place, turns: NDArray[np.float64]) -> bool:
+        """Tell whether it passes through a place in the same direction; unknowns with a turn live on circles."""
+        apart = place.unknowns - self.begin.unknowns
+        apart = apart - np.where(turns > 0, turns * np.round(apart / np.where(turns > 0, turns, 1.0)), 0.0)
+        passed = 0.0 < float(self.begin.tangent @ apart) <= self.length
+        aligned = float(place.tangent @ self.begin.tangent) > _ALIGNED
+        return passed and aligned and bool(np.linalg.norm(apart) <= 1.1 * self.length)
+
 
 def strides(
-    problem: Problem, begin: Place, longest: float, first: float | None = None
+    problem: Problem, begin: Place, longest: float, growing: NDArray[np.bool_]
 ) -> Generator[Stride, bool | None, None]:
     """Yield steps along a curve from a place on it, for ever; stop where no step is short enough.
 
-    Steps are adapted to the number of Newton's iterations, through the angle between tangents, up to `longest`.
-    A stride that is sent back is repeated with half its length.
+    Steps are adapted to the angle between tangents, up to `longest`, or that part of the largest of the unknowns that
+    are `growing`.  A stride that is sent back is repeated with less than half its length.
     """
-    here, length = begin, longest if first is None else first
+    here, length = begin, longest
     while length > _SHORTEST:
         there = corrected(problem, here.unknowns + length * here.tangent, here.tangent)
         turned = -1.0 if there is None else float(here.tangent @ there.tangent)
@@ -121,7 +153,8 @@ def strides(
             continue
         refused = yield Stride(problem, here, there, length)
         if refused:
-            length *= 0.5
+            length *= _REPEATED
             continue
         here = there
-        length = min(longest, length * (1.5 if turned > 0.99 else 0.9))
+        largest = longest * float(np.abs(here.unknowns[growing]).max(initial=1.0))
+        length = min(largest, length * (1.5 if turned > 0.99 else 0.9))

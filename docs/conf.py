@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import inspect
 import os
 import re
+import shutil
 import sys
+from contextlib import redirect_stdout
 from enum import Enum
 from pathlib import Path
 
@@ -14,6 +17,7 @@ from sphinx.application import Sphinx
 
 import cellmap
 from studies import hard_cases
+from studies.__main__ import study_names
 
 project = "cellmap"
 author = "The cellmap developers"
@@ -39,6 +43,10 @@ html_theme_options = {"show_prev_next": True, "secondary_sidebar_items": ["page-
 
 EXPORTS = "<!-- everything that cellmap exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
+GALLERY = "<!-- what the studies draw and print -->"
+
+ROOT = Path(__file__).parents[1]
+GENERATED = Path(__file__).parent / "generated"
 
 
 def exported_names() -> list[str]:
@@ -54,9 +62,7 @@ def exports() -> str:
         by_module.setdefault(getattr(cellmap, name).__module__, []).append(name)
     parts = []
     for module, names in by_module.items():
-        sentence = (inspect.getdoc(sys.modules[module]) or module).split("\n\n")[0].replace("\n", " ")
-        title = re.split("[.:,]", sentence)[0]
-        parts += [f"## {title}", *([sentence] if len(sentence) > len(title) + 1 else [])]
+        parts += headed((inspect.getdoc(sys.modules[module]) or module).split("\n\n")[0].replace("\n", " "))
         parts += [f"```{{eval-rst}}\n{directive(name)}\n```" for name in names]
     return "\n\n".join(parts)
 
@@ -70,32 +76,81 @@ def directive(name: str) -> str:
     return "\n".join([f".. autoclass:: cellmap.{name}", *(f"   {line}" for line in members)])
 
 
-def hard_case_results() -> str:
-    """Return what came out of the hard cases; they run again only where code or reference values have changed."""
-    root = Path(__file__).parents[1]
-    sources = [p for room in ("cellmap", "systems", "studies/hard_cases") for p in sorted((root / room).rglob("*.py"))]
+def headed(text: str) -> list[str]:
+    """Return a heading, which is the beginning of a text, and the text where it says more."""
+    title = re.split("[.:,]", text)[0]
+    return [f"## {title}", *([text] if len(text) > len(title) + 1 else [])]
+
+
+def results(study: str) -> Path:
+    """Return the folder with what a study writes and prints when it is quick.
+
+    It runs again only where its code, or that of the library, or reference values have changed.
+    """
+    rooms = [ROOT / "cellmap", ROOT / "systems", ROOT / "studies" / study]
+    sources = [p for room in rooms for p in sorted(room.rglob("*.py"))]
+    sources += sorted(p for name in (f"{study}[._]*", "_*.py") for p in (ROOT / "studies").glob(name))
     code = hashlib.sha256(b"".join(p.read_bytes() for p in [*sources, hard_cases.TABLE])).hexdigest()
-    kept = Path(__file__).parent / "generated" / f"hard_cases_{code[:16]}.md"
+    kept = GENERATED / f"{study}_{code[:16]}"
     if not kept.exists():
         # The tests have compiled the same kernels, if they have run.
-        os.environ.setdefault("CELLMAP_CACHE_DIR", str(root / ".pytest_cache" / "d" / "kernels"))
-        kept.parent.mkdir(exist_ok=True)
-        for old in kept.parent.glob("hard_cases_*.md"):
-            old.unlink()
-        kept.write_text(hard_cases.page(hard_cases.compute()), encoding="utf-8")
-    return kept.read_text(encoding="utf-8")
+        os.environ.setdefault("CELLMAP_CACHE_DIR", str(ROOT / ".pytest_cache" / "d" / "kernels"))
+        os.environ.setdefault("MPLBACKEND", "Agg")
+        for old in GENERATED.glob(f"{study}_{'[0-9a-f]' * 16}*"):
+            shutil.rmtree(old)
+        unfinished = kept.with_suffix(".unfinished")
+        unfinished.mkdir(parents=True)
+        with (unfinished / "printed.txt").open("w", encoding="utf-8") as printed, redirect_stdout(printed):
+            importlib.import_module(f"studies.{study}").main(quick=True, output=unfinished)
+        unfinished.rename(kept)
+    return kept
+
+
+def hard_case_results() -> str:
+    """Return what came out of the hard cases."""
+    return (results("hard_cases") / "hard_cases.md").read_text(encoding="utf-8")
+
+
+def gallery() -> str:
+    """Return all studies that draw: what each is about, its pictures, and what it prints."""
+    parts = []
+    for study in study_names():
+        folder = results(study)
+        pictures = sorted(folder.glob("*.png"))
+        if not pictures:
+            continue
+        about = inspect.getdoc(importlib.import_module(f"studies.{study}")) or study
+        first, *others = (as_markdown(paragraph) for paragraph in about.split("\n\n"))
+        parts += [*headed(first), *others]
+        parts += [
+            f"```{{figure}} {picture.relative_to(GENERATED.parent).as_posix()}\n:alt: {first}\n:width: 100%\n```"
+            for picture in pictures
+        ]
+        printed = (folder / "printed.txt").read_text(encoding="utf-8").strip()
+        if printed:
+            shown = "<details>\n<summary>What it prints</summary>\n\n```text\n{}\n```\n\n</details>"
+            parts.append(shown.format(printed))
+        parts.append(f"In full: `python -m studies {study}`")
+    return "\n\n".join(parts)
+
+
+def as_markdown(paragraph: str) -> str:
+    """Return a paragraph of plain text as Markdown that shows it as it is; an indented one is a block of code."""
+    if paragraph.startswith("    "):
+        return paragraph
+    return re.sub(r"([\\`*_{}\[\]<>#$|~^])", r"\\\1", " ".join(paragraph.split()))
 
 
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
-    for marker, text in ((EXPORTS, exports), (HARD_CASES, hard_case_results)):
+    for marker, text in ((EXPORTS, exports), (HARD_CASES, hard_case_results), (GALLERY, gallery)):
         if marker in source[0]:
             source[0] = source[0].replace(marker, text())
 
 
 def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     """Name the pages that change with the code, whether or not their own text has."""
-    return ["hard-cases", "reference"]
+    return ["gallery", "hard-cases", "reference"]
 
 
 def setup(app: Sphinx) -> None:

@@ -8,12 +8,21 @@ from math import pi
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgba
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cellmap import Crossing, ForcedSystem, StabilityMap, critical_values, floquet_multipliers, stability_map
+from cellmap import (
+    Crossing,
+    ForcedSystem,
+    StabilityMap,
+    critical_values,
+    floquet_multipliers,
+    plot_stability_map,
+    stability_map,
+)
 from systems import driven_pendulum
 
 State = tuple[float, ...]
@@ -103,21 +112,19 @@ def stability_maps(system: ForcedSystem, states: Mapping[str, State], x: Axis, y
 
 
 def draw_maps(figure: Figure, ax: Axes, maps: Mapping[str, StabilityMap], legend: bool = False) -> None:
-    """Draw how many rest states are stable, with the boundary of each on top; amplitudes are in mm."""
+    """Draw how many rest states are stable, with the boundary of each on top, paler where a complex pair crosses."""
     some = next(iter(maps.values()))
     number = sum((m.unstable == 0).astype(int) for m in maps.values())
     shades = ListedColormap([str(1.0 - 0.55 * k / len(maps)) for k in range(len(maps) + 1)])
     norm = BoundaryNorm(np.arange(len(maps) + 2) - 0.5, shades.N)
-    picture = ax.pcolormesh(some.x, 1e3 * some.y, number, cmap=shades, norm=norm, rasterized=True)
+    picture = ax.pcolormesh(some.x, some.y, number, cmap=shades, norm=norm, rasterized=True)
     if legend:
         figure.colorbar(picture, ax=ax, label="stable rest states", ticks=range(len(maps) + 1))
     for colour, (name, found) in zip(CURVES, maps.items(), strict=False):
-        x = np.append(found.rows.x, found.columns.x)
-        y = 1e3 * np.append(found.rows.y, found.columns.y)
-        through = np.append(found.rows.crossing, found.columns.crossing)
-        pairs = through == Crossing.NEIMARK_SACKER
-        ax.plot(x[~pairs], y[~pairs], ".", color=colour, ms=1.8, label=name)
-        ax.plot(x[pairs], y[pairs], "+", color=colour, ms=2.5)
-    ax.set(ylabel="amplitude (mm)", xlim=(some.x[0], some.x[-1]), ylim=(1e3 * some.y[0], 1e3 * some.y[-1]))
+        colours = {**dict.fromkeys(Crossing, colour), Crossing.NEIMARK_SACKER: to_rgba(colour, 0.5)}
+        plot_stability_map(found, ax, colours, background=False, legend=False)
+        ax.plot([], [], color=colour, label=name)
+    ax.set_ylabel("amplitude (mm)")
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{1e3 * y:g}"))
     if legend:
-        ax.legend(fontsize="x-small", markerscale=5.0, title="limits of")
+        ax.legend(fontsize="x-small", title="limits of")

@@ -14,14 +14,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, to_rgba
 from matplotlib.figure import Figure
 
-from cellmap import CriticalValue, ForcedSystem, StabilityMap, critical_values, stability_map
+from cellmap import (
+    CriticalValue,
+    Crossing,
+    ForcedSystem,
+    StabilityMap,
+    critical_values,
+    plot_stability_map,
+    stability_map,
+)
 from systems import driven_pendulum
 
 STATES = {"hanging": (0.0, 0.0), "inverted": (pi, 0.0)}
@@ -113,24 +122,23 @@ def draw(result: Result) -> Figure:
     for k, (damping, pair) in enumerate(result.maps.items()):
         shade = 0.25 + 0.75 * k / max(1, len(result.maps) - 1)
         for state, found in pair.items():
-            _curve(family, found, CURVES[state], alpha=shade, label=f"{state}, {damping:g} $\\omega_0$")
+            _curve(family, found, to_rgba(CURVES[state], shade), label=f"{state}, {damping:g} $\\omega_0$")
     family.set_title("Damping")
-    family.legend(fontsize="x-small", markerscale=5.0, ncols=2)
+    family.legend(fontsize="x-small", ncols=2)
     for state, found in result.wide.items():
         _curve(windows, found, CURVES[state], label=state)
     windows.set_title("Large drive, undamped: stability comes back")
-    windows.legend(fontsize="x-small", markerscale=5.0)
+    windows.legend(fontsize="x-small")
     regions.legend(fontsize="x-small", loc="upper right")
     for ax, top in ((regions, y[-1]), (family, y[-1]), (windows, RESURRECTION)):
         ax.set(xlim=(x[0], x[-1]), ylim=(0.0, top), xlabel=r"$\Omega = f/f_0$", ylabel=r"$\epsilon = A/l$")
     return figure
 
 
-def _curve(ax: Axes, found: StabilityMap, colour: str, alpha: float = 1.0, label: str | None = None) -> None:
-    """Mark the boundary: its points in rows and columns, where either of them is steep the other is dense."""
-    x = np.append(found.rows.x, found.columns.x)
-    y = np.append(found.rows.y, found.columns.y)
-    ax.plot(x, y, ".", color=colour, ms=1.6, alpha=alpha, label=label)
+def _curve(ax: Axes, found: StabilityMap, colour: Any, label: str | None = None) -> None:
+    """Draw the boundaries of a map in one colour."""
+    plot_stability_map(found, ax, dict.fromkeys(Crossing, colour), background=False, legend=False)
+    ax.plot([], [], color=colour, label=label)
 
 
 def main(quick: bool, output: Path) -> None:

@@ -59,6 +59,17 @@ def test_fixed_points_of_henon() -> None:
     assert (np.diff(curve.y) * np.sign(curve.y[-1] - curve.y[0]) > -1e-12).all()
 
 
+def test_a_doubled_orbit_ends_where_it_is_born() -> None:
+    exact = henon_map(0.6, 0.3)
+    axes = ("a", np.linspace(0.103, 1.6, 47)), ("b", np.linspace(-0.8, 0.8, 31))
+    found = stability_map(exact, periodic_orbit(exact, [1.0, -0.1], 2), *axes)
+    a, b = np.meshgrid(found.x, found.y)
+    born, doubles = 0.75 * (1.0 - b) ** 2, (1.0 - b) ** 2 + 0.25 * (1.0 + b) ** 2
+    np.testing.assert_array_equal(np.isfinite(found.largest), a > born)
+    np.testing.assert_array_equal(found.unstable == 0, (a > born) & (a < doubles))
+    assert {c.crossing for c in found.curves} == {Crossing.MINUS_ONE}
+
+
 def test_a_neimark_sacker_boundary_that_does_not_depend_on_one_parameter() -> None:
     exact = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[1]), p.c * x[0]), {"r": 1.7, "c": 1.0}, ("x", "y"))
     orbit = periodic_orbit(exact, [0.4, 0.4])
