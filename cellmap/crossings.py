@@ -17,6 +17,7 @@ from .roots import extrema, zeros
 _DIP = 0.3  # an extremum that a parabola puts this near to zero, relative to the values around, is looked into
 _BESIDE = 0.25  # distance at which both sides of a crossing are looked at, in steps of the scan
 _REAL = 1e-5  # imaginary part of a double multiplier that rounding explains
+_AT_NODE = 1e-6  # distance from a point of the scan, in steps, at which a zero belongs to both sides
 _KEPT = 1e-9  # distance of a determinant from 1 that rounding explains
 _LEAVING = 3  # test function: the largest modulus against 1
 
@@ -171,8 +172,9 @@ def crossings_on_lines(
     jumps = (unstable[:, 1:] > 0) != (unstable[:, :-1] > 0)
     jumps &= (unstable[:, 1:] >= 0) & (unstable[:, :-1] >= 0)
     if len(roots):
-        cell = np.clip(np.searchsorted(scan, roots, side="right") - 1, 0, count - 2)
-        jumps[line, cell] = False
+        # A zero at a point of the scan changes the number on either side of it.
+        for side in (-_AT_NODE, _AT_NODE):
+            jumps[line, _cells(scan, roots + side * (scan[1] - scan[0]))] = False
     jump_line, jump_step = np.nonzero(jumps)
     if len(jump_line):
         modulus = np.full(len(jump_line), _LEAVING)
@@ -195,13 +197,17 @@ def crossings_on_lines(
     return Found(line[kept], roots[kept], which[kept], below[kept], above[kept])
 
 
+def _cells(scan: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.clip(np.searchsorted(scan, values, side="right") - 1, 0, len(scan) - 2)
+
+
 def _beside(
     at: Callable[..., Seen], line: NDArray[np.int64], roots: NDArray[np.float64], scan: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the numbers of unstable multipliers just below and above critical values, sorted by line."""
     if not len(roots):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    cell = np.clip(np.searchsorted(scan, roots, side="right") - 1, 0, len(scan) - 2)
+    cell = _cells(scan, roots)
     reach = _BESIDE * (scan[cell + 1] - scan[cell])
     gap = np.where(np.diff(line) == 0, 0.5 * np.diff(roots), np.inf)
     down = np.minimum(np.minimum(reach, np.append(np.inf, gap)), roots - scan[0])

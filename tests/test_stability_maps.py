@@ -59,6 +59,14 @@ def test_fixed_points_of_henon() -> None:
     assert (np.diff(curve.y) * np.sign(curve.y[-1] - curve.y[0]) > -1e-12).all()
 
 
+def test_points_of_the_grid_on_a_boundary() -> None:
+    exact = henon_map(0.2, 0.3)
+    axes = ("a", np.linspace(-0.6, 1.2, 37)), ("b", np.linspace(-0.5, 0.5, 21))
+    found = stability_map(exact, periodic_orbit(exact, [0.5, 0.2]), *axes)
+    for boundary in (found.rows, found.columns):
+        np.testing.assert_allclose(boundary.x, 0.75 * (1.0 - boundary.y) ** 2, rtol=1e-12)
+
+
 def test_a_doubled_orbit_ends_where_it_is_born() -> None:
     exact = henon_map(0.6, 0.3)
     axes = ("a", np.linspace(0.103, 1.6, 47)), ("b", np.linspace(-0.8, 0.8, 31))
