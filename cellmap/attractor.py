@@ -38,7 +38,8 @@ class Neighbourhood:
     metrics : ndarray, shape (period, dimension, dimension)
         The ellipsoid of point c is ``(x - c) @ metric @ (x - c) <= 1``.
     contraction : float
-        Largest measured factor by which one round of the attractor shortens the distance in that metric; below 1.
+        Largest measured factor by which one round of the attractor shortens the distance in that metric, or the mean
+        factor of two rounds where a multiplier is near -1; below 1.
     """
 
     centres: NDArray[np.float64]

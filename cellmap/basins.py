@@ -17,7 +17,7 @@ from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
-from .search import Refused, check_attractors, find_attractors, region_extent, sort_out
+from .search import Examined, check_attractors, region_extent, search, sort_out
 from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, settle
 from .threads import run_over, slices
 
@@ -173,18 +173,20 @@ class Basins:
         catalogue = Catalogue.of(self.attractors, exact)
         close = catalogue.shrunk(0.01)
         labels = np.empty(len(drawn), np.int16)
+        # Neighbourhoods of a cycle are not all of one size, and in a round an orbit visits each.
+        round_ = max((a.period for a in self.attractors), default=1)
 
         def label(part: slice) -> None:
             orbits = Orbits.starting(wrap(starts[part], exact.coordinates))
             half = self.settings["max_periods"] // 2
             early = settle(exact, orbits, close, half)
             labels[part] = early.labels
-            before = catalogue.distances_of(early.orbits.points)
+            before = _closest(exact, early.orbits, catalogue, round_)
             late = settle(exact, early.orbits, close, self.settings["max_periods"] - half, half)
             # One that converges slowly is still on its way; one at rest elsewhere is not.
             slow = late.undecided
-            owners = catalogue.owners_of(late.orbits.points)
-            nearer = catalogue.distances_of(late.orbits.points) < before[slow] * (1.0 - 1e-9)
+            nearer = _closest(exact, late.orbits, catalogue, round_) < before[slow] * (1.0 - 1e-9)
+            owners = settle(exact, late.orbits, catalogue, round_).labels
             late.labels[slow] = np.where((owners >= 0) & nearer, owners, UNDECIDED)
             labels[part.start + early.undecided] = late.labels
 
@@ -302,6 +304,16 @@ def _starts(grid: CellGrid | None, given: NDArray[np.float64] | None, rows: NDAr
     return given.reshape(-1, given.shape[-1])[rows]
 
 
+def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:
+    """Return how close orbits come to attractors within some periods, in radii of their neighbourhoods."""
+    moving = Orbits.starting(orbits.points.copy())
+    closest = catalogue.distances_of(moving.points)
+    for _ in range(periods - 1):
+        exact.advance(moving, 1)
+        closest = np.fmin(closest, catalogue.distances_of(moving.points))
+    return closest
+
+
 class _Run:
     """Labelling of all starts, in slices; only what is left after many periods keeps its state."""
 
@@ -331,8 +343,8 @@ class _Run:
         chosen = self._begin(sample)
         corners = chosen if self.grid is None else np.array([self.grid.lower, self.grid.upper])
         extent = region_extent(self.point_map, corners)
-        refused = Refused.none_yet(self.point_map, extent)
-        self.attractors = list(find_attractors(self.point_map, chosen, self.max_periods, self.max_period, known))
+        examined = Examined.nothing_yet(self.point_map, extent)
+        self._search(chosen, known, total > _SAMPLE, extent, examined)
         rows: _Rows = range(total)
         orbits: Orbits | None = None
         age, horizon = 0, min(_PATIENCE, self.max_periods)
@@ -341,13 +353,36 @@ class _Run:
             age = horizon
             if not len(rows):
                 return
-            if self._find_more(orbits, extent, age, refused):
+            if self._find_more(orbits, extent, age, examined):
                 # From the beginning, so that settling times are those of the whole catalogue.
-                orbits, age = None, 0
+                rows, orbits, age = self._unsettled(), None, 0
             elif age == self.max_periods:
                 return
             else:
                 horizon = min(2 * horizon, self.max_periods)
+
+    def _search(
+        self,
+        chosen: NDArray[np.float64],
+        known: list[Attractor],
+        to_the_end: bool,
+        extent: NDArray[np.float64],
+        examined: Examined,
+    ) -> None:
+        """Find attractors from a sample; where this is all starts, those that take long are left to their labelling."""
+        own = region_extent(self.point_map, chosen)
+        if not np.array_equal(own, extent):
+            examined = Examined.nothing_yet(self.point_map, own)
+        periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
+        left, self.attractors, age = search(self.point_map, chosen, known, periods, self.max_period, own, examined)
+        if to_the_end and len(left):
+            self.attractors += chaotic_attractors(self.point_map, left.points, own, self.attractors, age)
+
+    def _unsettled(self) -> _Rows:
+        """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""
+        if any(a.neighbourhood is None for a in self.attractors):
+            return range(len(self.labels))
+        return np.flatnonzero(self.labels < 0)
 
     def in_use(self) -> tuple[Attractor, ...]:
         """Order the attractors, drop those that no start ends on, and number the labels accordingly."""
@@ -384,10 +419,12 @@ class _Run:
         remaining = [left[number] for number in range(len(parts))]
         return np.concatenate([mine for mine, _ in remaining]), Orbits.joined([o for _, o in remaining])
 
-    def _find_more(self, orbits: Orbits, extent: NDArray[np.float64], age: int, refused: Refused) -> bool:
+    def _find_more(self, orbits: Orbits, extent: NDArray[np.float64], age: int, examined: Examined) -> bool:
         """Search the orbits that are left for further attractors; tell whether there are any."""
         before = len(self.attractors)
-        left, self.attractors = sort_out(self.point_map, orbits, self.attractors, self.max_period, extent, age, refused)
+        left, self.attractors = sort_out(
+            self.point_map, orbits, self.attractors, self.max_period, extent, age, examined
+        )
         if age == self.max_periods and len(left):
             self.attractors += chaotic_attractors(self.point_map, left.points, extent, self.attractors, age)
         return len(self.attractors) > before

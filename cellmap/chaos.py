@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor, Cover, Kind
 from .coordinates import difference, turns_of
+from .exponents import BLOCKS, stretching
 from .jacobian import tangent
 from .periodic import resolution
 from .pointmap import Orbits, PointMap
@@ -109,21 +110,25 @@ def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
 def lyapunov_exponents(
     point_map: PointMap, starts: NDArray[np.float64], periods: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest, by QR factors."""
+    """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest; NaN where one ends.
+
+    Their order is that of the axes of the frame that is carried along: the largest comes first unless an orbit sits
+    where the map keeps the axes.
+    """
     exact = point_map.exact or point_map
     place = np.array(starts, dtype=float)
-    frame = np.broadcast_to(np.eye(exact.dimension), (*place.shape, exact.dimension)).copy()
-    logs = np.empty((periods, *place.shape))
+    matrices = np.full((len(place), periods, exact.dimension, exact.dimension), np.nan)
+    alive = np.arange(len(place))
     for k in range(periods):
-        images, matrices = tangent(exact, place)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            product = np.where(np.isfinite(matrices), matrices, 0.0) @ frame
-            frame, upper = np.linalg.qr(product)
-            logs[k] = np.log(np.abs(np.diagonal(upper, axis1=-2, axis2=-1)))
-        place = np.where(np.isfinite(images), images, 0.0)
-        logs[k][~np.isfinite(images).all(axis=-1)] = np.nan
-    blocks = logs[: periods - periods % 10].reshape(10, -1, *place.shape).mean(axis=1)
-    return logs.mean(axis=0), blocks[..., 0].std(axis=0, ddof=1) / np.sqrt(10.0)
+        images, derivatives = tangent(exact, place[alive])
+        lasting = np.isfinite(images).all(axis=-1)
+        alive, images = alive[lasting], images[lasting]
+        matrices[alive, k], place[alive] = derivatives[lasting], images
+    logs = stretching(matrices)
+    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
+        blocks = logs[: periods - periods % BLOCKS].reshape(BLOCKS, -1, *place.shape).mean(axis=1)
+        errors = blocks[..., 0].std(axis=0, ddof=1) / np.sqrt(BLOCKS)
+    return logs.mean(axis=0), errors
 
 
 def _lattice(points: NDArray[np.float64], point_map: PointMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

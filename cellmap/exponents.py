@@ -38,6 +38,23 @@ def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     >>> exponents / np.log(2.0)
     array([[ 1., -1.]])
     """
+    logs = stretching(matrices)
+    steps, n, d = logs.shape
+    length = steps // BLOCKS
+    used = logs[steps - (BLOCKS - 1) * length :]
+    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
+        means = used.reshape(BLOCKS - 1, length, n, d).mean(axis=1)
+        errors = means.std(axis=0, ddof=1) / np.sqrt(BLOCKS - 1.0)
+    exponents = means.mean(axis=0)
+    order = np.argsort(-exponents, axis=-1, kind="stable")
+    return np.take_along_axis(exponents, order, axis=-1), np.take_along_axis(errors, order, axis=-1)
+
+
+def stretching(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithms (steps, n, d) by which each step stretches frames that are carried along and kept square.
+
+    ``matrices`` (n, steps, d, d) are the derivatives; NaN for an orbit of which one is not finite.
+    """
     n, steps, d, _ = matrices.shape
     frame = np.broadcast_to(np.eye(d), (n, d, d)).copy()
     known = np.asarray(np.isfinite(matrices).all(axis=(1, 2, 3)))
@@ -48,14 +65,7 @@ def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64],
         with np.errstate(divide="ignore"):
             logs[k] = np.log(np.abs(np.diagonal(upper, axis1=-2, axis2=-1)))
     logs[:, ~known] = np.nan
-    length = steps // BLOCKS
-    used = logs[steps - (BLOCKS - 1) * length :]
-    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
-        means = used.reshape(BLOCKS - 1, length, n, d).mean(axis=1)
-        errors = means.std(axis=0, ddof=1) / np.sqrt(BLOCKS - 1.0)
-    exponents = means.mean(axis=0)
-    order = np.argsort(-exponents, axis=-1, kind="stable")
-    return np.take_along_axis(exponents, order, axis=-1), np.take_along_axis(errors, order, axis=-1)
+    return logs
 
 
 def exponents_of_cycles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

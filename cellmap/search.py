@@ -72,19 +72,34 @@ def find_attractors(
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = whole_number("max_period", max_period, at_least=1)
     extent = region_extent(point_map, states)
-    attractors = list(known)
-    orbits = Orbits.starting(wrap(states, point_map.coordinates))
-    age, horizon = 0, _FIRST_LOOK
-    refused = Refused.none_yet(point_map, extent)
-    while len(orbits):
-        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
-        age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
-        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age, refused)
-        if age == max_periods:
-            break
+    orbits, attractors, age = search(
+        point_map, states, known, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
+    )
     if len(orbits):
         attractors += chaotic_attractors(point_map, orbits.points, extent, attractors, age)
     return tuple(sorted(attractors, key=sort_key))
+
+
+def search(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    known: Sequence[Attractor],
+    max_periods: int,
+    max_period: int,
+    extent: NDArray[np.float64],
+    examined: Examined,
+) -> tuple[Orbits, list[Attractor], int]:
+    """Follow orbits and find attractors, but no chaotic ones; return the orbits that are left, and their age."""
+    attractors = list(known)
+    orbits = Orbits.starting(wrap(states, point_map.coordinates))
+    age, horizon = 0, _FIRST_LOOK
+    while len(orbits):
+        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
+        age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
+        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age, examined)
+        if age == max_periods:
+            break
+    return orbits, attractors, age
 
 
 def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
@@ -104,11 +119,11 @@ def sort_out(
     max_period: int,
     extent: NDArray[np.float64],
     age: int,
-    refused: Refused,
+    examined: Examined,
 ) -> tuple[Orbits, list[Attractor]]:
     """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
     while len(orbits):
-        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, refused)
+        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
         fresh += sets_of_equilibria(point_map, orbits.points, extent, attractors)
         if not fresh:
             break
@@ -133,22 +148,22 @@ def new_attractors(
     known: Sequence[Attractor],
     max_period: int,
     extent: NDArray[np.float64],
-    refused: Refused,
+    examined: Examined,
 ) -> list[Attractor]:
     """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
     for guesses, periods in _guesses(point_map, states, max_period, extent):
         found: list[Attractor] = []
-        solutions, settled = newton(point_map, guesses, periods, extent, attracting=True)
+        solutions, settled = examined.polished(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
             # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
             if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
                 continue
-            if solutions[i] in refused:
+            if solutions[i] in examined:
                 continue
             orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
             neighbourhood = None if orbit is None else _neighbourhood(point_map, orbit, extent)
             if orbit is None or neighbourhood is None:
-                refused.add(solutions[i : i + 1] if orbit is None else orbit.points)
+                examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
             else:
                 found.append(replace(orbit, neighbourhood=neighbourhood))
         if found:
@@ -157,25 +172,46 @@ def new_attractors(
 
 
 @dataclass(eq=False)
-class Refused:
-    """Periodic points that were examined and belong to no attractor: many ends lead to them, again and again."""
+class Examined:
+    """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
+
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period.
+    """
 
     coordinates: tuple[Coordinate, ...]
     extent: NDArray[np.float64]
     points: NDArray[np.float64]
+    ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
 
     @classmethod
-    def none_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Refused:
-        """Begin without any."""
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)))
+    def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
+        """Begin a search in a region of some extent."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
 
     def __contains__(self, point: NDArray[np.float64]) -> bool:
         apart = np.abs(difference(self.points, point, self.coordinates))
         return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
 
-    def add(self, points: NDArray[np.float64]) -> None:
-        """Add the points of an orbit."""
+    def refuse(self, points: NDArray[np.float64]) -> None:
+        """Remember the points of an orbit that is no attractor."""
         self.points = np.concatenate([self.points, points])
+
+    def polished(
+        self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Polish guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
+        keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
+        new = [i for i, key in enumerate(keys) if key not in self.ends]
+        if new:
+            solutions, settled = newton(point_map, guesses[new], periods[new], self.extent, attracting=True)
+            for i, solution, success in zip(new, solutions, settled, strict=True):
+                self.ends[keys[i]] = solution if success else None
+        known = [self.ends[key] for key in keys]
+        failed = np.full(point_map.dimension, np.nan)
+        return (
+            np.array([failed if solution is None else solution for solution in known]),
+            np.array([solution is not None for solution in known]),
+        )
 
 
 def _neighbourhood(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, pi, sin, sqrt, tanh
+from math import cos, exp, pi, sin, sqrt, tanh
 
 import numpy as np
 import pytest
@@ -309,6 +309,23 @@ def test_known_attractors_give_the_same_labels():
     again = find_basins(point_map, circle_grid(500.0, 40), attractors=first.attractors)
     assert np.array_equal(first.labels, again.labels)
     assert len(again.attractors) == len(first.attractors)
+
+
+def test_starts_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():
+    """Five of 40,001 starts belong to an attractor of their own, and the sample holds none of them."""
+    point_map = discrete_map(tiny, {}, ("x",))
+    starts = np.linspace(-10.0, 10.0, 40_001)[:, None]
+    first = find_basins(point_map, starts)
+    assert sorted(counts(first))[0] < 10
+    again = find_basins(point_map, starts, attractors=first.attractors)
+    assert np.array_equal(first.labels, again.labels)
+    assert np.array_equal(first.settling_time, again.settling_time)
+    assert first.cost.steps < again.cost.steps + 10 * 1000
+
+
+def tiny(x, p):
+    """Halve the distance to 0, but at 5 to 5."""
+    return (0.5 * x[0] + 2.5 * exp(-(((x[0] - 5.0) / 1e-3) ** 2)),)
 
 
 def test_known_attractors_without_a_start_get_no_label():

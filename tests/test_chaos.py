@@ -82,6 +82,16 @@ def test_sum_of_exponents_is_the_damping(damping):
     assert exponents.sum(axis=-1) == pytest.approx(-damping * 2 * pi, abs=1e-10)
 
 
+def test_orbits_that_end_have_no_exponents():
+    """x' = 4 x (1 - x) throws what is outside of [0, 1] out; the orbits beside it keep their bits."""
+    logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    alone, _ = lyapunov_exponents(logistic, np.array([[0.3], [0.6]]), 100)
+    beside, errors = lyapunov_exponents(logistic, np.array([[0.3], [2.0], [0.6]]), 100)
+    assert np.array_equal(beside[[0, 2]], alone)
+    assert np.isnan(beside[1]).all()
+    assert np.array_equal(np.isnan(errors), [False, True, False])
+
+
 # --- attractors
 
 

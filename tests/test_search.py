@@ -9,10 +9,21 @@ import pytest
 from scipy.optimize import fsolve
 
 import systems
-from cellmap import CellGrid, Kind, PointMap, angle, discrete_map, find_attractors, interpolated_map, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    Kind,
+    PointMap,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    interpolated_map,
+    stroboscopic_map,
+)
 from cellmap.codegen.captured import captured
 from cellmap.coordinates import difference
 from cellmap.periodic import newton, stable_orbit
+from cellmap.settling import UNDECIDED
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
@@ -323,6 +334,56 @@ r = list(range(1000))  # a global of the same name as the parameter of the logis
 def test_globals_with_the_names_of_parameters_are_not_read():
     """`p.r` reads no global `r`: whatever this holds costs nothing and makes nothing anew."""
     assert not set(r[2:]) & set(captured(_logistic))
+
+
+# --- cycles that attract weakly, and transients that last
+
+# Orbits take two hundred to a thousand periods to come closer by a factor of e.  Periods of the attractors, and how
+# many of 36 starts may be undecided after 600 periods: neighbourhoods that are narrow along the slow direction leave
+# 16, 1 and 33.
+WEAK = {
+    "Duffing": (systems.two_well_duffing(0.23881097091717296, 0.3330580073387191, 0.5630176836030292), [1, 3, 8, 8], 8),
+    "pendulum, period 22": (
+        systems.forced_pendulum(0.20901645144205044, 1.981127760136112, 1.1090073936395817),
+        [1, 22, 22],
+        0,
+    ),
+    "pendulum, close to a flip": (
+        systems.forced_pendulum(0.0917230369533683, 1.2836695581775617, 0.8910870827355746),
+        [2, 2, 6, 6],
+        6,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WEAK)
+def test_weakly_attracting_cycles(name):
+    system, periods, undecided = WEAK[name]
+    starts = grid_of((-2.5, -2.5), (2.5, 2.5), 6)
+    basins = find_basins(stroboscopic_map(system), starts, max_periods=600)
+    assert [a.period for a in basins.attractors] == periods
+    assert np.count_nonzero(basins.labels == UNDECIDED) <= undecided
+    longer = find_basins(stroboscopic_map(system), starts)
+    decided = basins.labels >= 0
+    assert (longer.labels >= 0).all()
+    assert np.array_equal(longer.labels[decided], basins.labels[decided])
+    assert longer.verify(100).wrong == 0
+
+
+def test_no_guess_is_polished_twice(monkeypatch):
+    """Orbits in a chaotic transient: looks at the same ends, for the sample and for its labels, cost nothing more."""
+    guesses = []
+
+    def counted(point_map, points, periods, extent, **options):
+        guesses.extend((point.tobytes(), int(period)) for point, period in zip(points, periods, strict=True))
+        return newton(point_map, points, periods, extent, **options)
+
+    monkeypatch.setattr("cellmap.search.newton", counted)
+    starts = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
+    basins = find_basins(stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), starts, max_periods=600)
+    assert [a.period for a in basins.attractors] == [6]
+    assert (basins.labels == UNDECIDED).any()
+    assert len(guesses) == len(set(guesses)) > 100
 
 
 # --- Newton's method

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import exp, pi, sqrt, tanh
 
 import numpy as np
@@ -121,7 +122,7 @@ def _cubic(x, p):
     return (p.a * x[0] + x[0] ** 3,)
 
 
-@pytest.mark.parametrize("a", [-0.9, -0.3, 0.0, 0.5, 0.9, 0.99, 0.999, 0.9994, 0.99999])
+@pytest.mark.parametrize("a", [-0.99, -0.9, -0.3, 0.0, 0.5, 0.9, 0.99, 0.999, 0.9994, 0.99999])
 def test_neighbourhood_stays_in_the_basin_of_a_cubic_map(a):
     """It ends where abs(a) + x^2 reaches what is allowed, (3 + abs(a))/4, or a quarter of the window before."""
     extent = np.array([4.0])
@@ -148,6 +149,54 @@ def test_neighbourhood_of_a_slow_node_in_the_plane(a):
     starts = points_inside(with_neighbourhood(attractor, n), 1000)[0]
     ends = slow.iterate(starts, int(20 / (1 - a))).points
     assert np.abs(ends).max() < 1e-3
+
+
+def test_neighbourhood_of_a_slow_node_is_wide_along_the_slow_direction():
+    """x' = 0.997 x + 0.3 x y: of the parabola y = 2 x^2 that orbits come in on, a metric that weighs slow and fast
+    displacements alike holds four times as much as the sum of all later squares, which is narrow along it."""
+    slow = discrete_map(lambda x, p: (0.997 * x[0] + 0.3 * x[0] * x[1], 0.5 * x[1] + x[0] ** 2), {}, ("x", "y"))
+    extent = np.array([2.0, 2.0])
+    n = trapping_neighbourhood(slow, stable_orbit(slow, np.zeros(2), 1, extent), extent)
+    assert 1 / sqrt(n.metrics[0, 0, 0]) > 0.03
+
+
+FLIPS = {
+    # x' = -0.99 x + x^2: what is bent in one round is straightened in the next; the boundary is at 1.99.
+    "straightened": (lambda x, p: (-0.99 * x[0] + x[0] ** 2,), 0.5, 1.99),
+    # x' = -0.99 x - x^3: a repelling cycle of two at +-0.1.
+    "bent": (lambda x, p: (-0.99 * x[0] - x[0] ** 3,), 0.05, 0.1),
+}
+
+
+@pytest.mark.parametrize("name", FLIPS)
+def test_neighbourhood_close_to_a_flip(name):
+    """One round falls short of 1 by 0.01, and allows for no more than 0.0075 of a square; two rounds have none."""
+    function, least, boundary = FLIPS[name]
+    flip, extent = discrete_map(function, {}, ("x",)), np.array([4.0])
+    attractor = stable_orbit(flip, np.zeros(1), 1, extent)
+    n = trapping_neighbourhood(flip, attractor, extent)
+    assert least < 1 / sqrt(n.metrics[0, 0, 0]) < boundary
+    inside = points_inside(with_neighbourhood(attractor, n), 1000)[0]
+    assert (np.abs(flip.iterate(inside, 2).points) < np.abs(inside)).all()
+    assert 0.99 < n.contraction < 1
+
+
+@pytest.mark.parametrize(("a", "period"), [(1.04, 8), (1.054, 16), (1.24, 7)])
+def test_surfaces_that_a_long_cycle_of_henons_map_costs(a, period):
+    """Only two of its ellipsoids grow: some thirty surfaces a point, for a round each, where all would take seventy."""
+    henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], 0.3 * x[0]), {"a": a}, ("x", "y"))
+    attractor = stable_orbit(henon, henon.iterate([0.0, 0.0], 20_000).points, period, np.ones(2))
+    assert attractor.period == period
+    steps = 0
+
+    def advance(orbits, periods):
+        nonlocal steps
+        steps += len(orbits) * periods
+        henon.advance(orbits, periods)
+
+    n = trapping_neighbourhood(replace(henon, advance=advance), attractor, np.ones(2))
+    assert len(n.metrics) == period
+    assert steps / (96 * period) < 40 * period
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4])
