@@ -173,8 +173,8 @@ def crossings_on_lines(
     jumps &= (unstable[:, 1:] >= 0) & (unstable[:, :-1] >= 0)
     if len(roots):
         # A zero at a point of the scan changes the number on either side of it.
-        for side in (-_AT_NODE, _AT_NODE):
-            jumps[line, _cells(scan, roots + side * (scan[1] - scan[0]))] = False
+        for beyond in (-_AT_NODE, _AT_NODE):
+            jumps[line, _cells(scan, roots + beyond * (scan[1] - scan[0]))] = False
     jump_line, jump_step = np.nonzero(jumps)
     if len(jump_line):
         modulus = np.full(len(jump_line), _LEAVING)
