@@ -16,7 +16,7 @@ from .orbit_problem import OrbitProblem
 from .tracing import Place, Stride
 
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
-_VERTICAL = 1e-6  # parameter component of the tangent of the branch that a pitchfork gives birth to
+_VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
 _KEPT = 1e-9  # distance of the product of all multipliers from 1 that rounding explains
 _BISECTIONS = 48
