@@ -60,7 +60,7 @@ def chaotic_attractors(
     chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
     exponents, errors = lyapunov_exponents(point_map, chosen, _EXPONENT_PERIODS)
     with np.errstate(invalid="ignore"):
-        chaotic = (exponents[:, 0] > np.maximum(5.0 * errors, 1e-3)) & (np.abs(exponents.sum(axis=-1)) > 1e-6)
+        chaotic = (exponents.max(axis=-1) > np.maximum(5.0 * errors, 1e-3)) & (np.abs(exponents.sum(axis=-1)) > 1e-6)
     chaotic &= ~_returns(point_map, chosen, np.ones(point_map.dimension) if extent is None else extent)
     if not chaotic.any():
         return []
@@ -77,7 +77,7 @@ def chaotic_attractors(
     bound = orbit.alive
     if not bound.any():
         return []
-    history, spectra = history[:, bound], exponents[chaotic][bound]
+    history, spectra = history[:, bound], -np.sort(-exponents[chaotic][bound], axis=-1)
     lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map)
     groups = _groups(history, lower, widths, point_map)
     return [
@@ -127,8 +127,10 @@ def lyapunov_exponents(
     logs = stretching(matrices)
     with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
         blocks = logs[: periods - periods % BLOCKS].reshape(BLOCKS, -1, *place.shape).mean(axis=1)
-        errors = blocks[..., 0].std(axis=0, ddof=1) / np.sqrt(BLOCKS)
-    return logs.mean(axis=0), errors
+        errors = blocks.std(axis=0, ddof=1) / np.sqrt(BLOCKS)
+    exponents = logs.mean(axis=0)
+    largest = np.argmax(np.where(np.isnan(exponents), -np.inf, exponents), axis=-1)
+    return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 
 
 def _lattice(points: NDArray[np.float64], point_map: PointMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -78,8 +78,12 @@ def discrete_map(
                 _apply(kernel, parameters, now)
                 wrap_rows(now.points, now.turns, lower, turn)
 
+    @functools.cache
+    def with_tangent() -> Callable[..., Any] | None:
+        return discrete_kernel(timeless, d, names, True, symbolic)
+
     def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        compiled = discrete_kernel(timeless, d, names, True, symbolic)
+        compiled = with_tangent()
         if compiled is None:
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)

@@ -67,14 +67,15 @@ def trapping_neighbourhood(
         scaled = _metrics(matrix * limit / limit[:, None], contraction)
         choice = [_Shells(exact, centre, periods, matrix, metric, contraction, limit) for metric in scaled]
         if k == 0:
-            preferred = int(np.argmax([c.begin() / c.length(slow[0]) for c in choice]))
+            preferred = int(np.argmax([c.begin() / max(c.length(slow[0]), 1e-300) for c in choice]))
         # What suits one point suits the others, for the most part.
         choice = choice[preferred:] + choice[:preferred]
         shells = next((c for c in choice if c.radius > 0.0 or c.begin() > 0.0), None)
         if shells is None:
             return None
         begun.append(shells)
-    widths = [shells.promised / shells.length(v) for shells, v in zip(begun, slow, strict=True)]
+    # On a superstable cycle no direction is left to compare.
+    widths = [shells.promised / max(shells.length(v), 1e-300) for shells, v in zip(begun, slow, strict=True)]
     for k in np.argsort(-np.array(widths), kind="stable")[:_GROWN]:
         begun[k].grow()
     metrics = np.array([shells.metric / shells.radius**2 for shells in begun])

@@ -199,3 +199,14 @@ def test_chaotic_transient_that_ends_is_no_attractor():
 
 def test_states_of_which_none_is_chaotic():
     assert chaotic_attractors(linear([[0.5]]), np.zeros((3, 1))) == []
+
+
+def test_chaos_along_a_later_axis() -> None:
+    """Two wells across, the logistic map upwards: frames stay on the axes, and the second one is stretched."""
+    exact = discrete_map(lambda x, p: (1.4 * x[0] - 0.4 * x[0] ** 3, 3.9 * x[1] * (1.0 - x[1])), {}, ("x", "y"))
+    basins = find_basins(exact, CellGrid((-1.5, 0.05), (1.5, 0.95), (30, 20)))
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC, Kind.CHAOTIC]
+    assert [f.share for f in basins.fractions.values()] == [0.5, 0.5]
+    for attractor in basins.attractors:
+        assert attractor.exponents[1] == pytest.approx(np.log(0.2), rel=1e-6)
+        assert 0.45 < attractor.exponents[0] < 0.55

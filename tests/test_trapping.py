@@ -10,7 +10,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import systems
-from cellmap import Attractor, CellGrid, ForcedSystem, PointMap, discrete_map, find_attractors, stroboscopic_map
+from cellmap import (
+    Attractor,
+    CellGrid,
+    ForcedSystem,
+    PointMap,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    stroboscopic_map,
+)
 from cellmap.codegen.rebind import rebind
 from cellmap.coordinates import difference
 from cellmap.periodic import stable_orbit
@@ -275,3 +284,11 @@ def test_hole_in_the_neighbourhood_is_seen(width):
     for a in find_attractors(two, np.linspace(-1, 3, 100)[:, None]):
         inside = points_inside(a, 4000).reshape(-1, 1)
         assert np.abs(two.iterate(inside, 200).points - a.points[0]).max() < 1e-6
+
+
+def test_a_superstable_cycle() -> None:
+    # x -> -1.5 x + 0.5 x^3 has the cycle 1 -> -1 -> 1 through both of its critical points.
+    exact = discrete_map(lambda x, p: (-1.5 * x[0] + 0.5 * x[0] ** 3,), {}, ("x",))
+    basins = find_basins(exact, CellGrid((-2.4,), (2.4,), (97,)))
+    assert [a.period for a in basins.attractors] == [2]
+    assert basins.verify(200).wrong == 0
