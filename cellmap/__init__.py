@@ -61,11 +61,86 @@ from .trajectory import Trajectory as Trajectory
 from .trajectory import trajectory as trajectory
 
 if TYPE_CHECKING:
+    from .analysis import Ball as Ball
+    from .analysis import BasinEntropy as BasinEntropy
+    from .analysis import BasinStability as BasinStability
+    from .analysis import BoundaryDistance as BoundaryDistance
+    from .analysis import BoxCount as BoxCount
+    from .analysis import ChaosTest as ChaosTest
+    from .analysis import ChaoticSaddle as ChaoticSaddle
+    from .analysis import CorrelationSum as CorrelationSum
+    from .analysis import EdgeOrbit as EdgeOrbit
+    from .analysis import EscapeRate as EscapeRate
+    from .analysis import ExponentField as ExponentField
+    from .analysis import FatalShock as FatalShock
+    from .analysis import Fit as Fit
+    from .analysis import FractalTest as FractalTest
+    from .analysis import GeneralizedDimensions as GeneralizedDimensions
+    from .analysis import KaplanYorke as KaplanYorke
+    from .analysis import LyapunovSpectrum as LyapunovSpectrum
+    from .analysis import Manifold as Manifold
+    from .analysis import ManifoldBranch as ManifoldBranch
+    from .analysis import MergingTest as MergingTest
+    from .analysis import SettlingStatistics as SettlingStatistics
+    from .analysis import SettlingTimes as SettlingTimes
+    from .analysis import Share as Share
+    from .analysis import TippingProbabilities as TippingProbabilities
+    from .analysis import UncertaintyExponent as UncertaintyExponent
+    from .analysis import WadaGrid as WadaGrid
+    from .analysis import basin_entropy as basin_entropy
+    from .analysis import basin_stability as basin_stability
+    from .analysis import binomial_interval as binomial_interval
+    from .analysis import boundary_dimension as boundary_dimension
+    from .analysis import boundary_distance as boundary_distance
+    from .analysis import box_dimension as box_dimension
+    from .analysis import chaotic_saddle as chaotic_saddle
+    from .analysis import correlation_dimension as correlation_dimension
+    from .analysis import edge_orbit as edge_orbit
+    from .analysis import escape_rate as escape_rate
+    from .analysis import exponent_test as exponent_test
+    from .analysis import finite_time_exponents as finite_time_exponents
+    from .analysis import fit_line as fit_line
+    from .analysis import fractal_boundary_test as fractal_boundary_test
+    from .analysis import generalized_dimensions as generalized_dimensions
+    from .analysis import image_uncertainty_exponent as image_uncertainty_exponent
+    from .analysis import inverse_stroboscopic_map as inverse_stroboscopic_map
+    from .analysis import kaplan_yorke_dimension as kaplan_yorke_dimension
+    from .analysis import largest_ball as largest_ball
+    from .analysis import local_integrity as local_integrity
+    from .analysis import lyapunov_spectrum as lyapunov_spectrum
+    from .analysis import minimal_fatal_shock as minimal_fatal_shock
+    from .analysis import saddle_manifold as saddle_manifold
+    from .analysis import settling_statistics as settling_statistics
+    from .analysis import smooth_boundary_entropy as smooth_boundary_entropy
+    from .analysis import tipping_probabilities as tipping_probabilities
+    from .analysis import uncertainty_exponent as uncertainty_exponent
+    from .analysis import wada_grid as wada_grid
+    from .analysis import wada_merging as wada_merging
+    from .analysis import zero_one_test as zero_one_test
+    from .analysis import zero_one_test_of_series as zero_one_test_of_series
     from .plot import animate as animate
     from .plot import plot_basin_continuation as plot_basin_continuation
     from .plot import plot_basins as plot_basins
+    from .plot import plot_basin_stability as plot_basin_stability
+    from .plot import plot_settling_times as plot_settling_times
+    from .plot import plot_fatal_shock as plot_fatal_shock
+    from .plot import plot_ball as plot_ball
+    from .plot import plot_tipping as plot_tipping
+    from .plot import plot_edge_orbit as plot_edge_orbit
+    from .plot import plot_manifolds as plot_manifolds
+    from .plot import plot_boundary_distance as plot_boundary_distance
+    from .plot import plot_chaotic_saddle as plot_chaotic_saddle
     from .plot import plot_bifurcation_diagram as plot_bifurcation_diagram
     from .plot import plot_branches as plot_branches
+    from .plot import plot_chaos_test as plot_chaos_test
+    from .plot import plot_exponent_field as plot_exponent_field
+    from .plot import plot_lyapunov_spectrum as plot_lyapunov_spectrum
+    from .plot import plot_fit as plot_fit
+    from .plot import plot_uncertainty_exponent as plot_uncertainty_exponent
+    from .plot import plot_basin_entropy as plot_basin_entropy
+    from .plot import plot_wada as plot_wada
+    from .plot import plot_generalized_dimensions as plot_generalized_dimensions
+    from .plot import plot_kaplan_yorke as plot_kaplan_yorke
     from .plot import plot_phase_portrait as plot_phase_portrait
     from .plot import plot_stability_map as plot_stability_map
     from .plot import plot_time_series as plot_time_series
@@ -75,23 +150,102 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
+_ANALYSIS = (
+    "Ball",
+    "BasinEntropy",
+    "BasinStability",
+    "BoundaryDistance",
+    "BoxCount",
+    "ChaosTest",
+    "ChaoticSaddle",
+    "CorrelationSum",
+    "EdgeOrbit",
+    "EscapeRate",
+    "ExponentField",
+    "FatalShock",
+    "Fit",
+    "FractalTest",
+    "GeneralizedDimensions",
+    "KaplanYorke",
+    "LyapunovSpectrum",
+    "Manifold",
+    "ManifoldBranch",
+    "MergingTest",
+    "SettlingStatistics",
+    "SettlingTimes",
+    "Share",
+    "TippingProbabilities",
+    "UncertaintyExponent",
+    "WadaGrid",
+    "basin_entropy",
+    "basin_stability",
+    "binomial_interval",
+    "boundary_dimension",
+    "boundary_distance",
+    "box_dimension",
+    "chaotic_saddle",
+    "correlation_dimension",
+    "edge_orbit",
+    "escape_rate",
+    "exponent_test",
+    "finite_time_exponents",
+    "fit_line",
+    "fractal_boundary_test",
+    "generalized_dimensions",
+    "image_uncertainty_exponent",
+    "inverse_stroboscopic_map",
+    "kaplan_yorke_dimension",
+    "largest_ball",
+    "local_integrity",
+    "lyapunov_spectrum",
+    "minimal_fatal_shock",
+    "saddle_manifold",
+    "settling_statistics",
+    "smooth_boundary_entropy",
+    "tipping_probabilities",
+    "uncertainty_exponent",
+    "wada_grid",
+    "wada_merging",
+    "zero_one_test",
+    "zero_one_test_of_series",
+)
+
 _LATE = {
+    **dict.fromkeys(_ANALYSIS, "analysis"),
     **dict.fromkeys(
         (
             "plot_basins",
+            "plot_basin_stability",
+            "plot_settling_times",
+            "plot_fatal_shock",
+            "plot_ball",
+            "plot_tipping",
+            "plot_edge_orbit",
+            "plot_manifolds",
+            "plot_boundary_distance",
+            "plot_chaotic_saddle",
             "plot_basin_continuation",
             "plot_bifurcation_diagram",
             "plot_branches",
+            "plot_uncertainty_exponent",
+            "plot_basin_entropy",
+            "plot_wada",
+            "plot_fit",
+            "plot_generalized_dimensions",
+            "plot_kaplan_yorke",
             "plot_stability_map",
             "plot_time_series",
             "plot_phase_portrait",
+            "plot_chaos_test",
+            "plot_exponent_field",
+            "plot_lyapunov_spectrum",
             "animate",
         ),
         "plot",
     ),
     **dict.fromkeys(("load_basins", "save_basins", "StoreError"), "store"),
 }
-"""Names whose modules load matplotlib or h5py, and load only when they are used."""
+"""Names whose modules load matplotlib, h5py or much of SciPy, and load only when they are used."""
 
 __all__ = [  # noqa: RUF022 (in the order of use)
     "ForcedSystem",
@@ -142,13 +296,88 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "continue_basins",
     "BasinContinuation",
     "ContinuationInterrupt",
+    "lyapunov_spectrum",
+    "LyapunovSpectrum",
+    "finite_time_exponents",
+    "ExponentField",
+    "exponent_test",
+    "zero_one_test",
+    "zero_one_test_of_series",
+    "ChaosTest",
+    "basin_stability",
+    "BasinStability",
+    "Share",
+    "binomial_interval",
+    "settling_statistics",
+    "SettlingStatistics",
+    "SettlingTimes",
+    "minimal_fatal_shock",
+    "FatalShock",
+    "local_integrity",
+    "largest_ball",
+    "Ball",
+    "tipping_probabilities",
+    "TippingProbabilities",
+    "edge_orbit",
+    "EdgeOrbit",
+    "saddle_manifold",
+    "Manifold",
+    "ManifoldBranch",
+    "inverse_stroboscopic_map",
+    "boundary_distance",
+    "BoundaryDistance",
+    "chaotic_saddle",
+    "ChaoticSaddle",
+    "escape_rate",
+    "EscapeRate",
+    "boundary_dimension",
+    "box_dimension",
+    "BoxCount",
+    "generalized_dimensions",
+    "GeneralizedDimensions",
+    "correlation_dimension",
+    "CorrelationSum",
+    "kaplan_yorke_dimension",
+    "KaplanYorke",
+    "fit_line",
+    "Fit",
     "plot_basins",
     "plot_bifurcation_diagram",
     "plot_basin_continuation",
+    "plot_generalized_dimensions",
+    "plot_kaplan_yorke",
+    "uncertainty_exponent",
+    "image_uncertainty_exponent",
+    "UncertaintyExponent",
+    "basin_entropy",
+    "BasinEntropy",
+    "fractal_boundary_test",
+    "FractalTest",
+    "smooth_boundary_entropy",
+    "wada_merging",
+    "MergingTest",
+    "wada_grid",
+    "WadaGrid",
+    "plot_uncertainty_exponent",
+    "plot_basin_entropy",
+    "plot_wada",
+    "plot_fit",
     "plot_branches",
     "plot_stability_map",
     "plot_time_series",
+    "plot_basin_stability",
+    "plot_settling_times",
+    "plot_fatal_shock",
+    "plot_ball",
+    "plot_tipping",
+    "plot_edge_orbit",
+    "plot_manifolds",
+    "plot_boundary_distance",
+    "plot_chaotic_saddle",
     "plot_phase_portrait",
+    "plot_lyapunov_spectrum",
+    "plot_exponent_field",
+    "plot_chaos_test",
     "animate",
     "save_basins",
     "load_basins",

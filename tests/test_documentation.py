@@ -35,6 +35,7 @@ def test_programs_run(page, tmp_path, monkeypatch):
     names: dict[str, object] = {"__name__": "__main__"}
     for number, text in enumerate(programs(page), 1):
         exec(compile(text, f"{page.name}, program {number}", "exec"), names)
+        plt.close("all")
 
 
 def test_program_of_the_readme_is_ten_lines_and_draws_a_picture(monkeypatch, tmp_path):

@@ -1,0 +1,253 @@
+"""Wada basins by the grid method: whether there is a third colour between two others (Daza et al. 2015)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attractor import Attractor
+from ..basins import Basins, find_basins
+from ..checks import finite_number, whole_number
+from ..grid import CellGrid, grid_points
+from ..pointmap import CHUNK, Cost, PointMap
+from ..threads import run_over, slices
+from .final_states import FinalStates, Outcome, final_states
+from .labels import LabelImage, also_labels, label_image
+from .neighbourhoods import neighbourhoods, steps_to_neighbours
+from .wada import NOT, PART, PARTIALLY, WADA
+
+_FEWEST = 50  # boxes on the boundary below which basins are not called Wada
+
+
+@dataclass(frozen=True, eq=False)
+class WadaGrid:
+    """Boxes on the boundary by the number of basins that were found around them, step by step.
+
+    Parameters
+    ----------
+    basins : tuple of int
+        Labels of the basins.
+    boxes : ndarray of int, shape (steps + 1, k + 1)
+        Boxes with m basins in column m, before the first step and after each.
+    points : ndarray of int, shape (steps + 1,)
+        Starts that each step has labelled.
+    colours : ndarray of int8, shape of the grid
+        Number of basins found around each box; 1 inside a basin, 0 for boxes without one.
+    tolerance : float
+        Share of the boundary that may lack a basin.
+    region : CellGrid
+        The boxes.
+    attractors : tuple of Attractor
+        Attractors whose basins were told apart.
+    cost : Cost
+        Wall time and number of starts.
+    name : str
+        Name of the system.
+    """
+
+    basins: tuple[int, ...]
+    boxes: NDArray[np.int64]
+    points: NDArray[np.int64]
+    colours: NDArray[np.int8]
+    tolerance: float
+    region: CellGrid
+    attractors: tuple[Attractor, ...] = ()
+    cost: Cost = Cost()
+    name: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"WadaGrid({self.verdict}: {len(self.basins)} basins, {self.boundary} boxes on the boundary, "
+            f"{100 * self.shares[-1, -1]:.4g} % with all after {len(self.points) - 1} steps)"
+        )
+
+    @property
+    def boundary(self) -> int:
+        """Boxes on the boundary."""
+        return int(self.boxes[-1, 2:].sum())
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Share of the boundary's boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
+        shares = self.boxes / max(self.boundary, 1)
+        shares[:, :2] = 0.0
+        return np.asarray(shares)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the basins are "Wada", "partially" so, or "not".
+
+        Wada: three basins or more, and all of them were found around each box on the boundary, but for the tolerance;
+        with fewer than 50 such boxes nothing is called Wada.  Partially: at least a tenth of these boxes have three
+        basins or more.  Two basins are not Wada.
+        """
+        if len(self.basins) < 3 or self.boundary < _FEWEST:
+            return NOT
+        if self.shares[-1, -1] >= 1.0 - self.tolerance:
+            return WADA
+        return PARTIALLY if self.shares[-1, 3:].sum() >= PART else NOT
+
+
+def wada_grid(
+    source: Basins | PointMap,
+    region: CellGrid | None = None,
+    attractors: Sequence[Attractor] = (),
+    outcome: Outcome | None = None,
+    also: Sequence[int] = (),
+    steps: int = 10,
+    tolerance: float = 0.01,
+    points: int = 2_000_000,
+    max_periods: int = 2000,
+) -> WadaGrid:
+    """Test with the map whether each box on the boundary of basins has all of them around it.
+
+    The colour of a box is the basin of its centre.  A box on the boundary is one that has a neighbour (sides and
+    corners) of another colour; it knows the colours of all its neighbours.  As long as it lacks some, the segment from
+    its centre to the nearest neighbour of another colour is looked at in ever finer steps: its middle, then its
+    quarters, and so on.  A Wada boundary shows all the other colours there sooner or later.
+
+    Parameters
+    ----------
+    source : Basins or PointMap
+        Basins on a grid with their map, or a map.
+    region : CellGrid, optional
+        Boxes; by default the grid of the basins, whose labels are used.
+    attractors : sequence of Attractor, optional
+        Known attractors; those of the basins by default, else they are searched for first.
+    outcome : callable, optional
+        Final states in the place of attractors, see :func:`uncertainty_exponent`.
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.  Starts of any other negative label (left
+        the table, diverged, undecided) have no colour, boxes around them are not on the boundary because of them.
+    steps : int, optional
+        Most steps; the last one looks at 2**(steps - 1) new points for each box that still lacks a colour.
+    tolerance : float, optional
+        Share of the boundary that may lack a basin in the end.
+    points : int, optional
+        Budget of starts besides the centres.
+    max_periods : int, optional
+        Periods after which a start is undecided.
+
+    Returns
+    -------
+    WadaGrid
+        Boxes by number of basins for each step, and what they say.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a region without basins.
+
+    References
+    ----------
+    Daza, Wagemakers, Sanjuan, Yorke, Scientific Reports 5 (2015) 16579.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
+    >>> wada_grid(signs, CellGrid((-3, -1), (3, 1), (60, 60))).verdict
+    'not'
+    """
+    began = time.perf_counter()
+    counted = also_labels(also)
+    steps = whole_number("steps", steps, at_most=24)
+    points = whole_number("points", points)
+    share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
+    states, labels = _centres(source, region, attractors, outcome, max_periods)
+    image = label_image(labels, counted, states.region.wraps)
+    seen, partner = neighbourhoods(image)
+    boxes = [_tally(seen, len(image.names))]
+    used = [image.numbers.size]
+    for step in range(1, steps + 1):
+        lacking = np.flatnonzero(np.isin(_sizes(seen), range(2, len(image.names))))
+        fractions = np.arange(1, 2**step, 2) / 2**step
+        if not len(lacking) or len(lacking) * len(fractions) > points:
+            break
+        points -= len(lacking) * len(fractions)
+        _look(states, image, seen, partner, lacking, fractions)
+        boxes.append(_tally(seen, len(image.names)))
+        used.append(len(lacking) * len(fractions))
+    return WadaGrid(
+        image.names,
+        np.array(boxes),
+        np.array(used),
+        _sizes(seen).reshape(labels.shape).astype(np.int8),
+        share,
+        states.region,
+        states.attractors,
+        Cost(time.perf_counter() - began, int(sum(used))),
+        states.point_map.name,
+    )
+
+
+def _centres(
+    source: Basins | PointMap,
+    region: CellGrid | None,
+    attractors: Sequence[Attractor],
+    outcome: Outcome | None,
+    max_periods: int,
+) -> tuple[FinalStates, NDArray[Any]]:
+    """Return what labels starts, and the labels of the centres of all boxes."""
+    if isinstance(source, Basins) and region is None and outcome is None and source.grid is not None:
+        return final_states(source, None, (), None, max_periods), source.labels
+    states = final_states(source, region, attractors, outcome, max_periods)
+    if outcome is not None:
+        return states, _by_states(states)
+    # All centres may find attractors that a coarser search has missed.
+    basins = find_basins(states.point_map, states.region, max_periods, attractors=states.attractors)
+    return final_states(basins, None, (), None, max_periods), basins.labels
+
+
+def _by_states(states: FinalStates) -> NDArray[np.int64]:
+    """Label the centres of all boxes."""
+    region = states.region
+    axes = [region.axis(j) for j in range(region.dimension)]
+    labels = np.empty(region.size, np.int64)
+
+    def label(part: slice) -> None:
+        labels[part] = states.labels(grid_points(axes, part))
+
+    run_over(slices(region.size, CHUNK), label)
+    return labels.reshape(region.shape)
+
+
+def _look(
+    states: FinalStates,
+    image: LabelImage,
+    seen: NDArray[np.bool_],
+    partner: NDArray[np.int64],
+    boxes: NDArray[np.int64],
+    fractions: NDArray[np.float64],
+) -> None:
+    """Label points on the way from boxes to their neighbours, and add what is seen."""
+    region = states.region
+    wide = [j for j, n in enumerate(region.shape) if n > 1]
+    axes = [region.axis(j) for j in range(region.dimension)]
+    steps = np.zeros((len(boxes), region.dimension))
+    steps[:, wide] = steps_to_neighbours(len(wide))[partner[boxes]] * region.widths[wide]
+    labels = np.empty(len(boxes) * len(fractions), np.int64)
+
+    def label(part: slice) -> None:
+        rows, which = np.divmod(np.arange(part.start, part.stop), len(fractions))
+        labels[part] = states.labels(grid_points(axes, boxes[rows]) + fractions[which, None] * steps[rows])
+
+    run_over(slices(len(labels), CHUNK), label)
+    names = np.array(image.names)
+    place = np.minimum(np.searchsorted(names, labels), len(names) - 1)
+    known = names[place] == labels
+    seen[np.repeat(boxes, len(fractions))[known], place[known]] = True
+
+
+def _sizes(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    return np.asarray(seen.sum(axis=1), np.int64)
+
+
+def _tally(seen: NDArray[np.bool_], basins: int) -> NDArray[np.int64]:
+    """Count boxes by the number of basins that they know."""
+    return np.bincount(_sizes(seen), minlength=basins + 1)

@@ -1,0 +1,185 @@
+"""Pictures of Lyapunov exponents: their convergence, their fields, and tests for chaos, with matplotlib."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+
+from ..analysis.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
+from ..analysis.fields import ExponentField
+from ..analysis.lyapunov import LyapunovSpectrum
+from .axes import label_axis
+from .colours import colour_of
+
+_MOST_CURVES = 64
+_VERDICT_COLOURS = {CHAOTIC: "#D55E00", REGULAR: "#0072B2", UNDECIDED: "0.5"}
+
+
+def plot_exponent_field(
+    field: ExponentField, ax: Axes | None = None, backward: bool = False, per_time: bool = False, colours: str = "magma"
+) -> Axes:
+    """Draw finite-time Lyapunov exponents.
+
+    Parameters
+    ----------
+    field : ExponentField
+        What :func:`finite_time_exponents` returns, on a grid with two axes of more than one cell.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    backward : bool, optional
+        Draw the exponents of the way back, at the images of the starts, in the place of the forward ones.
+    per_time : bool, optional
+        Per unit of time in the place of per step.
+    colours : str, optional
+        Name of a colour map.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; starts whose orbit ended stay white.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is no field, or one without exactly two axes of more than one cell.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, finite_time_exponents
+    >>> henon = discrete_map(lambda x, p: (1 - 1.4 * x[0]**2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
+    >>> plot_exponent_field(finite_time_exponents(henon, CellGrid((-1, -1), (1, 1), (8, 8)), 4)).get_xlabel()
+    'x'
+    """
+    if not isinstance(field, ExponentField):
+        raise TypeError(f"field={field!r}: give an ExponentField, as finite_time_exponents returns it")
+    grid = field.grid
+    wide = [j for j, n in enumerate(grid.shape) if n > 1]
+    if len(wide) != 2:
+        raise ValueError(f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell")
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
+    unit = field.period if per_time else 1.0
+    drawn: ScalarMappable
+    if backward:
+        places = field.images.reshape(-1, grid.dimension)[:, wide]
+        values = field.backward.ravel() / unit
+        known = np.isfinite(values)
+        x, y = places[known].T
+        drawn = ax.scatter(x, y, c=values[known], s=1.0, linewidths=0.0, cmap=colours, rasterized=True)
+    else:
+        values = np.where(np.isfinite(field.forward), field.forward / unit, np.nan).reshape(
+            [grid.shape[j] for j in wide]
+        )
+        x, y = (grid.edges(j) for j in wide)
+        drawn = ax.pcolormesh(x, y, values.T, cmap=colours, rasterized=True)
+    for axis, j in ((ax.xaxis, wide[0]), (ax.yaxis, wide[1])):
+        label_axis(axis, field.coordinates[j], grid.upper[j] - grid.lower[j])
+    assert ax.figure is not None
+    way = "backward" if backward else "forward"
+    ax.figure.colorbar(drawn, ax=ax, label=f"exponent per {'unit of time' if per_time else 'step'}")
+    ax.set_title(f"{field.name}, {field.periods} periods {way}")
+    return ax
+
+
+def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, per_time: bool = False) -> Axes:
+    """Draw how Lyapunov exponents converge: their values after ever more periods, for at most 64 orbits.
+
+    Parameters
+    ----------
+    spectrum : LyapunovSpectrum
+        What :func:`lyapunov_spectrum` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    per_time : bool, optional
+        Per unit of time in the place of per step.
+
+    Returns
+    -------
+    matplotlib Axes
+        A curve for each orbit and exponent, and at the end of each its value with two standard errors.
+
+    Raises
+    ------
+    TypeError
+        For something that is no spectrum.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import discrete_map, lyapunov_spectrum
+    >>> logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    >>> plot_lyapunov_spectrum(lyapunov_spectrum(logistic, [0.3])).get_xlabel()
+    'periods'
+    """
+    if not isinstance(spectrum, LyapunovSpectrum):
+        raise TypeError(f"spectrum={spectrum!r}: give a LyapunovSpectrum, as lyapunov_spectrum returns it")
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.0, 4.5), layout="constrained")
+    unit = spectrum.period if per_time else 1.0
+    d = spectrum.exponents.shape[-1]
+    curves = spectrum.convergence.reshape(len(spectrum.steps), -1, d)[:, :_MOST_CURVES] / unit
+    ends = spectrum.exponents.reshape(-1, d)[:_MOST_CURVES] / unit
+    errors = spectrum.standard_errors.reshape(-1, d)[:_MOST_CURVES] / unit
+    ax.axhline(0.0, color="0.6", linewidth=0.8)
+    finite = np.isfinite(curves)
+    for j in range(d):
+        ax.plot(spectrum.steps, np.where(finite, curves, np.nan)[..., j], color=colour_of(j), linewidth=0.6, alpha=0.7)
+        last = np.full(len(ends), spectrum.steps[-1])
+        value = np.where(np.isfinite(ends[:, j]), ends[:, j], np.nan)
+        style = {"fmt": ".", "markersize": 3, "elinewidth": 0.8, "capsize": 2}
+        ax.errorbar(last, value, 2.0 * np.nan_to_num(errors[:, j]), color=colour_of(j), **style)  # type: ignore[arg-type]
+    ax.set(xlabel="periods", ylabel=f"exponents per {'unit of time' if per_time else 'step'}", title=spectrum.name)
+    return ax
+
+
+def plot_chaos_test(test: ChaosTest, ax: Axes | None = None) -> Axes:
+    """Draw what a test for chaos has found, for at most 64 orbits.
+
+    Parameters
+    ----------
+    test : ChaosTest
+        What :func:`exponent_test` or :func:`zero_one_test` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        Exponents after ever more periods, or the K of all frequencies in order, in the colour of the verdict; the
+        limits between which there is none are dashed.
+
+    Raises
+    ------
+    TypeError
+        For something that is no test.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import zero_one_test_of_series
+    >>> plot_chaos_test(zero_one_test_of_series(np.cos(np.arange(500.0)))).get_ylabel()
+    'K'
+    """
+    if not isinstance(test, ChaosTest):
+        raise TypeError(f"test={test!r}: give a ChaosTest, as exponent_test and zero_one_test return it")
+    if ax is None:
+        _, ax = plt.subplots(figsize=(7.0, 4.5), layout="constrained")
+    curves = test.evidence.reshape(len(test.at), -1)
+    verdicts = test.verdict.ravel()
+    for k in range(min(curves.shape[1], _MOST_CURVES)):
+        values = np.where(np.isfinite(curves[:, k]), curves[:, k], np.nan)
+        ax.plot(test.at, values, color=_VERDICT_COLOURS[str(verdicts[k])], linewidth=0.8)
+    for verdict, colour in _VERDICT_COLOURS.items():
+        if (verdicts == verdict).any():
+            ax.plot([], [], color=colour, label=f"{verdict}: {np.count_nonzero(verdicts == verdict)}")
+    for limit in (test.below, test.above):
+        ax.axhline(limit, color="0.4", linewidth=0.8, linestyle="--")
+    ax.set(xlabel="share of the frequencies" if test.quantity == "K" else "periods", ylabel=test.quantity)
+    ax.legend(fontsize="small", frameon=False)
+    return ax

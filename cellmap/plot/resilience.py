@@ -1,0 +1,239 @@
+"""Pictures of what a basin withstands, with matplotlib."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..analysis.integrity import Ball
+from ..analysis.resilience import BasinStability
+from ..analysis.settling_times import SettlingStatistics
+from ..analysis.shocks import FatalShock
+from ..analysis.tipping import TippingProbabilities
+from ..basins import Basins
+from .axes import cut_at_seams
+from .basins import plot_basins
+from .colours import CODE_COLOURS, colour_of
+
+
+def plot_basin_stability(stability: BasinStability, ax: Axes | None = None) -> Axes:
+    """Draw the shares of the basins with their intervals.
+
+    Parameters
+    ----------
+    stability : BasinStability
+        What :func:`basin_stability` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        A bar for each attractor and each other label that occurred.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, basin_stability, discrete_map, find_basins
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
+    >>> len(plot_basin_stability(basin_stability(basins, n=100)).patches)
+    2
+    """
+    if not isinstance(stability, BasinStability):
+        raise TypeError(f"stability={stability!r}: give what basin_stability returns")
+    ax = _axes(ax)
+    places = np.arange(len(stability.shares))
+    shares = np.array([s.share for s in stability.shares.values()])
+    ends = np.array([[s.low, s.high] for s in stability.shares.values()])
+    bars = np.stack([shares - ends[:, 0], ends[:, 1] - shares]).clip(min=0.0)
+    ax.bar(places, shares, color=[_colour(k) for k in stability.shares], yerr=bars, capsize=4.0, ecolor="0.2")
+    ax.set_xticks(places, [stability.names[k] for k in stability.shares], rotation=20, ha="right")
+    ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
+    ax.set_ylabel("share of states")
+    return ax
+
+
+def plot_settling_times(statistics: SettlingStatistics, ax: Axes | None = None) -> Axes:
+    """Draw for each basin the share of its starts that have not settled yet, against the step.
+
+    Parameters
+    ----------
+    statistics : SettlingStatistics
+        What :func:`settling_statistics` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        A curve for each basin, on a logarithmic axis; starts that never settled are in none.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins, settling_statistics
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
+    >>> plot_settling_times(settling_statistics(basins)).get_yscale()
+    'log'
+    """
+    if not isinstance(statistics, SettlingStatistics):
+        raise TypeError(f"statistics={statistics!r}: give what settling_statistics returns")
+    ax = _axes(ax)
+    for k, basin in statistics.basins.items():
+        if basin.count:
+            left = (basin.count - np.cumsum(basin.times)) / basin.count
+            label = f"{basin.name}: mean {basin.mean:.3g} ± {basin.standard_error:.1g}"
+            ax.step(np.arange(len(left)), np.where(left > 0, left, np.nan), where="post", color=_colour(k), label=label)
+    ax.set_yscale("log")
+    ax.set_xlabel("step")
+    ax.set_ylabel("share not settled")
+    if any(basin.count for basin in statistics.basins.values()):
+        ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) -> Axes:
+    """Draw a minimal fatal shock over its basins: the arrow, and the ball that it is the radius of.
+
+    Parameters
+    ----------
+    shock : FatalShock
+        What :func:`minimal_fatal_shock` returns.
+    basins : Basins
+        Basins on a grid of two axes.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins, minimal_fatal_shock
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
+    >>> plot_fatal_shock(minimal_fatal_shock(basins, 0, trials=64), basins).get_ylabel()
+    'y'
+    """
+    if not isinstance(shock, FatalShock):
+        raise TypeError(f"shock={shock!r}: give what minimal_fatal_shock returns")
+    ax = _on_basins(basins, ax)
+    _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
+    _draw_curve(ax, np.stack([shock.point, shock.point + shock.shock]), basins, "-", 1.8)
+    ax.plot(*shock.end, "X", color="black", markeredgecolor="white", markersize=8, scalex=False, scaley=False)
+    ax.set_title(f"{basins.name}: fatal shock of size {shock.size:.4g}")
+    return ax
+
+
+def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
+    """Draw a ball inside a basin over the basins.
+
+    Parameters
+    ----------
+    ball : Ball
+        What :func:`local_integrity` or :func:`largest_ball` returns.
+    basins : Basins
+        Basins on a grid of two axes.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins, largest_ball
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
+    >>> plot_ball(largest_ball(basins, 0), basins).get_xlabel()
+    'x'
+    """
+    if not isinstance(ball, Ball):
+        raise TypeError(f"ball={ball!r}: give what local_integrity or largest_ball returns")
+    ax = _on_basins(basins, ax)
+    _draw_ball(ax, ball.centre, ball.radius, ball.scale, basins)
+    ax.plot(*ball.centre, "+", color="black", markersize=9, scalex=False, scaley=False)
+    ax.set_title(f"{basins.name}: ball of radius {ball.radius:.4g}")
+    return ax
+
+
+def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
+    """Draw tipping probabilities as a table.
+
+    Parameters
+    ----------
+    tipping : TippingProbabilities
+        What :func:`tipping_probabilities` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        Rows are the labels before the change, columns those after it.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import tipping_probabilities
+    >>> plot_tipping(tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])).get_xlabel()
+    'after'
+    """
+    if not isinstance(tipping, TippingProbabilities):
+        raise TypeError(f"tipping={tipping!r}: give what tipping_probabilities returns")
+    ax = _axes(ax)
+    ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
+    for (row, column), share in np.ndenumerate(tipping.probabilities):
+        if np.isfinite(share):
+            low, high = tipping.low[row, column], tipping.high[row, column]
+            text = f"{share:.3g}\n[{low:.2g}, {high:.2g}]"
+            ax.text(column, row, text, ha="center", va="center", color="white" if share > 0.6 else "black", fontsize=8)
+    ax.set_xticks(range(len(tipping.after)), tipping.names[1], rotation=20, ha="right")
+    ax.set_yticks(range(len(tipping.before)), tipping.names[0])
+    ax.set_xlabel("after")
+    ax.set_ylabel("before")
+    return ax
+
+
+def _axes(ax: Axes | None) -> Axes:
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.0, 4.5), layout="constrained")
+    return ax
+
+
+def _colour(label: int) -> object:
+    return CODE_COLOURS[label] if label < 0 else colour_of(label)
+
+
+def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
+    if not isinstance(basins, Basins) or len(basins.coordinates) != 2:
+        raise ValueError(f"basins={basins!r}: a picture needs basins on a grid of two axes")
+    return plot_basins(basins, ax)
+
+
+def _draw_ball(
+    ax: Axes, centre: NDArray[np.float64], radius: float, scale: NDArray[np.float64], basins: Basins
+) -> None:
+    way = np.linspace(0.0, 2 * np.pi, 361)
+    circle = centre + radius * scale * np.stack([np.cos(way), np.sin(way)], axis=1)
+    _draw_curve(ax, circle, basins, "--", 1.2)
+
+
+def _draw_curve(ax: Axes, curve: NDArray[np.float64], basins: Basins, style: str, width: float) -> None:
+    pieces = cut_at_seams(curve, basins.coordinates)
+    ax.plot(*pieces.T, style, color="black", linewidth=width, scalex=False, scaley=False)
