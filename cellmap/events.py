@@ -94,11 +94,10 @@ class Watch:
         events, clear = [], True
         for k, (_, kind, place) in enumerate(found):
             change = abs(counts[k + 1] - counts[k])
-            clear &= change == (0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1))
             # The product of two real multipliers passes 1 where nothing happens.
             if kind is BifurcationKind.NEIMARK_SACKER and not change:
-                clear = True
                 continue
+            clear &= change == (0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1))
             if (event := self._event(kind, place, stride)) is not None:
                 events.append(replace(event, before=counts[k], after=counts[k + 1]))
         return events, clear
