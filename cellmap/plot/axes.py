@@ -6,13 +6,20 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from ..checks import whole_number
 from ..coordinates import Coordinate, turns_of
+
+
+def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
+    """Return the axes that are given, or those of a new figure of a size in inches."""
+    return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
 
 
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:

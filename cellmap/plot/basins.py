@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..attractor import Kind, distinct_names
 from ..basins import Basins
-from .axes import label_axis
+from .axes import axes_or_new, label_axis
 from .colours import label_colours
 
 
@@ -65,8 +64,7 @@ def plot_basins(
     wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
     if grid is None or len(wide) != 2:
         raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 5.5), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
     image = _painted(basins, palette, shade)
     rows, columns = wide[1], wide[0]

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -19,7 +18,7 @@ from ..coordinates import Coordinate, difference
 from ..crossings import Crossing
 from ..stability import StabilityMap
 from ..sweep import swept_map
-from .axes import column_of, cut_at_seams, label_axis
+from .axes import axes_or_new, column_of, cut_at_seams, label_axis
 from .colours import COLOURS, colour_of
 
 MARKERS = {
@@ -102,8 +101,7 @@ def plot_branches(
         if (other.name, other.point_map.coordinates) != (name, coordinates):
             raise ValueError(f"branches={branches!r}: give branches over one parameter of one system")
     column = column_of(coordinate, coordinates)
-    if ax is None:
-        _, ax = plt.subplots(layout="constrained")
+    ax = axes_or_new(ax)
     traces = [_Trace.of(branch, _birth(branch, several), column, every_point) for branch in several]
     kinds: set[BifurcationKind] = set()
     styles: set[str] = set()
@@ -283,8 +281,7 @@ def plot_stability_map(
     """
     if not isinstance(stability, StabilityMap):
         raise TypeError(f"stability={stability!r}: give a StabilityMap, as stability_map returns it")
-    if ax is None:
-        _, ax = plt.subplots(layout="constrained")
+    ax = axes_or_new(ax)
     handles: list[Patch | Line2D] = _shade(ax, stability) if background else []
     palette = {**CROSSING_COLOURS, **(colours or {})}
     curves = stability.curves

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import log
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from ..analysis.exponent import UncertaintyExponent
 from ..analysis.fractal_test import FractalTest
 from ..analysis.wada import MergingTest
 from ..analysis.wada_grid import WadaGrid
+from .axes import axes_or_new
 from .colours import COLOURS
 from .fits import plot_fit
 
@@ -44,7 +44,7 @@ def plot_uncertainty_exponent(result: UncertaintyExponent, ax: Axes | None = Non
     """
     if not isinstance(result, UncertaintyExponent):
         raise TypeError(f"result={result!r}: give an UncertaintyExponent")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     if result.fit is not None:
         plot_fit(result.fit, ax)
     else:
@@ -93,7 +93,7 @@ def plot_basin_entropy(result: BasinEntropy | FractalTest, ax: Axes | None = Non
         reference, meaning = result.smooth, "straight boundary"
     else:
         raise TypeError(f"result={result!r}: give a BasinEntropy or a FractalTest")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     if len(values):
         ax.hist(values, bins=30, color=COLOURS[0], alpha=0.5)
         ax.axvspan(mean - 2 * error, mean + 2 * error, color=COLOURS[0], alpha=0.3, linewidth=0.0)
@@ -133,7 +133,7 @@ def plot_wada(result: WadaGrid | MergingTest, ax: Axes | None = None) -> Axes:
     """
     if not isinstance(result, WadaGrid | MergingTest):
         raise TypeError(f"result={result!r}: give a WadaGrid or a MergingTest")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     if isinstance(result, WadaGrid):
         for m in range(2, len(result.basins) + 1):
             colour = COLOURS[m % len(COLOURS)]
@@ -149,10 +149,6 @@ def plot_wada(result: WadaGrid | MergingTest, ax: Axes | None = None) -> Axes:
         ax.set_ylabel("share of the boundary")
     ax.set_title(_title(result.name, result.verdict))
     return ax
-
-
-def _axes(ax: Axes | None) -> Axes:
-    return plt.subplots(figsize=(6.0, 4.5), layout="constrained")[1] if ax is None else ax
 
 
 def _title(name: str, verdict: str) -> str:

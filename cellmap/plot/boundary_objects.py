@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -17,7 +16,7 @@ from ..analysis.saddle_sets import ChaoticSaddle
 from ..basins import Basins
 from ..coordinates import Coordinate
 from ..orbit import PeriodicOrbit
-from .axes import column_of, cut_at_seams, label_axis
+from .axes import axes_or_new, column_of, cut_at_seams, label_axis
 from .basins import plot_basins
 
 _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
@@ -153,8 +152,7 @@ def plot_boundary_distance(distance: BoundaryDistance, ax: Axes | None = None) -
     """
     if not isinstance(distance, BoundaryDistance):
         raise TypeError(f"distance={distance!r}: give what boundary_distance returns")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.0))
     finite = np.sort(distance.distances[np.isfinite(distance.distances)])
     ax.step(finite, np.arange(1, len(finite) + 1) / len(distance.distances), where="post", color="black")
     ax.axvline(distance.within, linestyle="--", color="0.5", label=f"{100 * distance.share:.4g} % within")
@@ -216,8 +214,7 @@ def plot_chaotic_saddle(
 
 
 def _below(basins: Basins | None, ax: Axes | None) -> Axes:
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 5.5), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 5.5))
     return ax if basins is None else plot_basins(basins, ax)
 
 

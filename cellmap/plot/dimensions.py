@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.generalized import GeneralizedDimensions
 from ..analysis.kaplan_yorke import KaplanYorke
+from .axes import axes_or_new
 from .colours import COLOURS
 
 
@@ -33,8 +33,7 @@ def plot_generalized_dimensions(result: GeneralizedDimensions, ax: Axes | None =
     """
     if not isinstance(result, GeneralizedDimensions):
         raise TypeError(f"result={result!r}: give what generalized_dimensions returns")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.0))
     ax.errorbar(
         result.orders, result.dimensions, result.standard_errors, color=COLOURS[0], marker="o", markersize=4, capsize=2
     )
@@ -64,8 +63,7 @@ def plot_kaplan_yorke(result: KaplanYorke, ax: Axes | None = None) -> Axes:
     """
     if not isinstance(result, KaplanYorke):
         raise TypeError(f"result={result!r}: give what kaplan_yorke_dimension returns")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.0))
     sums = np.concatenate([[0.0], np.cumsum(result.exponents)])
     bars = np.concatenate([[0.0], np.sqrt(np.cumsum(result.errors**2))])
     ax.axhline(0.0, color="0.6", linewidth=0.8)

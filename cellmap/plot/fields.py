@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -10,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from ..analysis.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..analysis.fields import ExponentField
 from ..analysis.lyapunov import LyapunovSpectrum
-from .axes import label_axis
+from .axes import axes_or_new, label_axis
 from .colours import colour_of
 
 _MOST_CURVES = 64
@@ -60,8 +59,7 @@ def plot_exponent_field(
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
     if len(wide) != 2:
         raise ValueError(f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 5.0))
     unit = field.period if per_time else 1.0
     drawn: ScalarMappable
     if backward:
@@ -118,8 +116,7 @@ def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, p
     """
     if not isinstance(spectrum, LyapunovSpectrum):
         raise TypeError(f"spectrum={spectrum!r}: give a LyapunovSpectrum, as lyapunov_spectrum returns it")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 4.5), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 4.5))
     unit = spectrum.period if per_time else 1.0
     d = spectrum.exponents.shape[-1]
     curves = spectrum.convergence.reshape(len(spectrum.steps), -1, d)[:, :_MOST_CURVES] / unit
@@ -168,8 +165,7 @@ def plot_chaos_test(test: ChaosTest, ax: Axes | None = None) -> Axes:
     """
     if not isinstance(test, ChaosTest):
         raise TypeError(f"test={test!r}: give a ChaosTest, as exponent_test and zero_one_test return it")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7.0, 4.5), layout="constrained")
+    ax = axes_or_new(ax, (7.0, 4.5))
     curves = test.evidence.reshape(len(test.at), -1)
     verdicts = test.verdict.ravel()
     for k in range(min(curves.shape[1], _MOST_CURVES)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..analysis.fit import Fit
+from .axes import axes_or_new
 from .colours import COLOURS
 
 
@@ -52,8 +52,7 @@ def plot_fit(
     fit = result if isinstance(result, Fit) else getattr(result, "fit", None)
     if not isinstance(fit, Fit):
         raise TypeError(f"result={result!r}: give a Fit, or a result that carries one as .fit")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.5), layout="constrained")
+    ax = axes_or_new(ax, (6.0, 4.5))
     colour = COLOURS[0] if colour is None else colour
     logarithmic = [name.startswith("ln ") for name in fit.labels]
     x, y = (np.exp(v) if is_log else v for v, is_log in zip((fit.x, fit.y), logarithmic, strict=True))

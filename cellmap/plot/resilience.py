@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from ..analysis.settling_times import SettlingStatistics
 from ..analysis.shocks import FatalShock
 from ..analysis.tipping import TippingProbabilities
 from ..basins import Basins
-from .axes import cut_at_seams
+from .axes import axes_or_new, cut_at_seams
 from .basins import plot_basins
 from .colours import CODE_COLOURS, colour_of
 
@@ -45,7 +44,7 @@ def plot_basin_stability(stability: BasinStability, ax: Axes | None = None) -> A
     """
     if not isinstance(stability, BasinStability):
         raise TypeError(f"stability={stability!r}: give what basin_stability returns")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     places = np.arange(len(stability.shares))
     shares = np.array([s.share for s in stability.shares.values()])
     ends = np.array([[s.low, s.high] for s in stability.shares.values()])
@@ -84,7 +83,7 @@ def plot_settling_times(statistics: SettlingStatistics, ax: Axes | None = None) 
     """
     if not isinstance(statistics, SettlingStatistics):
         raise TypeError(f"statistics={statistics!r}: give what settling_statistics returns")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     for k, basin in statistics.basins.items():
         if basin.count:
             left = (basin.count - np.cumsum(basin.times)) / basin.count
@@ -196,7 +195,7 @@ def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
     """
     if not isinstance(tipping, TippingProbabilities):
         raise TypeError(f"tipping={tipping!r}: give what tipping_probabilities returns")
-    ax = _axes(ax)
+    ax = axes_or_new(ax, (6.0, 4.5))
     ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
     for (row, column), share in np.ndenumerate(tipping.probabilities):
         if np.isfinite(share):
@@ -207,12 +206,6 @@ def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
     ax.set_yticks(range(len(tipping.before)), tipping.names[0])
     ax.set_xlabel("after")
     ax.set_ylabel("before")
-    return ax
-
-
-def _axes(ax: Axes | None) -> Axes:
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 4.5), layout="constrained")
     return ax
 
 
