@@ -150,102 +150,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_ANALYSIS = (
-    "Ball",
-    "BasinEntropy",
-    "BasinStability",
-    "BoundaryDistance",
-    "BoxCount",
-    "ChaosTest",
-    "ChaoticSaddle",
-    "CorrelationSum",
-    "EdgeOrbit",
-    "EscapeRate",
-    "ExponentField",
-    "FatalShock",
-    "Fit",
-    "FractalTest",
-    "GeneralizedDimensions",
-    "KaplanYorke",
-    "LyapunovSpectrum",
-    "Manifold",
-    "ManifoldBranch",
-    "MergingTest",
-    "SettlingStatistics",
-    "SettlingTimes",
-    "Share",
-    "TippingProbabilities",
-    "UncertaintyExponent",
-    "WadaGrid",
-    "basin_entropy",
-    "basin_stability",
-    "binomial_interval",
-    "boundary_dimension",
-    "boundary_distance",
-    "box_dimension",
-    "chaotic_saddle",
-    "correlation_dimension",
-    "edge_orbit",
-    "escape_rate",
-    "exponent_test",
-    "finite_time_exponents",
-    "fit_line",
-    "fractal_boundary_test",
-    "generalized_dimensions",
-    "image_uncertainty_exponent",
-    "inverse_stroboscopic_map",
-    "kaplan_yorke_dimension",
-    "largest_ball",
-    "local_integrity",
-    "lyapunov_spectrum",
-    "minimal_fatal_shock",
-    "saddle_manifold",
-    "settling_statistics",
-    "smooth_boundary_entropy",
-    "tipping_probabilities",
-    "uncertainty_exponent",
-    "wada_grid",
-    "wada_merging",
-    "zero_one_test",
-    "zero_one_test_of_series",
-)
-
-_LATE = {
-    **dict.fromkeys(_ANALYSIS, "analysis"),
-    **dict.fromkeys(
-        (
-            "plot_basins",
-            "plot_basin_stability",
-            "plot_settling_times",
-            "plot_fatal_shock",
-            "plot_ball",
-            "plot_tipping",
-            "plot_edge_orbit",
-            "plot_manifolds",
-            "plot_boundary_distance",
-            "plot_chaotic_saddle",
-            "plot_basin_continuation",
-            "plot_bifurcation_diagram",
-            "plot_branches",
-            "plot_uncertainty_exponent",
-            "plot_basin_entropy",
-            "plot_wada",
-            "plot_fit",
-            "plot_generalized_dimensions",
-            "plot_kaplan_yorke",
-            "plot_stability_map",
-            "plot_time_series",
-            "plot_phase_portrait",
-            "plot_chaos_test",
-            "plot_exponent_field",
-            "plot_lyapunov_spectrum",
-            "animate",
-        ),
-        "plot",
-    ),
-    **dict.fromkeys(("load_basins", "save_basins", "StoreError"), "store"),
-}
-"""Names whose modules load matplotlib, h5py or much of SciPy, and load only when they are used."""
+_STORED = ("load_basins", "save_basins", "StoreError")
 
 __all__ = [  # noqa: RUF022 (in the order of use)
     "ForcedSystem",
@@ -390,9 +295,12 @@ __all__ = [  # noqa: RUF022 (in the order of use)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LATE:
-        return getattr(import_module(f".{_LATE[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """Load names whose modules need matplotlib, h5py or much of SciPy when they are used."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    drawn = name.startswith("plot_") or name == "animate"
+    home = "plot" if drawn else "store" if name in _STORED else "analysis"
+    return getattr(import_module(f".{home}", __name__), name)
 
 
 def __dir__() -> list[str]:
