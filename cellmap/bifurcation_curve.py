@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .branch import Bifurcation, BifurcationKind, Branch
 from .checks import finite_number, whole_number
 from .coordinates import wrap
-from .multipliers import multipliers_of, pair_on_circle
+from .multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .orbit_problem import OrbitProblem, orbit_problem
 from .threads import progress_bar
 from .tracing import Place, corrected, strides
@@ -221,9 +221,7 @@ class _Singular:
     def _test(self, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         unit = np.eye(matrices.shape[-1])
         if self.kind is BifurcationKind.NEIMARK_SACKER:
-            found = np.linalg.eigvals(matrices)
-            i, j = np.triu_indices(len(unit), 1)
-            return np.asarray(np.prod(found[..., i] * found[..., j] - 1.0, axis=-1).real)
+            return pairs_beside_one(np.linalg.eigvals(matrices).astype(np.complex128))
         sign = 1.0 if self.kind is BifurcationKind.PERIOD_DOUBLING else -1.0
         return np.asarray(np.linalg.det(matrices + sign * unit))
 

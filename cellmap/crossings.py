@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .multipliers import MARGIN, multipliers_of, unstable_count
+from .multipliers import MARGIN, multipliers_of, pairs_beside_one, unstable_count
 from .pointmap import Status
 from .roots import extrema, zeros
 
@@ -97,8 +97,7 @@ class CrossingFunctions:
             known = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))[:, None, None]
             for which, sign in ((Crossing.PLUS_ONE, -1.0), (Crossing.MINUS_ONE, 1.0)):
                 tests[:, which] = np.linalg.det(np.where(known, matrices, 0.0) + sign * np.eye(d))
-            first, second = np.triu_indices(d, 1)
-            tests[:, Crossing.NEIMARK_SACKER] = np.prod(found[:, first] * found[:, second] - 1.0, axis=-1).real
+            tests[:, Crossing.NEIMARK_SACKER] = pairs_beside_one(found)
         with np.errstate(divide="ignore"):
             tests[:, _LEAVING] = np.log(np.abs(found[:, 0])) - MARGIN
         distance = np.where(np.isnan(found[:, :1]), 0.0, np.abs(np.abs(found) - 1.0))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .branch import Bifurcation, BifurcationKind
 from .branching import crossing
 from .coordinates import wrap
-from .multipliers import multipliers_of, pair_on_circle, unstable_count
+from .multipliers import multipliers_of, pair_on_circle, pairs_beside_one, unstable_count
 from .orbit_problem import OrbitProblem
 from .tracing import Place, Stride
 
@@ -76,8 +76,9 @@ class Watch:
 
     def sight(self, place: Place) -> Sight:
         """Return what is seen at a place."""
-        kept = bool(abs(abs(np.prod(self.multipliers(place))) - 1.0) < _KEPT)
-        return Sight(np.array([self._test(kind, place) for kind in TESTS]), self.unstable(place), kept)
+        found = self.multipliers(place)
+        tests = np.array([self._test(kind, place) for kind in TESTS])
+        return Sight(tests, int(unstable_count(found)), _keeps_volumes(found))
 
     def events(self, stride: Stride, before: Sight, after: Sight) -> tuple[list[Bifurcation], bool]:
         """Return the bifurcations on a stride, in its order, and whether they explain what has changed on it."""
@@ -109,9 +110,7 @@ class Watch:
             return place.bordered
         if kind is BifurcationKind.PERIOD_DOUBLING:
             return float(np.linalg.det(self.problem.matrix(place) + np.eye(self.problem.dimension)))
-        found = self.multipliers(place)
-        i, j = np.triu_indices(len(found), 1)
-        return float(np.prod(found[i] * found[j] - 1.0).real) if len(i) else 1.0
+        return float(pairs_beside_one(self.multipliers(place)))
 
     def _located(self, kind: BifurcationKind, stride: Stride) -> Place | None:
         place = stride.located(lambda p: self._test(kind, p))
@@ -140,7 +139,7 @@ class Watch:
 
     def _kind_of_change(self, place: Place) -> BifurcationKind:
         found = self.multipliers(place)
-        collide = abs(abs(np.prod(found)) - 1.0) < _KEPT and self._is_complex(found)
+        collide = _keeps_volumes(found) and self._is_complex(found)
         return BifurcationKind.NEIMARK_SACKER if collide else BifurcationKind.DEGENERATE
 
     def _is_complex(self, multipliers: NDArray[np.complex128]) -> bool:
@@ -178,3 +177,7 @@ class Watch:
             _along=along,
             _aside=aside,
         )
+
+
+def _keeps_volumes(multipliers: NDArray[np.complex128]) -> bool:
+    return bool(abs(abs(np.prod(multipliers)) - 1.0) < _KEPT)

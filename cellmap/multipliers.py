@@ -36,6 +36,15 @@ def multipliers_of(
     return found
 
 
+def pairs_beside_one(multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the products (...) of mu_i mu_j - 1 over all pairs of multipliers (..., d); 1 where there are no pairs.
+
+    They change their sign where a complex pair passes the unit circle, and where two real ones have the product 1.
+    """
+    i, j = np.triu_indices(multipliers.shape[-1], 1)
+    return np.asarray(np.prod(multipliers[..., i] * multipliers[..., j] - 1.0, axis=-1).real)
+
+
 def pair_on_circle(multipliers: NDArray[np.complex128]) -> tuple[int, int]:
     """Return the numbers of the two of some multipliers (d,), d > 1, whose product is nearest to 1."""
     i, j = np.triu_indices(len(multipliers), 1)
