@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from .analysis import TippingProbabilities as TippingProbabilities
     from .analysis import UncertaintyExponent as UncertaintyExponent
     from .analysis import WadaGrid as WadaGrid
+    from .analysis import alignment_test as alignment_test
     from .analysis import basin_entropy as basin_entropy
     from .analysis import basin_stability as basin_stability
     from .analysis import binomial_interval as binomial_interval
@@ -107,6 +108,8 @@ if TYPE_CHECKING:
     from .analysis import kaplan_yorke_dimension as kaplan_yorke_dimension
     from .analysis import largest_ball as largest_ball
     from .analysis import local_integrity as local_integrity
+    from .analysis import CovariantVectors as CovariantVectors
+    from .analysis import covariant_vectors as covariant_vectors
     from .analysis import lyapunov_spectrum as lyapunov_spectrum
     from .analysis import minimal_fatal_shock as minimal_fatal_shock
     from .analysis import saddle_manifold as saddle_manifold
@@ -134,6 +137,7 @@ if TYPE_CHECKING:
     from .plot import plot_branches as plot_branches
     from .plot import plot_chaos_test as plot_chaos_test
     from .plot import plot_exponent_field as plot_exponent_field
+    from .plot import plot_covariant_vectors as plot_covariant_vectors
     from .plot import plot_lyapunov_spectrum as plot_lyapunov_spectrum
     from .plot import plot_fit as plot_fit
     from .plot import plot_uncertainty_exponent as plot_uncertainty_exponent
@@ -201,12 +205,15 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "continue_basins",
     "BasinContinuation",
     "ContinuationInterrupt",
+    "covariant_vectors",
+    "CovariantVectors",
     "lyapunov_spectrum",
     "LyapunovSpectrum",
     "finite_time_exponents",
     "ExponentField",
     "exponent_test",
     "zero_one_test",
+    "alignment_test",
     "zero_one_test_of_series",
     "ChaosTest",
     "basin_stability",
@@ -280,6 +287,7 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "plot_boundary_distance",
     "plot_chaotic_saddle",
     "plot_phase_portrait",
+    "plot_covariant_vectors",
     "plot_lyapunov_spectrum",
     "plot_exponent_field",
     "plot_chaos_test",

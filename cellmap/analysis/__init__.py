@@ -1,5 +1,6 @@
 """Measures of basins, attractors and maps: dimensions, exponents, entropies, and what bounds a basin."""
 
+from .alignment import alignment_test as alignment_test
 from .binomial import binomial_interval as binomial_interval
 from .boundary_curves import BoundaryDistance as BoundaryDistance
 from .boundary_curves import boundary_distance as boundary_distance
@@ -10,6 +11,8 @@ from .chaos_tests import ChaosTest as ChaosTest
 from .chaos_tests import exponent_test as exponent_test
 from .correlation import CorrelationSum as CorrelationSum
 from .correlation import correlation_dimension as correlation_dimension
+from .covariant import CovariantVectors as CovariantVectors
+from .covariant import covariant_vectors as covariant_vectors
 from .curve_growth import ManifoldBranch as ManifoldBranch
 from .edge import EdgeOrbit as EdgeOrbit
 from .edge import edge_orbit as edge_orbit

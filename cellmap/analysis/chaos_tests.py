@@ -16,8 +16,10 @@ from .lyapunov import GROUPS, lyapunov_spectrum
 
 CHAOTIC, REGULAR, UNDECIDED = "chaotic", "regular", "undecided"
 
+FOLDS = 10.0
+"""E-folds in half an orbit, up to which growth is not seen to be exponential."""
+
 _POWER = 3.0  # of time: growth that might still be regular; plain shear gives 1
-_FOLDS = 10.0  # e-folds in half an orbit, up to which growth is not seen to be exponential
 _ROUNDING = 1e-12  # of an orbit's size
 _LONGEST_RETURN = 128
 
@@ -31,8 +33,8 @@ class ChaosTest:
     verdict : ndarray of str, shape (...)
         "chaotic", "regular" or "undecided", for each orbit.
     value : ndarray, shape (...)
-        The tested quantity: the largest Lyapunov exponent per step, or the K of the 0-1 test; NaN for an orbit that
-        ended.
+        The tested quantity: the largest Lyapunov exponent per step, the K of the 0-1 test, or the rate of alignment;
+        NaN for an orbit that ended.
     low, high : ndarray, shape (...)
         Interval of the value.
     confidence : float
@@ -44,10 +46,10 @@ class ChaosTest:
     periods : int
         Length of the orbits.
     evidence : ndarray, shape (k, ...)
-        What the value was taken from: the exponent as it stood after each part of the orbit, or the K of each
+        What the value was taken from: the exponent or rate as it stood after each part of the orbit, or the K of each
         frequency, sorted.
     at : ndarray, shape (k,)
-        Steps after which the exponent stood there, or shares of the frequencies.
+        Steps after which it stood there, or shares of the frequencies.
     """
 
     verdict: NDArray[np.str_]
@@ -145,10 +147,9 @@ def exponent_test(
     with np.errstate(invalid="ignore"):  # a direction that vanishes is known without an error
         error = np.nan_to_num(rates.std(axis=0, ddof=1) / np.sqrt(len(first)))
         reach = float(student.ppf(0.5 + 0.5 * confidence, len(first) - 1)) * error
-    below, above = _FOLDS / length, _POWER * log(2.0) / length
+    below, above = FOLDS / length, _POWER * log(2.0) / length
     low, high = value - reach, value + reach
-    verdict = verdicts(low, high, below, above)
-    verdict[_closed(point_map.exact or point_map, found.ends, found.ended)] = REGULAR
+    verdict = settle_verdicts(point_map.exact or point_map, found.ends, found.ended, low, high, below, above)
     return ChaosTest(
         verdict,
         value,
@@ -162,6 +163,21 @@ def exponent_test(
         found.convergence[..., 0],
         found.steps.astype(float),
     )
+
+
+def settle_verdicts(
+    exact: PointMap,
+    ends: NDArray[np.float64],
+    ended: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    below: float,
+    above: float,
+) -> NDArray[np.str_]:
+    """Return a verdict for each interval of a rate; "regular" for an orbit whose end closes, stable or not."""
+    verdict = verdicts(low, high, below, above)
+    verdict[_closed(exact, ends, ended)] = REGULAR
+    return verdict
 
 
 def _closed(exact: PointMap, ends: NDArray[np.float64], ended: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coordinates import turns_of, wrap
+from ..coordinates import turns_of
 from ..grid import CellGrid
 from ..orbit import PeriodicOrbit
 from ..pointmap import PointMap, follow
-from .inverse import preimages, preimages_along
+from .inverse import Step, extra_turns, preimages, preimages_along
 
 _BEGINNING = 1e-6  # scaled length of the fundamental segment's distance from the saddle
 _STRAIGHT = 0.2  # radians between neighbouring pieces of a curve, at most,
@@ -56,12 +56,12 @@ class ManifoldBranch:
 class Growth:
     """How a piece of a curve grows: by one map, or by several searches for preimages, one for each step.
 
-    ``forward``: the map, with unwrapped angles, or None for a search on `exact`; ``shifts``: turns that are added after
+    ``forward``: the map, with unwrapped angles, or None for a search on `step`; ``shifts``: turns that are added after
     each map or search, so that the saddle comes back to its place; ``places``: where it is after each of them.
     """
 
     forward: Images | None
-    exact: PointMap
+    step: Step
     shifts: list[NDArray[np.float64]]
     places: list[NDArray[np.float64]]
 
@@ -77,24 +77,29 @@ def growth_of(
     saddle = orbit.points[row]
     if inverse is not None and inverse.coordinates != point_map.coordinates:
         raise ValueError(f"inverse={inverse!r} has other coordinates than the map")
+    step = Step(exact, extra_turns(exact, saddle))
     mapping = point_map if kind == "unstable" else inverse
     if mapping is not None:
-        back = -once * rounds if kind == "unstable" else once * rounds
+        onward = Step(mapping, extra_turns(mapping, saddle))
 
         def forward(points: NDArray[np.float64]) -> NDArray[np.float64]:
-            images = np.full(points.shape, np.nan)
-            rows = np.flatnonzero(np.isfinite(points).all(axis=1))
-            if len(rows):
-                wrapped = wrap(points[rows], mapping.coordinates)
-                images[rows] = points[rows] - wrapped + follow(mapping, wrapped, count).unwrapped
-            return images
+            for _ in range(count):
+                points = onward(points)
+            return points
 
-        return Growth(forward, exact, [back], [saddle])
+        moved = forward(saddle[None])[0] - saddle
+        back = np.where(turn > 0.0, -turn * np.round(moved / np.where(turn > 0.0, turn, 1.0)), 0.0)
+        return Growth(forward, step, [back], [saddle])
+    if step.extra.any() and (orbit.period > 1 or once.any()):
+        raise ValueError(
+            f"point_map={point_map!r} winds circles round each other, so that turns of this orbit cannot be taken "
+            "back: give the inverse map"
+        )
     # Preimages are searched for step by step, since those of several steps bend too much.
     orbits = [saddle, *(follow(exact, saddle, j).unwrapped for j in range(1, orbit.period))]
     places = [orbits[-j % orbit.period] + once * (j // -orbit.period) for j in range(1, count + 1)]
     places[-1] = saddle
-    return Growth(None, exact, [np.zeros(2)] * (count - 1) + [once * rounds], places)
+    return Growth(None, step, [np.zeros(2)] * (count - 1) + [once * rounds], places)
 
 
 class GrowingCurve:
@@ -168,7 +173,7 @@ class GrowingCurve:
         after = [self.history[k] - way.shifts[(k - 1) % round_] for k in range(1, done)]
         known = np.concatenate([(way.places[0] - way.shifts[0] * (round_ == 1))[None], *after])
         both = np.isfinite(before).all(axis=1) & np.isfinite(known).all(axis=1)
-        return preimages_along(way.exact, newest, first - shift, (before[both], known[both]), 1) + shift
+        return preimages_along(way.step, newest, first - shift, (before[both], known[both])) + shift
 
     def _again(self, number: int, points: NDArray[np.float64], guesses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Images of points put in, at one step of the history."""
@@ -176,7 +181,7 @@ class GrowingCurve:
         shift = way.shifts[number % len(way.shifts)]
         if way.forward is not None:
             return way.forward(points) + shift
-        found, _, settled = preimages(way.exact, points, guesses - shift, 1)
+        found, _, settled = preimages(way.step, points, guesses - shift)
         found[~settled] = np.nan
         return found + shift
 

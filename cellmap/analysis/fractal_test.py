@@ -73,11 +73,12 @@ class FractalTest:
     def verdict(self) -> str:
         """Whether the boundary is "smooth" or "fractal" at this scale, "undetermined", or there is "no boundary".
 
-        Fractal: the mean is more than three standard errors outside of the range of a straight boundary, and the cells
+        Fractal: the mean is more than three standard errors above the range of a straight boundary, and the cells
         themselves find no smooth one: next to a smooth boundary the share of pairs of cells that differ doubles with
         their distance, even where it is too curved for the discs or its basins are narrower than these.  Smooth: the
         mean is within the range, or no more than two standard errors away.  In between, and with fewer than 100 discs
-        on the boundary, it is undetermined.
+        on the boundary, it is undetermined; and so it is far below the range, where discs see little of a second basin:
+        thin strands of a fractal do that, and so do a few wrong labels beside a smooth boundary.
         """
         if not self.discs:
             return NO_BOUNDARY
@@ -85,7 +86,8 @@ class FractalTest:
             return UNDETERMINED
         away = max(self.smooth_range[0] - self.entropy, self.entropy - self.smooth_range[1], 0.0)
         if away > _SIGNIFICANT * self.standard_error + 1e-9:
-            return FRACTAL if is_rough(self.finest) else UNDETERMINED
+            mixed = self.entropy > self.smooth_range[1]
+            return FRACTAL if mixed and is_rough(self.finest) else UNDETERMINED
         return SMOOTH if away <= 2.0 * self.standard_error else UNDETERMINED
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coordinates import turns_of
+from ..coordinates import turns_of, wrap
 from ..jacobian import tangent
-from ..pointmap import PointMap
+from ..pointmap import PointMap, follow
 from ..stroboscopic import stroboscopic_map
 from ..system import ForcedSystem
 
@@ -22,6 +22,7 @@ _FARTHEST = 0.5  # from the foreseen place, relative to the step that leads ther
 _MOST = 64  # points of a curve whose preimages are sought together
 _HALVINGS = 7
 _RESTARTS = 100  # behind gaps of one curve
+_LOOP = 64  # points on a circle, from whose derivatives the turns of its image are known
 
 
 def inverse_stroboscopic_map(
@@ -69,10 +70,69 @@ def inverse_stroboscopic_map(
     return stroboscopic_map(turned, -phase, rtol, atol)
 
 
+def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix (d, d) that takes whole turns of a point to those by which its image turns beyond them.
+
+    It is 0 for the map of a flow, and for any other that can be drawn together to one that leaves all points where they
+    are.  Of the cat map it is not: its image of a circle winds round the torus in another way.
+    """
+    exact = point_map.exact or point_map
+    turn = turns_of(exact.coordinates)[1]
+    circles = np.flatnonzero(turn > 0.0)
+    extra = np.zeros((len(turn), len(turn)))
+    if exact.recipe.get("kind") != "discrete":
+        return extra
+    for j in circles:
+        loop = np.tile(about, (_LOOP, 1))
+        loop[:, j] += turn[j] * np.arange(_LOOP) / _LOOP
+        # The mean of a periodic derivative is what its integral gains in one turn.
+        gained = tangent(exact, loop)[1][:, circles, j].mean(axis=0) * turn[j] / turn[circles]
+        whole = np.round(gained)
+        if np.isfinite(gained).all() and np.abs(gained - whole).max() < 0.1:
+            extra[circles, j] = (whole - (circles == j)) * turn[circles] / turn[j]
+    return extra
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of a map on the plane that covers its circles: angles are unwrapped, and neighbours stay neighbours.
+
+    ``mapping``: the map; ``extra``: see :func:`extra_turns`.
+    """
+
+    mapping: PointMap
+    extra: NDArray[np.float64]
+
+    @property
+    def exact(self) -> PointMap:
+        """The exact map."""
+        return self.mapping.exact or self.mapping
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the images of points (n, d), NaN of those that are not finite."""
+        images = np.full(points.shape, np.nan)
+        rows = np.flatnonzero(np.isfinite(points).all(axis=1))
+        if len(rows):
+            wrapped = wrap(points[rows], self.mapping.coordinates)
+            images[rows] = self._turned(points[rows], wrapped) + follow(self.mapping, wrapped, 1).unwrapped
+        return images
+
+    def tangent(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the images of points (n, d) and the derivatives there."""
+        wrapped = wrap(points, self.exact.coordinates)
+        images, matrices = tangent(self.exact, wrapped)
+        return self._turned(points, wrapped) + images, matrices
+
+    def _turned(self, points: NDArray[np.float64], wrapped: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the turns of images that come from the turns of points."""
+        turns = points - wrapped
+        return np.asarray(turns + turns @ self.extra.T)
+
+
 def preimages(
-    point_map: PointMap, targets: NDArray[np.float64], guesses: NDArray[np.float64], steps: int
+    step: Step, targets: NDArray[np.float64], guesses: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^steps(x) = target, with unwrapped angles, by a damped Newton method.
+    """Solve P(x) = target, with unwrapped angles, by a damped Newton method.
 
     Returns preimages (n, d), the derivatives there (n, d, d), and which of them converged.
     """
@@ -80,13 +140,13 @@ def preimages(
     n, d = points.shape
     steps_to, matrices = np.zeros((n, d)), np.full((n, d, d), np.nan)
     settled = np.zeros(n, bool)
-    turn = turns_of(point_map.coordinates)[1]
+    turn = turns_of(step.exact.coordinates)[1]
     active = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(targets).all(axis=1))
     last, share = np.full(n, np.inf), np.ones(n)
     for _ in range(_ITERATIONS):
         if not len(active):
             break
-        images, derivative = tangent(point_map, points[active], steps)
+        images, derivative = step.tangent(points[active])
         rest = images - targets[active]
         scale = np.abs(targets[active]) + np.abs(base[active]) + np.where(turn > 0, turn, 1.0)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -107,11 +167,10 @@ def preimages(
 
 
 def preimages_along(
-    point_map: PointMap,
+    step: Step,
     targets: NDArray[np.float64],
     first: NDArray[np.float64],
     known: tuple[NDArray[np.float64], NDArray[np.float64]],
-    steps: int,
 ) -> NDArray[np.float64]:
     """Return preimages (n, d) of the points of a curve that form a curve themselves, given a guess for the first.
 
@@ -131,32 +190,31 @@ def preimages_along(
             apart = np.linalg.norm(known[0] - targets[row], axis=1)
             guess = known[1][int(np.argmin(apart))]
         stop = row + int(np.argmin(np.append(usable[row:], False)))
-        count = _follow(point_map, targets[row:stop], guess, found[row:stop], steps)
+        count = _follow(step, targets[row:stop], guess, found[row:stop])
         row += max(count, 1)
     return found
 
 
 def _follow(
-    point_map: PointMap,
+    step: Step,
     targets: NDArray[np.float64],
     first: NDArray[np.float64],
     found: NDArray[np.float64],
-    steps: int,
 ) -> int:
     """Fill in preimages of the points of a curve as far as they are found; return how many."""
-    points, matrices, settled = preimages(point_map, targets[:1], first[None], steps)
+    points, matrices, settled = preimages(step, targets[:1], first[None])
     if not settled[0]:
         return 0
     found[0], matrix = points[0], matrices[0]
     k, batch = 0, 1
     while k + 1 < len(targets):
         ahead = np.arange(k + 1, min(k + 1 + batch, len(targets)))
-        taken, last = _advance(point_map, targets[k], found[k], matrix, targets[ahead], steps)
+        taken, last = _advance(step, targets[k], found[k], matrix, targets[ahead])
         count = len(taken)
         if count == 0 and len(ahead) > 1:
             batch = 1
         elif count == 0:
-            bridged = _bridge(point_map, targets[k], found[k], matrix, targets[k + 1], steps)
+            bridged = _bridge(step, targets[k], found[k], matrix, targets[k + 1])
             if bridged is None:
                 break
             found[k + 1], matrix = bridged
@@ -169,16 +227,15 @@ def _follow(
 
 
 def _advance(
-    point_map: PointMap,
+    step: Step,
     at: NDArray[np.float64],
     place: NDArray[np.float64],
     matrix: NDArray[np.float64],
     targets: NDArray[np.float64],
-    steps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return preimages of the first targets, as many as come out where the derivative foresees them."""
     foreseen = np.linalg.solve(matrix, (targets - at).T).T
-    points, matrices, settled = preimages(point_map, targets, place + foreseen, steps)
+    points, matrices, settled = preimages(step, targets, place + foreseen)
     off = np.linalg.norm(points - place - foreseen, axis=1)
     good = settled & (off <= _FARTHEST * np.linalg.norm(foreseen, axis=1) + 1e-13)
     count = len(good) if good.all() else int(np.argmin(good))
@@ -186,12 +243,11 @@ def _advance(
 
 
 def _bridge(
-    point_map: PointMap,
+    step: Step,
     at: NDArray[np.float64],
     place: NDArray[np.float64],
     matrix: NDArray[np.float64],
     target: NDArray[np.float64],
-    steps: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Reach the preimage of the next target by shorter steps along the segment between the two."""
     done, share = 0.0, 0.5
@@ -200,7 +256,7 @@ def _bridge(
         if share < 0.5**_HALVINGS:
             return None
         ahead = at + min(done + share, 1.0) * (target - at)
-        taken, last = _advance(point_map, now, place, matrix, ahead[None], steps)
+        taken, last = _advance(step, now, place, matrix, ahead[None])
         if len(taken):
             now, place, matrix, done = ahead, taken[0], last, min(done + share, 1.0)
             share *= 2.0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basins import Basins
-from ..coordinates import Coordinate, difference, turns_of
+from ..coordinates import Coordinate, difference, turns_of, wrap
 from ..settling import UNDECIDED
 from .labelling import places_of
 
@@ -40,15 +40,14 @@ def circular_tree(
     """Return a k-d tree of places in units of length, angles as circles, and what scales points for queries to it."""
     from scipy.spatial import cKDTree
 
-    turn = turns_of(coordinates)[1] / unit
+    cut, turn = turns_of(coordinates)
+    around = turn / unit
 
     def scaled(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        x = points / unit
-        around = np.where(turn > 0, turn, 1.0)
-        x = np.where(turn > 0, x - np.floor(x / around) * around, x)
-        return np.asarray(np.where((turn > 0) & (x >= turn), 0.0, x))
+        x = (wrap(points, coordinates) - np.where(turn > 0.0, cut, 0.0)) / unit
+        return np.asarray(np.where((turn > 0.0) & (x >= around), 0.0, x))  # the tree takes no end of a circle
 
-    return cKDTree(scaled(places), boxsize=turn), scaled
+    return cKDTree(scaled(places), boxsize=around), scaled
 
 
 def candidates_of(

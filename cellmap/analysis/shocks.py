@@ -24,6 +24,9 @@ _ROUNDS = 12  # of looking for smaller shocks elsewhere
 class FatalShock:
     """The smallest displacement found after which an attractor is not reached again.
 
+    The shock is fatal, so that its size is an upper bound of the least one; that none is smaller is a finding of a
+    search, not a proof.
+
     Parameters
     ----------
     label : int

@@ -10,9 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..attractor import distinct_names
 from ..basins import LABEL_NAMES, Basins
+from ..checks import finite_number, one_of
+from ..matching import match_attractors
 from ..pointmap import PointMap
 from .binomial import binomial_interval
-from .labelling import labeller
+from .labelling import labeller, places_of, span_of
+
+_MATCHES = ("distance", "overlap", "labels")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +37,11 @@ class TippingProbabilities:
         Exact binomial intervals, as if the cells were random states; for the centres of a grid they are too long.
     landing : ndarray, shape (basins before, columns), or None
         Share of the points of each attractor that has the label of the column after the change; None without a map.
+    continuation : tuple of int or None
+        For each basin before the change, the label after it of the attractor that continues its own; None where no
+        attractor does.
+    match : str
+        How attractors were matched.
     confidence : float
         Of the intervals.
     """
@@ -45,10 +54,28 @@ class TippingProbabilities:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     landing: NDArray[np.float64] | None
+    continuation: tuple[int | None, ...]
+    match: str
     confidence: float
 
     def __repr__(self) -> str:
-        return f"TippingProbabilities({len(self.before)} x {len(self.after)} labels, {int(self.counts.sum())} cells)"
+        tipped = ", ".join(
+            f"{name} {share:.4g}" for name, share in zip(self.names[0], self.tipping[:, 0], strict=False)
+        )
+        return f"TippingProbabilities({int(self.counts.sum())} cells; tipped: {tipped})"
+
+    @property
+    def tipping(self) -> NDArray[np.float64]:
+        """Share of each basin before the change that leaves its attractor, with its interval, shape (basins, 3).
+
+        A state stays where it ends on the attractor that continues its own; of one without a continuation all tip.
+        """
+        rows = [
+            [1.0, 1.0, 1.0] if label is None else [1.0 - a[i, j] for a in (self.probabilities, self.high, self.low)]
+            for i, label in enumerate(self.continuation)
+            for j in [None if label is None else self.after.index(label)]
+        ]
+        return np.array(rows).reshape(-1, 3)
 
     def probability(self, before: int, after: int) -> float:
         """Return the share of a basin before the change with a label after it; 0 for one that does not occur."""
@@ -60,7 +87,12 @@ class TippingProbabilities:
 
 
 def tipping_probabilities(
-    before: Basins | ArrayLike, after: Basins | ArrayLike, confidence: float = 0.95, point_map: PointMap | None = None
+    before: Basins | ArrayLike,
+    after: Basins | ArrayLike,
+    confidence: float = 0.95,
+    point_map: PointMap | None = None,
+    match: str | None = None,
+    farthest: float = 0.5,
 ) -> TippingProbabilities:
     """Return for each basin before a sudden change of a parameter how its states are shared out after it.
 
@@ -72,11 +104,18 @@ def tipping_probabilities(
         Of the intervals.
     point_map : PointMap, optional
         Map after the change, for `landing`; by default the exact one of `after`.
+    match : {"distance", "overlap", "labels"}, optional
+        Which attractors after the change continue those before it: the nearest ones, so that the sum of distances is
+        least; those whose basins have most in common with each other; or those with the same label.  By default the
+        nearest ones for basins, and the same labels for arrays, which know of no attractors.
+    farthest : float, optional
+        Largest distance of an attractor from its continuation, in sizes of the window.
 
     Returns
     -------
     TippingProbabilities
-        The shares.  Labels of the two are not matched: attractor 0 after the change need not continue attractor 0.
+        The shares, with rows and columns in the order of the labels, and `continuation`, which says what belongs
+        together: attractor 0 after the change need not continue attractor 0.
 
     Raises
     ------
@@ -89,10 +128,15 @@ def tipping_probabilities(
 
     Examples
     --------
-    >>> tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3]).probabilities
+    >>> found = tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])
+    >>> found.probabilities
     array([[0.5, 0.5, 0. ],
            [0. , 0.5, 0.5]])
+    >>> found.tipping[:, 0]
+    array([0.5, 0.5])
     """
+    way = _way(match, before, after)
+    reach = finite_number("farthest", farthest, above=0.0)
     labels = [_labels_of(name, given) for name, given in (("before", before), ("after", after))]
     if labels[0].shape != labels[1].shape:
         raise ValueError(f"before, after have the shapes {labels[0].shape}, {labels[1].shape}: label the same starts")
@@ -109,9 +153,46 @@ def tipping_probabilities(
     landed: NDArray[np.float64] | None = None
     if isinstance(before, Basins) and isinstance(after, Basins) and (point_map or after.point_map) is not None:
         landing = _landing(before, after, columns, point_map)
-        columns, shares, counts, low, high, landed = _with_landed(columns, shares, counts, low, high, landing)
+        columns, shares, counts, low, high, landed = _with_landed(
+            columns, shares, counts, low, high, landing, confidence
+        )
     names = (_names_of(before, rows), _names_of(after, columns))
-    return TippingProbabilities(rows, columns, names, counts, shares, low, high, landed, confidence)
+    mine, theirs = (tuple(k for k in numbers if k >= 0) for numbers in (rows, columns))
+    if way == "distance":
+        continuation = _nearest(before, after, reach)
+    elif way == "overlap":
+        continuation = _overlapping(counts[: len(mine)][:, [columns.index(k) for k in theirs]], theirs)
+    else:
+        continuation = tuple(k if k in theirs else None for k in mine)
+    return TippingProbabilities(rows, columns, names, counts, shares, low, high, landed, continuation, way, confidence)
+
+
+def _way(match: str | None, before: Any, after: Any) -> str:
+    """Check how attractors are to be matched."""
+    known = isinstance(before, Basins) and isinstance(after, Basins)
+    way = one_of("match", match or ("distance" if known else "labels"), _MATCHES)
+    if way == "distance" and not known:
+        raise ValueError("match='distance': arrays of labels have no attractors; give Basins, or another match")
+    return way
+
+
+def _nearest(before: Any, after: Any, farthest: float) -> tuple[int | None, ...]:
+    """Return the labels of the attractors nearest to those before, one for each at most."""
+    span = span_of(before)
+    extent = np.ptp(places_of(before), axis=0) if span is None else span
+    extent = np.where(extent > 0.0, extent, 1.0)
+    found = match_attractors(after.attractors, dict(enumerate(before.attractors)), extent, farthest)
+    label = {k: j for j, k in found.items()}
+    return tuple(label.get(k) for k in range(len(before.attractors)))
+
+
+def _overlapping(counts: NDArray[np.int64], labels: tuple[int, ...]) -> tuple[int | None, ...]:
+    """Return the labels of the basins that have most in common with those before, where that is mutual."""
+    best = (counts == counts.max(axis=1, keepdims=True, initial=1)) & (
+        counts == counts.max(axis=0, keepdims=True, initial=1)
+    )
+    alone = best & (best.sum(axis=1, keepdims=True) == 1) & (best.sum(axis=0, keepdims=True) == 1)
+    return tuple(labels[int(np.argmax(row))] if row.any() else None for row in alone)
 
 
 def _labels_of(name: str, given: Basins | ArrayLike) -> NDArray[np.int64]:
@@ -159,11 +240,12 @@ def _with_landed(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     landing: dict[int, NDArray[np.float64]],
+    confidence: float,
 ) -> tuple[Any, ...]:
     """Add columns for labels that only points of attractors carry."""
     more = len(landing) - len(columns)
     wide = [np.pad(a, ((0, 0), (0, more))) for a in (shares, counts, low)]
     if more:
-        upper = binomial_interval(np.zeros(len(counts)), counts.sum(axis=1))[1]
+        upper = binomial_interval(np.zeros(len(counts)), counts.sum(axis=1), confidence)[1]
         high = np.concatenate([high, np.repeat(upper[:, None], more, axis=1)], axis=1)
     return tuple(landing), wide[0], wide[1], wide[2], high, np.column_stack(list(landing.values()))

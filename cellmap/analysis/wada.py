@@ -98,7 +98,7 @@ def wada_merging(
         diverged, undecided), or of a missing one, belong to no basin, and bound none.
     radius : float, optional
         Distance in cells within which boundaries count as one, by default a hundredth of the shorter side, and 2 at
-        least.
+        least; in pictures of fewer than 16 cells along a side, an eighth of these, and 1 at least.
     tolerance : float, optional
         Share of a boundary that may lie farther away all the same, for labels that are wrong.
     also : sequence of int, optional
@@ -135,8 +135,9 @@ def wada_merging(
     """
     image = label_image(basins, also, wraps)
     shortest = min(image.numbers.shape)
-    reach = max(2.0, shortest / 100) if radius is None else finite_number("radius", radius, at_least=1.0)
-    if reach > max(shortest / 8, 1.0):
+    widest = max(shortest / 8, 1.0)
+    reach = finite_number("radius", min(max(2.0, shortest / 100), widest) if radius is None else radius, at_least=1.0)
+    if reach > widest:
         raise ValueError(
             f"radius={reach:g}: within an eighth of {shortest} cells any boundaries count as one; give a smaller "
             "radius or a larger picture"

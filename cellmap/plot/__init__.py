@@ -15,6 +15,7 @@ from .diagram import plot_bifurcation_diagram as plot_bifurcation_diagram
 from .dimensions import plot_generalized_dimensions as plot_generalized_dimensions
 from .dimensions import plot_kaplan_yorke as plot_kaplan_yorke
 from .fields import plot_chaos_test as plot_chaos_test
+from .fields import plot_covariant_vectors as plot_covariant_vectors
 from .fields import plot_exponent_field as plot_exponent_field
 from .fields import plot_lyapunov_spectrum as plot_lyapunov_spectrum
 from .fits import plot_fit as plot_fit

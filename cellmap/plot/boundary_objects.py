@@ -42,7 +42,8 @@ def plot_edge_orbit(
     Returns
     -------
     matplotlib Axes
-        The midpoints, later ones darker; a square marks the edge state.
+        The midpoints, later ones darker; a square marks the edge state.  An orbit of one coordinate is drawn against
+        the step.
 
     Examples
     --------
@@ -56,6 +57,12 @@ def plot_edge_orbit(
     """
     if not isinstance(edge, EdgeOrbit):
         raise TypeError(f"edge={edge!r}: give what edge_orbit returns")
+    if len(edge.coordinates) == 1:
+        ax = axes_or_new(ax, (7.0, 5.5))
+        ax.plot(edge.points[:, 0], marker=".", color="black", linewidth=0.6)
+        ax.set_xlabel("step")
+        label_axis(ax.yaxis, edge.coordinates[0], float(np.ptp(edge.points)))
+        return ax
     columns = [column_of(c, edge.coordinates) for c in coordinates]
     ax = _below(basins, ax)
     points = edge.points[:, columns]

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 
 from ..analysis.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
+from ..analysis.covariant import CovariantVectors
 from ..analysis.fields import ExponentField
 from ..analysis.lyapunov import LyapunovSpectrum
 from .axes import axes_or_new, label_axis
@@ -24,7 +25,7 @@ def plot_exponent_field(
     Parameters
     ----------
     field : ExponentField
-        What :func:`finite_time_exponents` returns, on a grid with two axes of more than one cell.
+        What :func:`finite_time_exponents` returns, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
         Where to draw; by default a new figure.
     backward : bool, optional
@@ -37,12 +38,12 @@ def plot_exponent_field(
     Returns
     -------
     matplotlib Axes
-        The picture; starts whose orbit ended stay white.
+        The picture; starts whose orbit ended stay white.  Over one axis it is a curve.
 
     Raises
     ------
     TypeError, ValueError
-        For something that is no field, or one without exactly two axes of more than one cell.
+        For something that is no field, or one without one axis or two of more than one cell.
 
     Examples
     --------
@@ -57,10 +58,21 @@ def plot_exponent_field(
         raise TypeError(f"field={field!r}: give an ExponentField, as finite_time_exponents returns it")
     grid = field.grid
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
-    if len(wide) != 2:
-        raise ValueError(f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell")
+    if len(wide) not in (1, 2):
+        raise ValueError(
+            f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell, or one"
+        )
     ax = axes_or_new(ax, (7.0, 5.0))
     unit = field.period if per_time else 1.0
+    way, measure = "backward" if backward else "forward", f"exponent per {'unit of time' if per_time else 'step'}"
+    ax.set_title(f"{field.name}, {field.periods} periods {way}")
+    label_axis(ax.xaxis, field.coordinates[wide[0]], grid.upper[wide[0]] - grid.lower[wide[0]])
+    if len(wide) == 1:
+        values = (field.backward if backward else field.forward).ravel() / unit
+        places = field.images.reshape(-1, grid.dimension)[:, wide[0]] if backward else grid.axis(wide[0])
+        ax.plot(places, np.where(np.isfinite(values), values, np.nan), marker=".", linestyle="none", markersize=3.0)
+        ax.set_ylabel(measure)
+        return ax
     drawn: ScalarMappable
     if backward:
         places = field.images.reshape(-1, grid.dimension)[:, wide]
@@ -74,12 +86,9 @@ def plot_exponent_field(
         )
         x, y = (grid.edges(j) for j in wide)
         drawn = ax.pcolormesh(x, y, values.T, cmap=colours, rasterized=True)
-    for axis, j in ((ax.xaxis, wide[0]), (ax.yaxis, wide[1])):
-        label_axis(axis, field.coordinates[j], grid.upper[j] - grid.lower[j])
+    label_axis(ax.yaxis, field.coordinates[wide[1]], grid.upper[wide[1]] - grid.lower[wide[1]])
     assert ax.figure is not None
-    way = "backward" if backward else "forward"
-    ax.figure.colorbar(drawn, ax=ax, label=f"exponent per {'unit of time' if per_time else 'step'}")
-    ax.set_title(f"{field.name}, {field.periods} periods {way}")
+    ax.figure.colorbar(drawn, ax=ax, label=measure)
     return ax
 
 
@@ -131,6 +140,47 @@ def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, p
         style = {"fmt": ".", "markersize": 3, "elinewidth": 0.8, "capsize": 2}
         ax.errorbar(last, value, 2.0 * np.nan_to_num(errors[:, j]), color=colour_of(j), **style)  # type: ignore[arg-type]
     ax.set(xlabel="periods", ylabel=f"exponents per {'unit of time' if per_time else 'step'}", title=spectrum.name)
+    return ax
+
+
+def plot_covariant_vectors(result: CovariantVectors, ax: Axes | None = None, first: int | None = None) -> Axes:
+    """Draw how often which angle lies between the directions that expand and those that contract.
+
+    Parameters
+    ----------
+    result : CovariantVectors
+        What :func:`covariant_vectors` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    first : int, optional
+        How many directions come first, see :meth:`CovariantVectors.angles`.
+
+    Returns
+    -------
+    matplotlib Axes
+        A histogram; where tangencies are, it begins at 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else, or without directions on either side.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> from cellmap import covariant_vectors, discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - 1.4 * x[0]**2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
+    >>> plot_covariant_vectors(covariant_vectors(henon, [0.1, 0.1], periods=100), Figure().subplots()).get_ylabel()
+    'points'
+    """
+    if not isinstance(result, CovariantVectors):
+        raise TypeError(f"result={result!r}: give CovariantVectors, as covariant_vectors returns them")
+    angles = result.angles(first)
+    ax = axes_or_new(ax, (6.0, 4.5))
+    ax.hist(angles, bins=np.linspace(0.0, 0.5 * np.pi, 61).tolist(), color=colour_of(0), alpha=0.6)
+    ax.axvline(float(angles.min()), color="black", linestyle="--", label=f"smallest: {angles.min():.2g}")
+    ax.set(xlabel="angle (rad)", ylabel="points", xlim=(0.0, 0.5 * np.pi), title=result.name)
+    ax.legend(fontsize="small", frameon=False)
     return ax
 
 

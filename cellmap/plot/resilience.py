@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from ..analysis.integrity import Ball
@@ -12,7 +13,8 @@ from ..analysis.settling_times import SettlingStatistics
 from ..analysis.shocks import FatalShock
 from ..analysis.tipping import TippingProbabilities
 from ..basins import Basins
-from .axes import axes_or_new, cut_at_seams
+from ..coordinates import Coordinate
+from .axes import axes_or_new, cut_at_seams, label_axis
 from .basins import plot_basins
 from .colours import CODE_COLOURS, colour_of
 
@@ -105,7 +107,7 @@ def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) 
     shock : FatalShock
         What :func:`minimal_fatal_shock` returns.
     basins : Basins
-        Basins on a grid of two axes.
+        Basins on a grid of one axis or two.
     ax : matplotlib Axes, optional
         Where to draw; by default a new figure.
 
@@ -129,7 +131,15 @@ def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) 
     ax = _on_basins(basins, ax)
     _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
     _draw_curve(ax, np.stack([shock.point, shock.point + shock.shock]), basins, "-", 1.8)
-    ax.plot(*shock.end, "X", color="black", markeredgecolor="white", markersize=8, scalex=False, scaley=False)
+    ax.plot(
+        *_in_plane(shock.end[None])[0],
+        "X",
+        color="black",
+        markeredgecolor="white",
+        markersize=8,
+        scalex=False,
+        scaley=False,
+    )
     ax.set_title(f"{basins.name}: fatal shock of size {shock.size:.4g}")
     return ax
 
@@ -142,7 +152,7 @@ def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
     ball : Ball
         What :func:`local_integrity` or :func:`largest_ball` returns.
     basins : Basins
-        Basins on a grid of two axes.
+        Basins on a grid of one axis or two.
     ax : matplotlib Axes, optional
         Where to draw; by default a new figure.
 
@@ -165,7 +175,7 @@ def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
         raise TypeError(f"ball={ball!r}: give what local_integrity or largest_ball returns")
     ax = _on_basins(basins, ax)
     _draw_ball(ax, ball.centre, ball.radius, ball.scale, basins)
-    ax.plot(*ball.centre, "+", color="black", markersize=9, scalex=False, scaley=False)
+    ax.plot(*_in_plane(ball.centre[None])[0], "+", color="black", markersize=9, scalex=False, scaley=False)
     ax.set_title(f"{basins.name}: ball of radius {ball.radius:.4g}")
     return ax
 
@@ -183,7 +193,7 @@ def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        Rows are the labels before the change, columns those after it.
+        Rows are the labels before the change, columns those after it; states in a frame stay with their attractor.
 
     Examples
     --------
@@ -202,6 +212,10 @@ def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
             low, high = tipping.low[row, column], tipping.high[row, column]
             text = f"{share:.3g}\n[{low:.2g}, {high:.2g}]"
             ax.text(column, row, text, ha="center", va="center", color="white" if share > 0.6 else "black", fontsize=8)
+    for row, label in enumerate(tipping.continuation):
+        if label is not None:
+            corner = (tipping.after.index(label) - 0.48, row - 0.48)
+            ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, edgecolor="black", linewidth=1.5))
     ax.set_xticks(range(len(tipping.after)), tipping.names[1], rotation=20, ha="right")
     ax.set_yticks(range(len(tipping.before)), tipping.names[0])
     ax.set_xlabel("after")
@@ -214,19 +228,35 @@ def _colour(label: int) -> object:
 
 
 def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
-    if not isinstance(basins, Basins) or len(basins.coordinates) != 2:
-        raise ValueError(f"basins={basins!r}: a picture needs basins on a grid of two axes")
-    return plot_basins(basins, ax)
+    """Draw basins in a plane, or those of one coordinate as a strip."""
+    if not isinstance(basins, Basins) or basins.grid is None or len(basins.coordinates) > 2:
+        raise ValueError(f"basins={basins!r}: a picture needs basins on a grid of one axis or two axes")
+    if len(basins.coordinates) == 2:
+        return plot_basins(basins, ax)
+    ax = axes_or_new(ax, (7.0, 2.5))
+    edges = basins.grid.edges(0)
+    ends = np.flatnonzero(np.diff(basins.labels)) + 1
+    for first, last in zip([0, *ends], [*ends, len(basins.labels)], strict=True):
+        ax.axvspan(edges[first], edges[last], color=_colour(int(basins.labels[first])), linewidth=0.0)
+    ax.set(xlim=(edges[0], edges[-1]), ylim=(-1.0, 1.0), yticks=[])
+    label_axis(ax.xaxis, basins.coordinates[0], edges[-1] - edges[0])
+    return ax
 
 
 def _draw_ball(
     ax: Axes, centre: NDArray[np.float64], radius: float, scale: NDArray[np.float64], basins: Basins
 ) -> None:
     way = np.linspace(0.0, 2 * np.pi, 361)
-    circle = centre + radius * scale * np.stack([np.cos(way), np.sin(way)], axis=1)
-    _draw_curve(ax, circle, basins, "--", 1.2)
+    circle = np.stack([np.cos(way), 0.5 * np.sin(way) if len(centre) == 1 else np.sin(way)], axis=1)
+    units = np.append(radius * scale, 1.0)[:2]
+    _draw_curve(ax, _in_plane(centre[None]) + units * circle, basins, "--", 1.2)
 
 
 def _draw_curve(ax: Axes, curve: NDArray[np.float64], basins: Basins, style: str, width: float) -> None:
-    pieces = cut_at_seams(curve, basins.coordinates)
+    pieces = cut_at_seams(_in_plane(curve), [*basins.coordinates, Coordinate("height")][:2])
     ax.plot(*pieces.T, style, color="black", linewidth=width, scalex=False, scaley=False)
+
+
+def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, 2): those of one coordinate in the middle of their strip."""
+    return points if points.shape[1] == 2 else np.column_stack([points, np.zeros(len(points))])

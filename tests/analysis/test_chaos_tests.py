@@ -13,6 +13,8 @@ import systems
 from cellmap import (
     CellGrid,
     ChaosTest,
+    alignment_test,
+    angle,
     discrete_map,
     exponent_test,
     interpolated_map,
@@ -194,6 +196,76 @@ def test_bad_input_is_refused(test: Any, arguments: tuple[Any, ...], error: type
 def test_bad_series_are_refused(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         zero_one_test_of_series(*arguments)
+
+
+# --- alignment
+
+
+def test_alignment_tells_islands_from_the_sea() -> None:
+    found = alignment_test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000)
+    assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
+    assert ((found.low <= found.value) & (found.value <= found.high)).all()
+    # Two deviations beside a torus of one dimension: t^-2, which is ln(t) / t off no rate at all.
+    assert (np.abs(found.evidence[-1, :4]) < 3.0 * np.log(2000) / 2000).all()
+    assert plot_chaos_test(found).get_ylabel() == "rate of alignment per step"
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_rates_of_alignment_are_differences_of_exponents(order: int) -> None:
+    """Of two cat maps side by side: (order - 1) L1 - L2 - ... with +-0.9624 and +-1.7627 (Skokos et al. 2007)."""
+    cats = discrete_map(
+        lambda x, p: (2 * x[0] + x[1], x[0] + x[1], 5 * x[2] + 2 * x[3], 2 * x[2] + x[3]),
+        {},
+        tuple(angle(name, "", 1.0) for name in "abcd"),
+    )
+    exponents = np.array([np.log(3 + sqrt(8)), np.log(1.5 + sqrt(1.25))])
+    spectrum = np.concatenate([exponents, -exponents[::-1]])
+    found = alignment_test(cats, [[0.1, 0.2, 0.3, 0.4], [0.2, 0.1, 0.7, 0.3]], 300, order=order)
+    assert found.verdict.tolist() == ["chaotic"] * 2
+    assert found.value == pytest.approx(np.full(2, (order - 1) * spectrum[0] - spectrum[1:order].sum()), rel=1e-9)
+
+
+def test_shear_and_resting_orbits_are_regular() -> None:
+    """Plain shear aligns two deviations like 1/t; an unstable fixed point is no chaos."""
+    shear = discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("a"), "b"))
+    assert alignment_test(shear, [[0.3, 0.2], [0.1, 1.234]], 2000).verdict.tolist() == ["regular"] * 2
+    assert alignment_test(systems.standard_map(1.2), [0.0, 0.0], 500).verdict == "regular"
+
+
+def test_alignment_says_nothing_where_volumes_shrink_or_orbits_end() -> None:
+    """Beside an attracting cycle deviations align as well, as fast as its exponents differ."""
+    assert alignment_test(systems.henon_map(), [0.1, 0.1], 400).verdict == "undecided"
+    node = discrete_map(lambda x, p: (x[0] / 2, x[1] / 4), {}, ("x", "y"))
+    found = alignment_test(node, [0.1, 0.1], 400)
+    assert found.value == pytest.approx(np.log(2.0))
+    assert found.verdict == "undecided"
+    thrown = alignment_test(systems.henon_map(), [[5.0, 5.0]], 100)
+    assert thrown.verdict.tolist() == ["undecided"]
+    assert np.isnan(thrown.value).all()
+
+
+def test_alignment_has_the_same_bits_for_any_number_of_threads() -> None:
+    values = []
+    for threads in (1, 2):
+        set_threads(threads)
+        values.append(alignment_test(systems.standard_map(1.2), np.random.default_rng(0).random((600, 2)), 50).value)
+    assert np.array_equal(*values)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"point_map": 3}, TypeError, "give a PointMap"),
+        ({"starts": np.empty((0, 2))}, ValueError, "starts is empty"),
+        ({"periods": 43}, ValueError, "periods=43"),
+        ({"order": 3}, ValueError, "order=3"),
+        ({"order": 1}, ValueError, "order=1"),
+        ({"confidence": 1.0}, ValueError, "confidence=1.0"),
+    ],
+)
+def test_what_alignment_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        alignment_test(**{"point_map": systems.standard_map(1.2), "starts": [0.1, 0.1], **change})
 
 
 def test_the_picture() -> None:

@@ -56,6 +56,17 @@ def test_map_of_grebogi_ott_and_yorke(grebogi):
         assert getattr(at_random, name) == pytest.approx(getattr(found, name), abs=0.02)
 
 
+def test_map_of_grebogi_ott_and_yorke_where_it_was_published():
+    """0.403 and 0.603 to all digits, of starts that lie on the edges of the window too (Daza et al. 2016).
+
+    Half a cell makes a difference of 0.005: the boundary is as fine as the cells, and no picture of it is like another.
+    """
+    axes = np.linspace(0.0, 2 * pi, 300), np.linspace(-0.5, 0.5, 300)
+    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    found = basin_entropy(find_basins(systems.grebogi_ott_yorke_map(), starts).labels, box=6)
+    assert (found.entropy, found.boundary_entropy) == pytest.approx((0.403, 0.603), abs=5e-4)
+
+
 def test_known_boxes():
     """A box that two basins halve: ln 2; one quarter of another basin: 0.5623."""
     found = basin_entropy([[0, 0, 1, 1, 2, 2], [0, 0, 1, 2, 2, 0]], box=2)
@@ -178,6 +189,16 @@ def test_a_mixed_picture():
     found = fractal_boundary_test(mixed(), radius=8)
     assert found.entropy == pytest.approx(log(2) - 0.5 / found.cells, abs=4 * found.standard_error)
     assert found.verdict == "fractal"
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.1])
+def test_wrong_labels_beside_a_smooth_boundary_are_no_fractal(share):
+    """They make the cells rough, but discs see less of a second basin than beside a straight boundary."""
+    line = np.add.outer(0.9 * np.arange(500), 0.4 * np.arange(320)) > 280
+    wrong = np.random.default_rng(1).random(line.shape) < share
+    found = fractal_boundary_test(line ^ wrong, radius=8)
+    assert found.entropy < found.smooth_range[0]
+    assert found.verdict == "undetermined"
 
 
 def test_fractal_boundaries(grebogi):

@@ -199,6 +199,13 @@ def test_the_picture() -> None:
     with pytest.raises(TypeError, match="give an ExponentField"):
         plot_exponent_field(field.forward)  # type: ignore[arg-type]
     line = finite_time_exponents(systems.logistic_map(), CellGrid((0,), (1,), (5,)), 2)
+    for backward, places in ((False, line.grid.axis(0)), (True, line.images[:, 0])):
+        curve = np.asarray(plot_exponent_field(line, backward=backward).get_lines()[0].get_xydata())
+        assert curve[:, 0] == pytest.approx(places)
+        known = line.backward if backward else line.forward
+        assert curve[:, 1] == pytest.approx(np.where(np.isfinite(known), known, np.nan), nan_ok=True)
+    cat = discrete_map(lambda x, p: (2 * x[0], x[1] / 2, x[2]), {}, ("x", "y", "z"))
+    solid = finite_time_exponents(cat, CellGrid((0, 0, 0), (1, 1, 1), (2, 2, 2)), 2)
     with pytest.raises(ValueError, match="two axes of more than one cell"):
-        plot_exponent_field(line)
+        plot_exponent_field(solid)
     plt.close("all")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi
+from math import pi, sqrt
 from typing import Any
 
 import matplotlib as mpl
@@ -273,6 +273,30 @@ def test_a_manifold_ends_where_there_is_no_preimage() -> None:
 
 
 # --- refusals
+
+
+@pytest.mark.parametrize("kind", ["stable", "unstable"])
+@pytest.mark.parametrize("by_inverse", [False, True])
+def test_the_cat_map_winds_its_manifolds_round_the_torus(kind: str, by_inverse: bool) -> None:
+    """Straight lines along the eigenvectors of [[2, 1], [1, 1]], of slopes (sqrt 5 - 1)/2 and -(sqrt 5 + 1)/2."""
+    torus = (angle("x", "", 1.0), angle("y", "", 1.0))
+    cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, torus)
+    back = discrete_map(lambda x, p: (x[0] - x[1], 2 * x[1] - x[0]), {}, torus)
+    window = CellGrid((-0.5, -0.5), (0.5, 0.5), (1, 1))
+    slope = 0.5 * (sqrt(5.0) - 1.0) if kind == "unstable" else -0.5 * (sqrt(5.0) + 1.0)
+    orbits = [periodic_orbit(cat, [0.0, 0.0])]
+    if by_inverse or kind == "unstable":
+        orbits.append(periodic_orbit(cat, [0.2, 0.4], 2))
+    for orbit in orbits:
+        found = saddle_manifold(cat, orbit, kind, window, length=15.0, inverse=back if by_inverse else None)
+        for k, branch in enumerate(found.branches):
+            away = branch.points - orbit.points[k // 2]
+            assert branch.ended == "length"
+            assert branch.length == pytest.approx(15.0, abs=0.02)
+            assert np.abs(away[:, 1] - slope * away[:, 0]).max() < 1e-9
+    if kind == "stable" and not by_inverse:
+        with pytest.raises(ValueError, match="give the inverse map"):
+            saddle_manifold(cat, periodic_orbit(cat, [0.2, 0.4], 2), kind, window)
 
 
 def test_what_it_refuses() -> None:

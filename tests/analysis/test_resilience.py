@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import atan2, cos, erf, log2, pi, sqrt
+from math import atan2, cos, erf, log2, pi, sin, sqrt, tan
 from typing import Any
 
 import matplotlib as mpl
@@ -300,6 +300,15 @@ def test_shock_goes_the_shorter_way_round_a_circle() -> None:
     assert far.size == pytest.approx(0.1, abs=1e-9)
 
 
+@pytest.mark.parametrize("cut", [-pi, 0.0, 0.3, 17.0])
+def test_shocks_do_not_depend_on_where_a_circle_is_cut(cut: float) -> None:
+    """x' = x - 0.4 sin 2x: attractors at 0 and pi, half a turn of basin each."""
+    halves = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=cut), "y"))
+    basins = find_basins(halves, CellGrid((cut, -1.0), (cut + 2 * pi, 1.0), (64, 20)))
+    for k in (0, 1):
+        assert minimal_fatal_shock(basins, k, scale=1.0).size == pytest.approx(pi / 2, abs=1e-9)
+
+
 def test_shock_out_of_the_inverted_pendulum_ends_on_the_saddles_stable_manifold(pendulum: Basins) -> None:
     """Independent witness: the distance from the attractor to the curve grown by backward integration."""
     system = driven_pendulum(amplitude=0.003)
@@ -473,6 +482,45 @@ def test_overlap_of_shifted_basins(cubic: PointMap, line: Basins) -> None:
     assert found.landing[right[0], right[1]] == 1.0  # 1 lies between 0.3 and 2.03
 
 
+def _turned(x: Any, p: Any) -> tuple[float, ...]:
+    r, t = sqrt(x[0] ** 2 + x[1] ** 2), atan2(x[1], x[0])
+    turned, nearer = t - 0.3 * sin(2.0 * (t - p.phi)), r + 0.3 * (1.0 - r)
+    return nearer * cos(turned), nearer * sin(turned)
+
+
+@pytest.mark.parametrize("match", ["distance", "overlap"])
+def test_attractors_are_matched_between_turned_bases(match: str) -> None:
+    """Attractors at phi and phi + pi, half-planes as basins: turned by 0.4, tan(0.2)/2 of each half of a square tips.
+
+    Labels are in the order of x, so that attractors exchange theirs as one passes the y axis.
+    """
+    window = CellGrid((-2.0, -2.0), (2.0, 2.0), (400, 400))
+    point_map = discrete_map(_turned, {"phi": pi / 2 - 0.2}, ("x", "y"))
+    before, after = (find_basins(point_map.with_params(phi=phi), window) for phi in (pi / 2 - 0.2, pi / 2 + 0.2))
+    upper = [int(np.argmax([a.points[0, 1] for a in b.attractors])) for b in (before, after)]
+    assert upper[0] != upper[1]
+    found = tipping_probabilities(before, after, match=match)
+    assert found.continuation == (1, 0)
+    assert found.tipping[:, 0] == pytest.approx(np.full(2, tan(0.2) / 2.0), abs=2e-3)
+    assert (found.tipping[:, 1] <= found.tipping[:, 0]).all()
+    assert (found.tipping[:, 0] <= found.tipping[:, 2]).all()
+    same = tipping_probabilities(before, after, match="labels")
+    assert same.continuation == (0, 1)
+    assert same.tipping[:, 0] == pytest.approx(1.0 - found.tipping[:, 0])
+    assert len(plot_tipping(found).patches) == 2
+
+
+def test_attractors_far_away_or_without_overlap_do_not_continue(cubic: PointMap, line: Basins) -> None:
+    moved = find_basins(cubic.with_params(c=1.2), line.grid)
+    assert tipping_probabilities(line, moved, farthest=0.1).continuation == (None, None)
+    lost = tipping_probabilities(line, replace(moved, attractors=moved.attractors[:1], labels=0 * moved.labels))
+    assert sorted(k is None for k in lost.continuation) == [False, True]
+    assert lost.tipping[lost.continuation.index(None), 0] == 1.0
+    assert tipping_probabilities([0, 0, 1, 1], [0, 1, 0, 1], match="overlap").continuation == (None, None)
+    assert tipping_probabilities([0, 0, 1, 1], [5, 5, 5, 3], match="overlap").continuation == (5, 3)
+    assert tipping_probabilities([0, 0, 0, 1], [5, 5, 5, 5], match="overlap").continuation == (5, None)
+
+
 def test_attractor_that_lands_elsewhere(cubic: PointMap, line: Basins) -> None:
     """Moved by 1.2, the boundary has passed the attractor at 1."""
     moved = find_basins(cubic.with_params(c=1.2), line.grid)
@@ -481,6 +529,26 @@ def test_attractor_that_lands_elsewhere(cubic: PointMap, line: Basins) -> None:
     left_after = int(np.argmin([a.points[0, 0] for a in moved.attractors]))
     assert found.landing is not None
     assert found.landing[right, found.after.index(left_after)] == 1.0
+
+
+def test_labels_that_only_attractors_land_on_have_the_interval_asked_for(cubic: PointMap, line: Basins) -> None:
+    """Moved by -3, the boundary leaves the attractors so far away that they diverge; no cell is said to."""
+    moved = find_basins(cubic.with_params(c=-3.0), CellGrid((-4.5,), (-1.5,), (300,)))
+    after = replace(moved, labels=0 * moved.labels, grid=line.grid)
+    found = tipping_probabilities(line, after, confidence=0.5)
+    assert found.after[-1] == -2
+    assert found.high[:, -1] == pytest.approx(np.full(2, binomial_interval(0, 150, 0.5)[1]))
+    assert found.landing is not None
+    assert found.landing[:, -1].max() == 1.0
+
+
+def test_what_matching_refuses(line: Basins) -> None:
+    with pytest.raises(ValueError, match="have no attractors"):
+        tipping_probabilities([0, 1], [0, 1], match="distance")
+    with pytest.raises(ValueError, match="match='name'"):
+        tipping_probabilities(line, line, match="name")
+    with pytest.raises(ValueError, match="farthest=0"):
+        tipping_probabilities(line, line, farthest=0.0)
 
 
 def test_labels_alone_and_codes() -> None:
@@ -524,11 +592,28 @@ def test_pictures(disc: Basins, pendulum: Basins, line: Basins) -> None:
     ):
         picture.figure.savefig("/dev/null", format="png")
     assert plot_tipping(tipping_probabilities(line, line)).get_ylabel() == "before"
+    solid = find_basins(discrete_map(_disc, {}, ("x", "y", "z")), CellGrid((-1.3,) * 3, (1.3,) * 3, (6,) * 3))
     with pytest.raises(ValueError, match="two axes"):
-        plot_ball(largest_ball(line, 0), line)
+        plot_ball(largest_ball(solid, 0), solid)
     for plot in (plot_basin_stability, plot_settling_times, plot_tipping):
         with pytest.raises(TypeError, match="give what"):
             plot(3)  # type: ignore[operator]
+
+
+def test_pictures_of_one_coordinate(line: Basins) -> None:
+    """A strip in the colours of the basins: the shock ends where they change, the ball within one of them."""
+    shock = minimal_fatal_shock(line, 0, scale=1.0, trials=64)
+    ax = plot_fatal_shock(shock, line)
+    assert len(ax.patches) == 2
+    arrow = ax.get_lines()[1].get_xydata()
+    assert arrow == pytest.approx(np.array([[shock.point[0], 0.0], [shock.point[0] + shock.shock[0], 0.0]]))
+    ball = local_integrity(line, 1, scale=1.0, refine=False)
+    round_ = np.asarray(plot_ball(ball, line).get_lines()[0].get_xydata())
+    assert [round_[:, 0].min(), round_[:, 0].max()] == pytest.approx(ball.centre[0] + ball.radius * np.array([-1, 1]))
+    turning = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]),), {}, (angle("a"),))
+    circle = find_basins(turning, CellGrid((-pi,), (pi,), (64,)))
+    seam = plot_fatal_shock(minimal_fatal_shock(circle, 1, scale=1.0), circle)  # about pi, where the circle is cut
+    assert np.nanmax(np.abs(np.asarray(seam.get_lines()[0].get_xydata())[:, 0])) <= pi + 1e-12
 
 
 def test_records_say_what_they_are_in_one_line(disc: Basins, line: Basins) -> None:

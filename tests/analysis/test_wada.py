@@ -116,6 +116,14 @@ def test_labels_without_a_basin():
     assert wada_merging(np.zeros((50, 50), int)).verdict == "not"
 
 
+@pytest.mark.parametrize("shape", [(400, 12), (90, 6), (9, 9)])
+def test_narrow_pictures_take_a_smaller_radius(shape):
+    assert wada_merging(stripes(1, 3, shape)).verdict == "Wada"
+    assert wada_merging(stripes(1, 3, shape).T).verdict == "Wada"
+    assert wada_merging(stripes(3, 3, shape)).verdict == "not"
+    assert wada_merging(stripes(1, 2, shape)).verdict == "not"
+
+
 def test_volumes():
     fine = np.arange(30)[:, None, None] % 3 + np.zeros((30, 20, 16), int)
     assert wada_merging(fine).verdict == "Wada"
@@ -181,6 +189,37 @@ def test_smooth_basins_are_not_wada_on_the_grid():
     assert found.basins == (0, 1, 2)
     assert found.verdict == "not"
     assert found.shares[-1, 3] < 0.1
+
+
+@pytest.mark.parametrize("cells", [0.1, 0.5, 1.0, 1.5])
+def test_smooth_basins_as_narrow_as_boxes_are_not_wada(cells):
+    """Each box has all of three basins around it, but no point of the boundary has."""
+    still = discrete_map(lambda x, p: (x[0], x[1]), {}, ("x", "y"))
+    region = CellGrid((-2.0, -1.0), (2.02, 1.0), (90, 40))
+
+    def stripe(points):
+        return np.floor(points[:, 0] / (cells * region.widths[0]) + 1000.0).astype(int) % 3
+
+    found = wada_grid(still, region, outcome=stripe)
+    assert found.shares[-1, 3] > 0.3
+    assert found.verdict == "not"
+    assert found.closer.tolist() == [0, 0, 400, 0]
+
+
+def test_newtons_method_for_three_roots_is_wada():
+    """The boundary of the basins of z^3 = 1 is the Julia set of Newton's map, which all three share (Peitgen 1986)."""
+
+    def newton(x, p):
+        square, product = x[0] ** 2 - x[1] ** 2, 2.0 * x[0] * x[1]
+        size = 3.0 * (square**2 + product**2)
+        return 2.0 * x[0] / 3.0 + square / size, 2.0 * x[1] / 3.0 - product / size
+
+    basins = find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2.0, -1.5), (2.02, 1.53), (90, 60)))
+    found = wada_grid(basins)
+    assert found.verdict == "Wada"
+    assert found.closer[3] > 0.98 * found.closer.sum() > 350
+    for unresolved in (wada_grid(basins, steps=0), wada_grid(basins, points=100)):
+        assert unresolved.verdict == "not"
 
 
 def test_starts_without_a_basin_have_no_colour():
