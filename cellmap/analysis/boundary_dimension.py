@@ -13,7 +13,8 @@ from .boxcount import BoxCount, averaged, checked_sizes, fitted
 from .label_boxes import LabelImage, count_boxes
 
 _FEWEST_BOXES = 10
-_MISSED = 0.03
+_MISSED = 0.1
+_LEAST_SHOWN = 1e-3
 _FULL = 0.95
 _FEWEST_ACROSS = 4
 _MOST_OFFSETS = 64
@@ -37,9 +38,9 @@ def boundary_dimension(
     the line between two boxes is not lost.  Boxes that the edge of the window cuts count by the share that is inside.
 
     A size is usable if 10 boxes or more hold boundary, there are four or more along each axis, no more than 95 % of
-    them hold boundary (unless this is so at all sizes), and boxes that the cells miss are few: without every other cell
-    along each axis 3 % of the boxes would be lost at most.  Boxes of one cell see their corners alone and are not used.
-    Among the usable sizes the window is that of :func:`~cellmap.analysis.fit.steady_window`.
+    them hold boundary (unless this is so at all sizes), and boxes that the cells miss are 10 % at most.  How many these
+    are follows from the boxes that every other cell along each axis would miss, and the counts are corrected for them
+    before they are fitted.  Among the usable sizes the window is that of :func:`~cellmap.analysis.fit.steady_window`.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def boundary_dimension(
         places[0] = 0
         found = np.array([count_boxes(boundary, image.wraps, chosen, place) for place in places])
         counts, errors = averaged(found)
-        missed = _missed(image, boundary, chosen)
+        missed = _missed(image, boundary, chosen, dict(zip(chosen, found[0], strict=True)))
     else:
         measured = [sampled(image, boundary.size, size, steps, offsets, rng) for size in chosen]
         counts, errors = (np.array(v) for v in zip(*measured, strict=True))
@@ -109,9 +110,11 @@ def boundary_dimension(
     if usable.any() and share[np.argmax(usable)] <= _FULL:
         usable &= share <= _FULL
     lengths, counts, errors, missed = (v[::-1] for v in (lengths, counts, errors, missed))
-    smooth = boundary.ndim - 1
+    correction = -np.log1p(-missed)
     return fitted(
-        "labels", lengths, counts, errors, missed, usable[::-1], window, topological=smooth, ignored=image.ignored
+        *("labels", lengths, counts, errors, missed, usable[::-1], correction, window),
+        topological=boundary.ndim - 1,
+        ignored=image.ignored,
     )
 
 
@@ -129,22 +132,33 @@ def _sizes(sizes: ArrayLike | None, most: int, step: int) -> list[int]:
     return chosen
 
 
-def _missed(image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int]) -> NDArray[np.float64]:
-    """Return the share of boxes that every other cell along each axis does not find; 1 for boxes of one cell."""
+def _missed(
+    image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int], known: dict[int, float]
+) -> NDArray[np.float64]:
+    """Return the estimated share of boxes with boundary in which the cells do not show it.
+
+    With every other cell along each axis, a share of the boxes of twice a size is lost.  To a boundary that is similar
+    to itself as many boxes of this size are lost by the cells, as compared with cells of half their width; and so on.
+    The losses at all larger sizes, taken together, are therefore what is missed at one.
+
+    Parameters
+    ----------
+    known : dict
+        Numbers of boxes of some sizes on the grid that begins at the first cell.
+    """
     none = [0] * boundary.ndim
     half = image.every(2, none)
     coarse = half.boundary()
-    result = np.ones(len(sizes))
-    if not coarse.size:
-        return result
-    twice = sorted({2 * (s // 2) for s in sizes if s > 1})
+    twice = [2 << k for k in range(max(min(boundary.shape).bit_length() - 2, 0))]
+    if not coarse.size or not twice:
+        return np.zeros(len(sizes))
+    unknown = [s for s in twice if s not in known]
+    known = known | dict(zip(unknown, count_boxes(boundary, image.wraps, unknown, none), strict=True))
+    found = np.array([known[s] for s in twice]) / boundary.size
     seen = count_boxes(coarse, half.wraps, [s // 2 for s in twice], none) / (coarse.size * 2.0**boundary.ndim)
-    found = count_boxes(boundary, image.wraps, twice, none) / boundary.size
-    lost = 1.0 - seen / np.maximum(found, 1e-300)
-    for k, size in enumerate(sizes):
-        if size > 1:
-            result[k] = max(0.0, lost[twice.index(2 * (size // 2))])
-    return result
+    kept = np.clip(seen / np.maximum(found, 1e-300), _LEAST_SHOWN, 1.0)
+    shown = np.append(np.cumprod(kept[::-1])[::-1], 1.0).clip(_LEAST_SHOWN)  # at the sizes 1, 2, 4, ...
+    return np.asarray(1.0 - np.interp(np.log2(sizes), np.arange(len(shown)), shown))
 
 
 def sampled(

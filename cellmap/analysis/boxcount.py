@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
 
 from ..checks import finite_number, whole_number
 from ..coordinates import Coordinate
 from .fit import Fit, fit_line, steady_window, window_spread, with_drift
-from .partitions import Partition, Space, dyadic_sizes, over_offsets
+from .partitions import Partition, Space, distinct, dyadic_sizes, over_offsets
 
 _FEWEST_BOXES = 10
-_MISSED = 0.02
+_MISSED = 0.03
 _MARGIN = 0.02  # counts of straight lines on oblique grids come as close to whole numbers as this
 _LAST = 6
 _AHEAD = 100.0
+_EDGES = np.linspace(0.0, 4.0, 201)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,26 +76,41 @@ class BoxCount:
         """Whether the counts tell the set from a smooth one.
 
         True if the 95 % interval of the dimension lies above that of a smooth boundary, by 0.02 at least; for points,
-        if it is as far from any whole number.  The interval is widened to the slope that the smallest usable sizes
-        would lead to, two decades on: the counts of a smooth boundary that is wound up tightly come to their law at
-        small sizes only.  False does not say that a set is smooth.
+        if it is as far from any whole number.  A claim about ever smaller sizes has to bear two more tests.  The
+        interval is widened to the slope that the smallest usable sizes would lead to, two decades on: the counts of a
+        smooth boundary that is wound up tightly come to their law at small sizes only.  And it is widened to the
+        95 % interval for the slope of one more octave, by the scatter of all usable ones: near the onset of a fractal
+        boundary slopes wander, and those of a smooth one are at 1 beyond the picture.  False does not say that a set
+        is smooth.
         """
         low, high = self.fit.interval(0.95)
-        ahead = self._ahead()
-        low, high = min(low, ahead) - _MARGIN, max(high, ahead) + _MARGIN
+        beyond = [self._ahead(), *self._next_octave()]
+        low, high = min(low, *beyond) - _MARGIN, max(high, *beyond) + _MARGIN
         if self.topological is not None:
             return bool(low > self.topological)
         return bool(np.floor(low) == np.floor(high) and low > np.floor(low))
 
     def _ahead(self) -> float:
         """Slope that the smallest usable sizes lead to, if it goes on to change as it does there."""
-        last = np.flatnonzero(self.usable)[-_LAST:]
-        if len(last) < 4:
+        x, slopes = self._local_slopes()
+        if len(slopes) < 3:
             return self.dimension
-        slopes = np.diff(self.fit.y[last]) / np.diff(self.fit.x[last])
-        between = 0.5 * (self.fit.x[last][1:] + self.fit.x[last][:-1])
-        line = fit_line(between, slopes, (0, len(slopes) - 1))
-        return float(line(between[-1] + np.log(_AHEAD)))
+        x, slopes = x[1 - _LAST :], slopes[1 - _LAST :]
+        return float(fit_line(x, slopes, (0, len(slopes) - 1))(x[-1] + np.log(_AHEAD)))
+
+    def _next_octave(self) -> tuple[float, float]:
+        """Interval in which the slope of a further size is expected, from the scatter of those of usable sizes."""
+        slopes = self._local_slopes()[1]
+        n = len(slopes)
+        if n < 2:
+            return self.dimension, self.dimension
+        reach = float(stdtrit(n - 1, 0.975) * slopes.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
+        return float(slopes.mean()) - reach, float(slopes.mean()) + reach
+
+    def _local_slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Middles between neighbouring usable sizes, and slopes there."""
+        x, y = self.fit.x[self.usable], self.fit.y[self.usable]
+        return 0.5 * (x[1:] + x[:-1]), np.diff(y) / np.diff(x)
 
 
 def box_dimension(
@@ -155,7 +172,7 @@ def box_dimension(
     >>> round(box_dimension(line).dimension, 2)
     1.0
     """
-    space = Space.of(points, coordinates, scales)
+    space = distinct(Space.of(points, coordinates, scales))
     chosen = None if sizes is None else checked_sizes(sizes)
     offsets = whole_number("offsets", offsets, at_least=1)
     counts = over_offsets(space, chosen, origin, offsets, seed, Partition.occupancy)  # offset, size, kind
@@ -165,7 +182,9 @@ def box_dimension(
     mean, errors = averaged(counts[..., 0])
     missed = unseen(counts)
     usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
-    return fitted("points", tried, mean, errors, missed, usable, window)
+    # A grid in a given place has no mean over places, of which alone Steiner's formula speaks.
+    raised = edge_boxes(tried, mean, usable, space) if origin is None else np.zeros(len(tried))
+    return fitted("points", tried, mean, errors, missed, usable, -raised, window)
 
 
 def checked_sizes(sizes: ArrayLike) -> NDArray[np.float64]:
@@ -189,6 +208,29 @@ def unseen(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(lost / (boxes + lost))
 
 
+def edge_boxes(
+    sizes: NDArray[np.float64], counts: NDArray[np.float64], usable: NDArray[np.bool_], space: Space
+) -> NDArray[np.float64]:
+    """Return by how much boxes that only touch the edges of a set raise the logarithms of counts.
+
+    On grids at random places a brick with the sides a, b, ... meets (1 + a/s) (1 + b/s) ... boxes of the size s on
+    average (Steiner's formula): more than a b .../s**d by factors like 1 + s/a, and other sets have ends and edges too.
+    Of the factors (1 + c s)**d, with c from 0 to four over the extent, that one is taken with which the counts of the
+    usable sizes are closest to a line.  It does not matter at small sizes, and bends the line at large ones.
+    """
+    parts, d = sizes / space.extent, space.dimension
+    if np.count_nonzero(usable) < 4:
+        return np.zeros(len(sizes))
+    x = -np.log(parts[usable])
+    raised = d * np.log1p(_EDGES[:, None] * parts)
+    trials = np.log(counts[usable]) - raised[:, usable]
+    design = np.stack([np.ones_like(x), x], axis=1)
+    rest = np.linalg.lstsq(design, trials.T, rcond=None)[1]
+    freedom = max(len(x) - 3, 1)
+    needed = rest[0] > rest.min() * (1.0 + stdtrit(freedom, 0.975) ** 2 / freedom)
+    return np.asarray(raised[np.argmin(rest)] if needed else raised[0])
+
+
 def fitted(
     subject: str,
     sizes: NDArray[np.float64],
@@ -196,12 +238,13 @@ def fitted(
     errors: NDArray[np.float64],
     missed: NDArray[np.float64],
     usable: NDArray[np.bool_],
+    correction: NDArray[np.float64],
     window: tuple[float, float] | None,
     **more: Any,
 ) -> BoxCount:
-    """Fit the counts of boxes."""
+    """Fit the counts of boxes, with what is added to their logarithms."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y, sigma = -np.log(sizes), np.log(counts), errors / counts
+        x, y, sigma = -np.log(sizes), np.log(counts) + correction, errors / counts
     labels = (f"ln 1/size{' (cells)' if 'topological' in more else ''}", "ln boxes")
     fit = fit_sizes(subject, x, y, sizes, usable, window, labels, to_the_end="topological" in more)
     return BoxCount(sizes, counts, errors, missed, usable, replace(fit, errors=sigma), **more)

@@ -20,7 +20,9 @@ _FEWEST = 20  # uncertain pairs at a distance that is used
 _UNDECIDED = 0.1  # as many pairs with undecided starts as this part of the uncertain ones spoil a distance
 _OSCILLATION = 0.03  # relative, of shares about the law on self-similar boundaries
 _REJECTED = 0.05  # probability of the scatter about a line below which it is none
+_ALIKE = 1.25  # ratio of errors up to which a longer window is preferred
 _DECADE = 10.0  # range of distances below which nothing is called fractal
+_RISE = 2.0  # times that from the coarser to the finer half of the distances: as far again as these reach
 _VAGUE = 0.1  # standard error above which nothing is called smooth
 
 
@@ -111,8 +113,9 @@ class UncertaintyExponent:
 
         Smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  Fractal: the exponent is more
         than three standard errors below 1, over at least a decade; and so is that of the finer half of the distances,
-        even if it goes on to rise by twice as much as it has risen from the coarser half, as it does where smooth
-        pieces lie side by side and begin to be resolved.  Anything else is undetermined.
+        should it go on to rise by twice as much as it has risen from the coarser half, as it does where smooth pieces
+        lie side by side and begin to be resolved.  What the numbers of pairs leave open of that rise counts as error.
+        Anything else is undetermined.
         """
         if self.fit is None:
             return UNDETERMINED if self.uncertain.any() or not self.pairs.any() else NO_BOUNDARY
@@ -123,8 +126,9 @@ class UncertaintyExponent:
         if slope > 1.0 - 3.0 * error or self.decades < np.log10(_DECADE) - 1e-9 or halves is None:
             return UNDETERMINED
         (coarse, coarse_error), (fine, fine_error) = halves
-        rise = max(fine - coarse, 0.0) * 2.0
-        return FRACTAL if fine + rise < 1.0 - 3.0 * float(np.hypot(coarse_error, fine_error)) else UNDETERMINED
+        ahead = fine + _RISE * max(fine - coarse, 0.0)
+        doubt = float(np.hypot((1.0 + _RISE) * fine_error, _RISE * coarse_error))
+        return FRACTAL if ahead < 1.0 - 3.0 * doubt else UNDETERMINED
 
 
 def fit_exponent(
@@ -154,7 +158,7 @@ def fit_exponent(
     chosen = fit_window(x, np.where(usable, y, np.nan), errors) if window is None else window
     labels = (f"ln distance ({unit})", "ln share of uncertain pairs")
     fit = fit_line(x, y, chosen, errors, labels=labels)
-    return replace(empty, fit=_with_choice(fit) if window is None else fit)
+    return replace(empty, fit=_with_halves(_with_choice(fit)) if window is None else fit)
 
 
 def _with_choice(fit: Fit) -> Fit:
@@ -173,6 +177,14 @@ def _with_choice(fit: Fit) -> Fit:
     return replace(fit, standard_error=float(np.hypot(fit.standard_error, added)))
 
 
+def _with_halves(fit: Fit) -> Fit:
+    """Return a fit whose standard error counts half of what the slopes of both halves of its window differ by."""
+    first, last = fit.window
+    middle = (first + last) // 2
+    coarse, fine = (fit_line(fit.x, fit.y, part, fit.errors).slope for part in ((first, middle), (middle, last)))
+    return replace(fit, standard_error=float(np.hypot(fit.standard_error, 0.5 * (coarse - fine))))
+
+
 def _run(usable: NDArray[np.bool_]) -> int:
     """Return how many usable distances follow each other up to the smallest one."""
     finite = np.flatnonzero(usable)
@@ -186,10 +198,12 @@ def fit_window(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[n
     """Choose the distances for a fit of the exponent.
 
     The law holds in the limit of small distances, and at large ones the share saturates.  So a window always ends at
-    the smallest usable distance.  It begins at the largest one for which the scatter of the points about the weighted
-    line is what their errors let expect (chi-square, 5 %) and neither of its two largest distances lies more than two
-    standard errors off the line through the others.  Shares oscillate about the law on boundaries that are
-    self-similar, by some percent; 3 % are therefore added to the error of each point for these tests.
+    the smallest usable distance.  It may begin where the scatter of the points about the weighted line is what their
+    errors let expect (chi-square, 5 %) and neither of its two largest distances lies more than two standard errors off
+    the line through the others.  Shares oscillate about the law on boundaries that are self-similar, by some percent;
+    3 % are therefore added to the error of each point for these tests.  Where pairs are few such tests let saturated
+    distances pass.  So of these windows the longest is taken in which the slope is known about as well as in the best
+    one (to a quarter), by its standard error and half of what the slopes of both halves differ by, in squares.
 
     Parameters
     ----------
@@ -208,17 +222,25 @@ def fit_window(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[n
     while first > 0 and np.isfinite(y[first - 1]):
         first -= 1
     allowed = np.hypot(errors, _OSCILLATION)
-    for begin in range(first, last - 2):
-        inside = slice(begin, last + 1)
-        line = fit_line(x, y, (begin, last), allowed)
-        chi = float((((y - line(x)) / allowed)[inside] ** 2).sum())
-        if chi2.sf(chi, last - begin - 1) >= _REJECTED and all(
-            _agrees(x, y, allowed, k, last) for k in range(begin, min(begin + 2, last - 2))
-        ):
-            return begin, last
+    straight = [begin for begin in range(first, last - 2) if _is_straight(x, y, allowed, begin, last)]
+    if straight:
+        found = np.array([_with_halves(fit_line(x, y, (k, last), allowed)).standard_error for k in straight])
+        return straight[int(np.argmax(found <= _ALIKE * found.min()))], last
     if last - first < 2:
         raise ValueError("fewer than three neighbouring distances have enough uncertain pairs: draw more pairs")
     return max(first, last - 3), last
+
+
+def _is_straight(
+    x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], begin: int, last: int
+) -> bool:
+    """Tell whether a window holds no more than scatter, and its two largest distances follow the others."""
+    inside = slice(begin, last + 1)
+    line = fit_line(x, y, (begin, last), errors)
+    chi = float((((y - line(x)) / errors)[inside] ** 2).sum())
+    if chi2.sf(chi, last - begin - 1) < _REJECTED:
+        return False
+    return all(_agrees(x, y, errors, k, last) for k in range(begin, min(begin + 2, last - 2)))
 
 
 def _agrees(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], k: int, last: int) -> bool:

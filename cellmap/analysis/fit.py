@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, floor
+from itertools import pairwise
+from math import ceil, floor, log, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import finite_number, whole_number
 
 _FEWEST = 3
+_SWING = (
+    0.02  # by which slopes over an octave swing on self-similar sets, and may agree by chance where octaves are few
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +159,6 @@ def scaling_window(
                 if np.abs(inner - slope).max() <= allowed * max(1.0, abs(slope)):
                     key = (abs(x[last] - x[first]), abs(slope), first, last)
                     best = max(best, key) if best is not None else key
-        if best is not None and best[1] > 0.0:
-            return best[2], best[3]
         if best is not None:
             return best[2], best[3]
         allowed *= 2.0
@@ -169,8 +171,8 @@ def steady_window(
     """Return the window in which a slope is known best: the numbers of its first and last point.
 
     The error of a slope is its standard error from the scatter about the line, as the half of a 95 % interval
-    (Student), and its drift: how far the slopes of the lower and of the upper half of the window are from it; both in
-    squares.  As long as points are on a line, a longer window has a smaller error, and where they bend away it has a
+    (Student), and its drift: half of what the slopes of the lower and of the upper half of the window differ by; both
+    in squares.  As long as points are on a line, a longer window has a smaller error, and where they bend away it has a
     larger one; so this is the largest linear region.  Oscillations about the line, such as the counts of self-similar
     sets have, do not shorten it, and bends are found that are too slow to be seen between neighbours.
 
@@ -231,28 +233,40 @@ def _windows(x: NDArray[np.float64], y: NDArray[np.float64], to_the_end: bool) -
                 continue
             slope, _, scatter = _least_squares(x[first : last + 1], y[first : last + 1], None)
             reach = float(stdtrit(last - first - 1, 0.975)) * scatter
-            found.append((first, last, slope, float(np.hypot(reach, _drift(x, y, first, last)))))
+            found.append(
+                (first, last, slope, float(np.hypot(reach, np.ptp(_slopes_of_parts(x, y, first, last, 2)) / 2.0)))
+            )
     return found
 
 
 def with_drift(fit: Fit) -> Fit:
-    """Return a fit whose standard error counts the drift of the slope within its window as well.
+    """Return a fit whose standard error counts the unsteadiness of the slope within its window as well.
 
     Scatter about a line tells the error of its slope only where the points are independent.  Counts of boxes are not:
-    a box of one size is made of those of another.  So the larger difference between the slope of the line and the
-    slopes of its lower and upper half is added, in squares.
+    a box of one size is made of those of another.  So what the slopes of halves and thirds of the window differ by is
+    added in squares, and where they happen to agree what slopes of self-similar sets swing by.
     """
     if fit.window[1] - fit.window[0] < _FEWEST - 1:
         return fit
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, _drift(fit.x, fit.y, *fit.window))))
+    return replace(fit, standard_error=float(np.hypot(fit.standard_error, _unsteadiness(fit.x, fit.y, *fit.window))))
 
 
-def _drift(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> float:
-    """Return how far the slopes of both halves of a window are from that of the whole, at most."""
-    middle = (first + last) / 2.0
-    parts = ((first, last), (first, ceil(middle)), (floor(middle), last))
-    slope, lower, upper = (_least_squares(x[a : b + 1], y[a : b + 1], None)[0] for a, b in parts)
-    return max(abs(lower - slope), abs(upper - slope))
+def _unsteadiness(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> float:
+    """Return by how much the slope of a window may differ from that of octaves that it does not hold.
+
+    Its halves and its thirds tell; they may agree by chance, the more easily the fewer octaves there are, so that the
+    swings of self-similar sets are a least value.
+    """
+    octaves = abs(x[last] - x[first]) / log(2.0)
+    drift = max(np.ptp(_slopes_of_parts(x, y, first, last, parts)) / sqrt(parts) for parts in (2, 3))
+    return float(np.hypot(drift, _SWING / sqrt(octaves)))
+
+
+def _slopes_of_parts(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int, parts: int) -> list[float]:
+    """Return the slopes of equal parts of a window; parts that are no whole numbers of points overlap."""
+    ends = first + (last - first) * np.arange(parts + 1) / parts
+    pieces = [slice(floor(a), ceil(b) + 1) for a, b in pairwise(ends)]
+    return [_least_squares(x[p], y[p], None)[0] for p in pieces]
 
 
 def _least_squares(

@@ -43,7 +43,9 @@ class LabelImage:
             labels: NDArray[np.integer] = basins.labels
             circles = basins.grid.wraps if wraps is None else tuple(map(bool, wraps))
         else:
-            labels = np.asarray(basins)
+            # What is masked gets a negative label that no code names: it is no basin.
+            labels = np.ma.filled(basins.astype(np.int64), min((0, *codes)) - 1) if np.ma.isMA(basins) else basins
+            labels = np.asarray(labels)
             if labels.dtype.kind == "b":
                 labels = labels.astype(np.int16)
             if labels.dtype.kind not in "iu":

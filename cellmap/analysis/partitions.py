@@ -126,6 +126,13 @@ def dyadic_sizes(space: Space) -> NDArray[np.float64]:
     return np.asarray(space.extent * 0.5 ** np.arange(min(_KEY_BITS // space.dimension, _FINEST)))
 
 
+def distinct(space: Space) -> Space:
+    """Return a space without points that coincide: they tell nothing new of a set."""
+    part = dyadic_partition(space, np.zeros(space.dimension), ordered=True)
+    assert part.order is not None
+    return replace(space, points=space.points[part.order[part.separate[:-1] <= part.bits]])
+
+
 def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
     """Sort points along a curve that visits the boxes of each dyadic size one after the other (Morton 1966).
 

@@ -86,6 +86,89 @@ def test_koch_snowflake(turn):
     assert found.fractal
 
 
+def turned(cells, angle=0.3):
+    """Coordinates of the cells of a turned square."""
+    x = (np.arange(cells) + 0.5) / cells - 0.5
+    across, along = np.meshgrid(x, x, indexing="ij")
+    return np.cos(angle) * across - np.sin(angle) * along, np.sin(angle) * across + np.cos(angle) * along
+
+
+def gaps_of_cantor(t, ratio):
+    """Labels of the gaps of Cantor's set with parts of a given ratio, by the level at which they were cut out."""
+    labels, inside = np.zeros(t.shape, np.int16), (t >= 0.0) & (t <= 1.0)
+    for level in range(1, 15):
+        gap = inside & (t > ratio) & (t < 1.0 - ratio)
+        labels[gap], inside = level % 2, inside & ~gap
+        t = np.where(t <= ratio, t / ratio, (t - 1.0 + ratio) / ratio)
+    return labels
+
+
+@pytest.mark.parametrize("ratio", [0.45, 0.4, 1 / 3, 0.25, 0.15])
+@pytest.mark.parametrize(("width", "curved"), [(0.5, 0.0), (0.1, 0.0), (0.4, 0.7)])
+def test_layers_of_stripes(ratio, width, curved):
+    """1 + ln 2/ln(1/ratio), of layers that cross the axes obliquely, thin ones and curved ones."""
+    x, y = turned(1024)
+    found = boundary_dimension(gaps_of_cantor((y + curved * x**2) / width + 0.5, ratio))
+    exact = 1.0 + np.log(2.0) / np.log(1.0 / ratio)
+    low, high = found.fit.interval()
+    assert low <= exact <= high
+    assert found.dimension == pytest.approx(exact, abs=max(0.02, 2.0 * found.standard_error))
+
+
+@pytest.mark.parametrize("ratio", [0.4, 1 / 3, 0.25])
+def test_thin_sets_as_pictures(ratio):
+    """Cantor's stripes themselves, thinner than a cell: what the cells do not show is estimated."""
+    y = turned(1024)[1]
+    place, inside = y / 0.5 + 0.5, np.abs(y) <= 0.25
+    for _ in range(8):
+        inside &= (place <= ratio) | (place >= 1.0 - ratio)
+        place = np.where(place <= ratio, place / ratio, (place - 1.0 + ratio) / ratio)
+    found = boundary_dimension(inside)
+    low, high = found.fit.interval()
+    assert low <= 1.0 + np.log(2.0) / np.log(1.0 / ratio) <= high
+
+
+@pytest.mark.parametrize("waves", [20, 60, 150, 400])
+def test_smooth_boundaries_folded_many_times(waves):
+    """At large boxes the folds fill an area: slopes come down from 2 to 1, and the interval holds 1."""
+    x, y = turned(1024)
+    angle, radius = np.arctan2(y, x), np.hypot(x, y)
+    for labels in (y < 0.3 * np.sin(waves * x), np.floor(angle / pi + waves * radius / 3.0).astype(int) % 2):
+        for samples in (None, 1):
+            found = boundary_dimension(labels, samples=samples)
+            low, high = found.fit.interval()
+            assert low <= 1.0 <= high
+            assert not found.fractal
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_discs_of_many_sizes_are_not_fractal(seed):
+    """Radii by a power law from 1 cell to 150: slopes fall through all values from 2 to 1."""
+    rng = np.random.default_rng(seed)
+    radii = (1e-3**-2.0 * (1.0 - (u := rng.random(400))) + 0.15**-2.0 * u) ** -0.5
+    x = (np.arange(1024) + 0.5) / 1024
+    labels = np.zeros((1024, 1024), bool)
+    for radius, (a, b) in zip(radii, rng.random((400, 2)), strict=True):
+        rows, columns = (slice(*np.searchsorted(x, [c - radius, c + radius])) for c in (a, b))
+        labels[rows, columns] ^= (x[rows, None] - a) ** 2 + (x[columns] - b) ** 2 < radius**2
+    for samples in (None, 1, 2):
+        assert not boundary_dimension(labels, samples=samples).fractal
+
+
+def test_smooth_boundary_near_its_onset_is_not_called_fractal():
+    """Moon and Li's oscillator at f = 0.088: Melnikov's criterion 0.0881, manifolds touch at 0.0884 (studies.melnikov).
+
+    In a picture slopes wander between 1.2 and 1.4; by pairs at smaller distances the exponent is 1.
+    """
+    exact = stroboscopic_map(systems.moon_li_duffing(0.15, 0.088, 0.8333))
+    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (512, 512)))
+    basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (1024, 1024)))
+    for samples in (None, 1, 2):
+        found = boundary_dimension(basins, samples=samples)
+        assert not found.fractal
+        assert found.standard_error > 0.02
+
+
 @pytest.fixture(scope="module")
 def duffing():
     exact = stroboscopic_map(systems.two_well_duffing())
@@ -169,6 +252,27 @@ def test_any_labels():
     counts = boundary_dimension(half).counts
     for labels in (half.astype(np.uint8), np.where(half, 10**9, 5), half.astype(np.int64) * -7 + 7):
         assert np.array_equal(boundary_dimension(labels).counts, counts)
+
+
+def test_masked_cells_are_no_basins():
+    labels = np.zeros((300, 300), int)
+    labels[:, 100:] = 1
+    labels[:, 200:] = 2
+    masked = boundary_dimension(np.ma.masked_equal(labels, 2))
+    assert np.array_equal(masked.counts, boundary_dimension(np.where(labels == 2, -3, labels)).counts)
+    assert masked.ignored == pytest.approx(1.0 / 3.0)
+    coded = boundary_dimension(np.ma.masked_equal(np.where(labels == 1, -2, labels), 2), codes=(-2,))
+    assert np.array_equal(masked.counts, coded.counts)
+
+
+def test_pictures_that_every_other_cell_does_not_show():
+    """A checkerboard, of which every other cell has one label, and a single cell."""
+    board = np.add.outer(np.arange(256), np.arange(256)) % 2
+    spot = np.zeros((256, 256), int)
+    spot[77, 77] = 1
+    for labels in (board, spot):
+        with pytest.raises(ValueError, match="saturate at either end"):
+            boundary_dimension(labels)
 
 
 def test_axes_of_one_cell_are_left_out():

@@ -10,7 +10,19 @@ import pytest
 import systems
 from cellmap import BoxCount, angle, box_dimension, fit_line, set_threads
 from cellmap.analysis.fit import steady_window, window_spread, with_drift
-from studies.known_fractals import CANTOR, KOCH, cantor, cantor_square, koch, line, point_sets, turning
+from studies.known_fractals import (
+    CANTOR,
+    KOCH,
+    TRIANGLE,
+    cantor,
+    cantor_square,
+    koch,
+    line,
+    point_sets,
+    sierpinski,
+    square,
+    turning,
+)
 
 # Exact dimensions: Falconer, Fractal Geometry (2003).
 
@@ -34,6 +46,43 @@ def test_known_sets_of_many_points(name, turn):
     build, exact = point_sets(quick=False)[name]
     found = box_dimension(build() @ turning(turn).T + 0.3, offsets=2)
     assert found.dimension == pytest.approx(exact, abs=0.01)
+
+
+@pytest.mark.parametrize("level", [10, 11])
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.5, 1.1])
+def test_sierpinski_triangle_turned(level, turn):
+    """Corners that triangles share come twice, which does not make their boxes well known."""
+    points = sierpinski(level) @ turning(turn).T * 2.7 + [100.3, -55.0]
+    found = box_dimension(points, offsets=8)
+    assert abs(found.dimension - TRIANGLE) < 2.0 * found.standard_error
+    if level > 10:
+        assert found.dimension == pytest.approx(TRIANGLE, abs=0.01)
+
+
+def test_edges_of_a_square_do_not_bend_the_line():
+    """(1/s + 1)**2 boxes on average meet a square of side 1 (Steiner): slopes of large boxes are far below 2."""
+    points = square(1000)
+    for turn in (0.0, 0.3, 1.1):
+        found = box_dimension(points @ turning(turn).T, offsets=4)
+        assert found.dimension == pytest.approx(2.0, abs=0.01)
+        assert abs(found.dimension - 2.0) < 2.0 * found.standard_error
+        assert not found.fractal
+
+
+@pytest.mark.parametrize("repeated", [1, 2, 5])
+def test_points_that_coincide_count_once(repeated):
+    points = koch(8)
+    found = box_dimension(np.repeat(points, repeated, axis=0))
+    assert np.array_equal(found.missed, box_dimension(points).missed)
+    assert found.dimension == box_dimension(points).dimension
+
+
+def test_orbit_of_henon_covers_what_is_known():
+    """D_0 is 1.258, the proven D_1 (Young 1982), or more; 1.26 to 1.28 in the literature."""
+    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (100, 2))
+    points = systems.henon_map().orbit(starts, 4_100).points[101:].reshape(-1, 2)
+    low, high = box_dimension(points).fit.interval()
+    assert low < 1.258 < high
 
 
 @pytest.mark.slow

@@ -77,11 +77,50 @@ def test_map_of_grebogi_ott_and_yorke():
     assert found.verdict == "fractal"
 
 
-def test_forced_pendulum_by_table():
+@pytest.fixture(scope="module")
+def forced():
+    return find_basins(table(systems.forced_pendulum(), 9.0), WINDOW)
+
+
+def test_forced_pendulum_by_table(forced):
     """0.308 +- 0.01 (references.md)."""
-    found = uncertainty_exponent(find_basins(table(systems.forced_pendulum(), 9.0), WINDOW))
+    found = uncertainty_exponent(forced)
     assert found.exponent == pytest.approx(0.308, abs=0.01)
     assert found.verdict == "fractal"
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_few_pairs_do_not_shift_the_exponent(forced, seed):
+    """With errors of 3 % the first distances, where shares saturate, look like part of the law; 0.308 all the same."""
+    found = uncertainty_exponent(forced, pairs=300_000, seed=seed)
+    assert found.exponent == pytest.approx(0.308, abs=0.01)
+    assert found.standard_error < 0.02
+
+
+@pytest.mark.parametrize(("forcing", "pairs"), [(0.06, 500_000), (0.088, 50_000), (0.088, 200_000)])
+def test_smooth_boundary_near_its_onset_is_not_called_fractal(forcing, pairs):
+    """Moon and Li's oscillator below Melnikov's 0.0881, whatever the number of pairs."""
+    exact = stroboscopic_map(systems.moon_li_duffing(0.15, forcing, 0.8333))
+    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (300, 300)))
+    basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (100, 100)))
+    assert uncertainty_exponent(basins, pairs=pairs).verdict != "fractal"
+
+
+def rising(fall, pairs=40_000):
+    """Counts whose local slopes rise from 0.8 by `fall` a decade."""
+    distances = 2.0 ** -np.arange(6.0, 13.0)
+    x = np.log(distances / distances[0])
+    shares = 0.1 * np.exp(0.8 * x - 0.5 * fall / log(10.0) * x**2)
+    zero = np.zeros(7, int)
+    counts = np.round(pairs * shares).astype(int)
+    return fit_exponent(distances, np.full(7, pairs), counts, zero, zero, 2, 1e-9, "", None)
+
+
+def test_verdict_waits_for_pairs():
+    """An exponent of 0.8 over 1.8 decades: with some hundred uncertain pairs each, its rise to 1 is not excluded."""
+    assert rising(0.0).verdict == "undetermined"
+    assert rising(0.0, 40_000_000).verdict == "fractal"
+    assert rising(0.1, 40_000_000).verdict == "undetermined"
 
 
 @pytest.mark.slow
