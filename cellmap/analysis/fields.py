@@ -139,7 +139,7 @@ def finite_time_exponents(
 
     def work(part: slice) -> None:
         starts = wrap(grid_points(axes, part), exact.coordinates)
-        forward[part], backward[part], images[part] = _stretching(exact, starts, periods)
+        forward[part], backward[part], images[part] = growth(exact, starts, periods)
 
     run_over(slices(grid.size, CHUNK // 16), work, f"exponents of {exact.name}" if progress else None)
     return ExponentField(
@@ -156,10 +156,10 @@ def finite_time_exponents(
     )
 
 
-def _stretching(
+def growth(
     exact: PointMap, places: NDArray[np.float64], periods: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return logarithms of the largest growth forward (n,) and backward (n,), and the images (n, d)."""
+    """Return logarithms of the largest growth forward (n,) and backward (n,) of places, and the images (n, d)."""
     n, d = places.shape
     lost = np.zeros(n, bool)
     there = np.broadcast_to(np.eye(d), (n, d, d)).copy()

@@ -1,0 +1,66 @@
+"""Numbers of the cells that points lie in, and the tally of them box by box."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .options import KERNEL
+
+
+@njit(**KERNEL)
+def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
+    """Write the flat number (row-major) of the half-open cell of each row into `keys`, -1 for a point outside.
+
+    Along an axis with a `turn` a point outside of the window is first brought into the turn that begins at its lower
+    edge; where the axis wraps, that turn is the window.
+    """
+    for i in range(points.shape[0]):
+        key = np.int64(0)
+        for j in range(points.shape[1]):
+            x, n = points[i, j], shape[j]
+            if turn[j] > 0.0 and not lower[j] <= x < upper[j]:
+                x = x - np.floor((x - lower[j]) / turn[j]) * turn[j]
+                if wraps[j]:
+                    x = min(max(x, lower[j]), upper[j])
+            if not abs(x) < np.inf or not (wraps[j] or lower[j] <= x < upper[j]):
+                key = np.int64(-1)
+                break
+            cell = np.floor((x - lower[j]) / widths[j])
+            # The division rounds: a point next to an edge may have come to the wrong side of it.
+            cell += 1.0 if x >= (cell + 1.0) * widths[j] + lower[j] else 0.0
+            cell -= 1.0 if x < cell * widths[j] + lower[j] else 0.0
+            key = key * n + min(max(np.int64(cell), 0), n - 1)
+        keys[i] = key
+
+
+@njit(**KERNEL)
+def tally_rows(keys, begins, rows, targets, counts, lost):
+    """Count equal keys between neighbouring entries of `begins`; return how many different ones there are.
+
+    The keys are sorted in place; ``rows[m]``, ``targets[m]``, ``counts[m]`` are a stretch, a key in it and how often it
+    stands there.  Negative keys are counted in ``lost`` alone.
+    """
+    found = 0
+    for b in range(begins.size - 1):
+        part = keys[begins[b] : begins[b + 1]]
+        if part.size <= 32:
+            for i in range(1, part.size):
+                key, k = part[i], i - 1
+                while k >= 0 and part[k] > key:
+                    part[k + 1] = part[k]
+                    k -= 1
+                part[k + 1] = key
+        else:
+            part.sort()
+        last = np.int64(-1)
+        lost[b] = 0
+        for key in part:
+            if key < 0:
+                lost[b] += 1
+            elif key == last:
+                counts[found - 1] += 1
+            else:
+                rows[found], targets[found], counts[found] = b, key, 1
+                found, last = found + 1, key
+    return found
