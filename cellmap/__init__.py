@@ -47,6 +47,10 @@ from .pointmap import ToleranceWarning as ToleranceWarning
 from .rebuild import rebuild_map as rebuild_map
 from .rebuild import recompute_basins as recompute_basins
 from .search import find_attractors as find_attractors
+from .section import Returns as Returns
+from .section import SectionMap as SectionMap
+from .section import flow_map as flow_map
+from .section import section_map as section_map
 from .stability import Boundary as Boundary
 from .stability import CriticalValue as CriticalValue
 from .stability import StabilityMap as StabilityMap
@@ -148,6 +152,27 @@ if TYPE_CHECKING:
     from .plot import plot_phase_portrait as plot_phase_portrait
     from .plot import plot_stability_map as plot_stability_map
     from .plot import plot_time_series as plot_time_series
+    from .plot import plot_boxes as plot_boxes
+    from .plot import plot_eigenvalues as plot_eigenvalues
+    from .plot import plot_eigenvector as plot_eigenvector
+    from .plot import plot_morse_graph as plot_morse_graph
+    from .sets import BoxSet as BoxSet
+    from .sets import box_ftle as box_ftle
+    from .sets import SubdivisionSearch as SubdivisionSearch
+    from .sets import find_attractors_by_subdivision as find_attractors_by_subdivision
+    from .sets import box_image as box_image
+    from .sets import box_transitions as box_transitions
+    from .sets import chain_recurrent_set as chain_recurrent_set
+    from .sets import maximal_invariant_set as maximal_invariant_set
+    from .sets import relative_attractor as relative_attractor
+    from .sets import stable_set as stable_set
+    from .sets import unstable_set as unstable_set
+    from .sets import MorseGraph as MorseGraph
+    from .sets import morse_graph as morse_graph
+    from .sets import AlmostInvariant as AlmostInvariant
+    from .sets import Cycle as Cycle
+    from .sets import TransferOperator as TransferOperator
+    from .sets import transfer_operator as transfer_operator
     from .store import StoreError as StoreError
     from .store import load_basins as load_basins
     from .store import save_basins as save_basins
@@ -155,6 +180,25 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _STORED = ("load_basins", "save_basins", "StoreError")
+_OF_SETS = (
+    "BoxSet",
+    "box_image",
+    "box_transitions",
+    "relative_attractor",
+    "maximal_invariant_set",
+    "chain_recurrent_set",
+    "morse_graph",
+    "MorseGraph",
+    "unstable_set",
+    "stable_set",
+    "transfer_operator",
+    "TransferOperator",
+    "Cycle",
+    "AlmostInvariant",
+    "box_ftle",
+    "find_attractors_by_subdivision",
+    "SubdivisionSearch",
+)
 
 __all__ = [  # noqa: RUF022 (in the order of use)
     "ForcedSystem",
@@ -163,6 +207,10 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "CellGrid",
     "stroboscopic_map",
     "discrete_map",
+    "flow_map",
+    "section_map",
+    "SectionMap",
+    "Returns",
     "interpolated_map",
     "PointMap",
     "Iterate",
@@ -242,6 +290,23 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "ChaoticSaddle",
     "escape_rate",
     "EscapeRate",
+    "BoxSet",
+    "box_image",
+    "box_transitions",
+    "relative_attractor",
+    "maximal_invariant_set",
+    "chain_recurrent_set",
+    "morse_graph",
+    "MorseGraph",
+    "unstable_set",
+    "stable_set",
+    "transfer_operator",
+    "TransferOperator",
+    "Cycle",
+    "AlmostInvariant",
+    "box_ftle",
+    "find_attractors_by_subdivision",
+    "SubdivisionSearch",
     "boundary_dimension",
     "box_dimension",
     "BoxCount",
@@ -292,6 +357,10 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "plot_exponent_field",
     "plot_chaos_test",
     "animate",
+    "plot_boxes",
+    "plot_morse_graph",
+    "plot_eigenvalues",
+    "plot_eigenvector",
     "save_basins",
     "load_basins",
     "StoreError",
@@ -307,7 +376,7 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     drawn = name.startswith("plot_") or name == "animate"
-    home = "plot" if drawn else "store" if name in _STORED else "analysis"
+    home = "plot" if drawn else "store" if name in _STORED else "sets" if name in _OF_SETS else "analysis"
     return getattr(import_module(f".{home}", __name__), name)
 
 

@@ -18,10 +18,10 @@ from .coordinates import Coordinate, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
 from .search import Examined, check_attractors, region_extent, search, sort_out
-from .settling import DIVERGED, ESCAPED, UNDECIDED, Catalogue, settle
+from .settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED, Catalogue, settle
 from .threads import run_over, slices
 
-LABEL_NAMES = {ESCAPED: "left the window", DIVERGED: "diverged", UNDECIDED: "undecided"}
+LABEL_NAMES = {ESCAPED: "left the window", DIVERGED: "diverged", UNDECIDED: "undecided", NO_RETURN: "did not return"}
 """Names of the labels that are not attractors."""
 
 _Rows = range | NDArray[np.int64]
@@ -83,8 +83,8 @@ class Basins:
     Parameters
     ----------
     labels : ndarray of int16
-        For each start the number of its attractor, or -1 (left the window), -2 (diverged), -3 (undecided); shape of
-        the grid, or of the starts without their last axis.
+        For each start the number of its attractor, or -1 (left the window), -2 (diverged), -3 (undecided), -4 (did not
+        return to the section); shape of the grid, or of the starts without their last axis.
     attractors : tuple of Attractor
         Attractor k has the label k.
     settling_time : ndarray of int32

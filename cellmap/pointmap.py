@@ -36,6 +36,8 @@ class Status(IntEnum):
     """The orbit left the table of an interpolated map."""
     DIVERGED = 3
     """The orbit grew beyond all bounds, or the right-hand side was not finite on it, or no step was short enough."""
+    NO_RETURN = 4
+    """The orbit did not come back to the section of a map of first returns."""
 
 
 _FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison

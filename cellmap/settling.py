@@ -19,8 +19,11 @@ RESIDENCE = 64
 AT_REST = 1e-13
 """Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
 
-ESCAPED, DIVERGED, UNDECIDED = -1, -2, -3
-"""Labels of starts without an attractor: left the table, grew beyond all bounds, not settled."""
+ESCAPED, DIVERGED, UNDECIDED, NO_RETURN = -1, -2, -3, -4
+"""Labels of starts without an attractor: left the table, grew beyond all bounds, not settled, not back."""
+
+_CODES = np.full(max(Status) + 1, UNDECIDED)
+_CODES[[Status.ESCAPED, Status.DIVERGED, Status.NO_RETURN]] = ESCAPED, DIVERGED, NO_RETURN
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +79,9 @@ class Catalogue:
 class Settled:
     """What became of a batch of starts.
 
-    ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED; ``times`` (n,): period in which the start
-    was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of the undecided;
+    ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED, NO_RETURN; ``times`` (n,): period in
+    which the start was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of
+    the undecided;
     ``inaccurate``: starts on whose way the integrator missed its tolerance; ``steps``: periods made by all starts.
     """
 
@@ -119,7 +123,7 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
         if last or np.count_nonzero(over) * 4 > len(over):
             rows = members[over]
             inaccurate += int(np.count_nonzero(now.status[over] == Status.INACCURATE))
-            labels[rows] = np.where(found[over] >= 0, found[over], _codes(now.status[over]))
+            labels[rows] = np.where(found[over] >= 0, found[over], _CODES[now.status[over]])
             times[rows] = np.where(found[over] >= 0, when[over], -1)
             keep = ~over
             members, now, found, when = members[keep], now[keep], found[keep], when[keep]
@@ -131,10 +135,6 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
         point_map.advance(now, 1)
     inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
     return Settled(labels, times, now, inaccurate, steps)
-
-
-def _codes(status: NDArray[np.uint8]) -> NDArray[np.int64]:
-    return np.where(status == Status.ESCAPED, ESCAPED, np.where(status == Status.DIVERGED, DIVERGED, UNDECIDED))
 
 
 def inside_cover(

@@ -1,4 +1,4 @@
-"""Numbers of the cells that points lie in, and the tally of them box by box."""
+"""Points in cells, numbers of the cells that points lie in, and the tally of them box by box."""
 
 from __future__ import annotations
 
@@ -32,6 +32,19 @@ def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
             cell -= 1.0 if x < cell * widths[j] + lower[j] else 0.0
             key = key * n + min(max(np.int64(cell), 0), n - 1)
         keys[i] = key
+
+
+@njit(**KERNEL)
+def points_of_cells(keys, shape, lower, widths, lattice, points):
+    """Write the points that lie in each cell as those of the lattice lie in the unit cube, cell after cell."""
+    m, d = lattice.shape
+    for b in range(keys.size):
+        rest = keys[b]
+        for j in range(d - 1, -1, -1):
+            place = rest % shape[j]
+            rest //= shape[j]
+            for i in range(m):
+                points[b * m + i, j] = lower[j] + (place + lattice[i, j]) * widths[j]
 
 
 @njit(**KERNEL)

@@ -27,3 +27,7 @@ from .resilience import plot_basin_stability as plot_basin_stability
 from .resilience import plot_fatal_shock as plot_fatal_shock
 from .resilience import plot_settling_times as plot_settling_times
 from .resilience import plot_tipping as plot_tipping
+from .sets import plot_boxes as plot_boxes
+from .sets import plot_eigenvalues as plot_eigenvalues
+from .sets import plot_eigenvector as plot_eigenvector
+from .sets import plot_morse_graph as plot_morse_graph

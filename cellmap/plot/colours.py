@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 
 from ..basins import Basins
-from ..settling import DIVERGED, ESCAPED, UNDECIDED
+from ..settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
 
 Colour = tuple[float, float, float]
 
@@ -22,8 +22,8 @@ COLOURS = (
 white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
 after Machado, Oliveira, Fernandes 2009)."""
 
-CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black"}
-"""Colours of the labels that are not attractors: left the window, diverged, undecided."""
+CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.88"}
+"""Colours of the labels that are not attractors: left the window, diverged, undecided, did not return."""
 
 
 def colour_of(number: int) -> Colour:

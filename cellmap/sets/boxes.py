@@ -58,7 +58,9 @@ class BoxSet:
             raise ValueError(f"grid has {self.grid.size:.3g} cells, and 2**62 can be numbered: bisect fewer times")
         keys = np.unique(np.asarray(self.keys, np.int64))
         if len(keys) and not 0 <= keys[0] <= keys[-1] < self.grid.size:
-            raise ValueError(f"keys run from {keys[0]} to {keys[-1]}: the cells have numbers from 0 to {self.grid.size - 1}")
+            raise ValueError(
+                f"keys run from {keys[0]} to {keys[-1]}: the cells have numbers from 0 to {self.grid.size - 1}"
+            )
         object.__setattr__(self, "keys", keys)
 
     @classmethod
@@ -166,7 +168,9 @@ class BoxSet:
     def _beside(self, other: BoxSet) -> NDArray[np.int64]:
         if not isinstance(other, BoxSet) or other.grid != self.grid:
             given = other.grid if isinstance(other, BoxSet) else other
-            raise ValueError(f"the other set has {given!r} and this one {self.grid!r}: boxes of one grid can be compared")
+            raise ValueError(
+                f"the other set has {given!r} and this one {self.grid!r}: boxes of one grid can be compared"
+            )
         return other.keys
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from ..checks import claim_memory, whole_number
 from ..coordinates import difference, turns_of
 from ..kernels.blocks import wrap_rows
-from ..kernels.cells import tally_rows
+from ..kernels.cells import points_of_cells, tally_rows
 from ..pointmap import CHUNK, Orbits, PointMap
 from ..threads import run_over, slices
 from .boxes import BoxSet, Locator
@@ -77,13 +77,11 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
     >>> box_image(BoxSet.full(CellGrid((0,), (1,), (8,))), half, samples=2)
     BoxSet(4 of 8 boxes)
     """
-    found = [np.unique(hits.targets) for hits in _hits(boxes, point_map, samples, steps)]
-    return BoxSet(boxes.grid, np.concatenate([np.empty(0, np.int64), *found]))
+    found = [hits.targets for hits in _hits(boxes, point_map, samples, steps)]
+    return BoxSet(boxes.grid, _distinct(np.concatenate([np.empty(0, np.int64), *found]), boxes.grid.size))
 
 
-def box_transitions(
-    boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1
-) -> csr_array:
+def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> csr_array:
     """Return which boxes of a set the images of its boxes meet: the graph on which set-oriented methods work.
 
     Parameters
@@ -121,6 +119,15 @@ def box_transitions(
     return csr_array(entries, shape=(n, n), dtype=np.int64)
 
 
+def _distinct(keys: NDArray[np.int64], cells: int) -> NDArray[np.int64]:
+    """Return each of some numbers below `cells` once, sorted: by marking them where there are few to choose from."""
+    if cells > 8 * len(keys):
+        return np.unique(keys)
+    marks = np.zeros(cells, bool)
+    marks[keys] = True
+    return np.flatnonzero(marks)
+
+
 def points_in(samples: Samples, dimension: int) -> int:
     """Return how many points there are in a box for a number along each axis."""
     return int(whole_number("samples", samples, at_least=1, at_most=int(CHUNK ** (1 / dimension)))) ** dimension
@@ -152,7 +159,9 @@ def check_boxes(boxes: BoxSet, point_map: PointMap) -> None:
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if boxes.grid.on(point_map.coordinates) != boxes.grid:
-        raise ValueError(f"boxes do not wrap as the angles of {point_map!r} do: give them grid.on(point_map.coordinates)")
+        raise ValueError(
+            f"boxes do not wrap as the angles of {point_map!r} do: give them grid.on(point_map.coordinates)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,24 +177,23 @@ class _Work:
         """Return what the middles of equal parts of boxes hit."""
         d = self.boxes.grid.dimension
         middles = _middles((samples,) * d)
-        corners = _corners(self.boxes, part)
-        images = self._images(corners, middles)
+        images = self._images(self.boxes.keys[part], middles)
         return _tallied(self.locate(images), np.arange(part.start, part.stop), len(middles))
 
     def adaptive(self, part: slice) -> Hits:
         """Return what boxes meet, with lattices as fine as the distances of their images ask for."""
-        corners = _corners(self.boxes, part)
+        keys, d = self.boxes.keys[part], self.boxes.grid.dimension
         found = []
-        waiting = {(_FEWEST,) * corners.shape[1]: np.arange(len(corners))}
+        waiting = {(_FEWEST,) * d: np.arange(len(keys))}
         while waiting:
             counts, rows = waiting.popitem()
             finer: dict[tuple[int, ...], list[NDArray[np.int64]]] = {}
             lattice = _middles(counts)
             for some in slices(len(rows), max(1, CHUNK // len(lattice))):
                 mine = rows[some]
-                images = self._images(corners[mine], lattice).reshape(len(mine), *counts, -1)
+                images = self._images(keys[mine], lattice).reshape(len(mine), *counts, -1)
                 wider, reach = self._gaps(images)
-                more = self._refined(counts, wider)
+                more = self._refined(counts, wider, reach)
                 for new in np.unique(more, axis=0).tolist() if len(more) else ():
                     if tuple(new) != counts:
                         finer.setdefault(tuple(new), []).append(mine[(more == new).all(axis=1)])
@@ -193,11 +201,15 @@ class _Work:
                 found.append(self._covered(images[done], reach[done], part.start + mine[done]))
             for new_counts, more_rows in finer.items():
                 waiting[new_counts] = np.concatenate([waiting.get(new_counts, rows[:0]), *more_rows])
-        return Hits(*(np.concatenate([getattr(f, name) for f in found]) for name in ("rows", "targets", "counts", "lost")))
+        return Hits(
+            *(np.concatenate([getattr(f, name) for f in found]) for name in ("rows", "targets", "counts", "lost"))
+        )
 
-    def _images(self, corners: NDArray[np.float64], lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _images(self, keys: NDArray[np.int64], lattice: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the images of points that lie in each box as in the unit cube, shape (boxes * points, d)."""
-        points = (corners[:, None, :] + lattice * self.boxes.grid.widths).reshape(-1, corners.shape[1])
+        where = self.locate
+        points = np.empty((len(keys) * len(lattice), lattice.shape[1]))
+        points_of_cells(keys, where.shape, where.lower, where.widths, lattice, points)
         orbits = Orbits.starting(points)
         lower, turn = turns_of(self.point_map.coordinates)
         wrap_rows(orbits.points, orbits.turns, lower, turn)
@@ -219,12 +231,15 @@ class _Work:
             widest = np.nan_to_num(apart).max(axis=tuple(range(1, d + 1)))
             wider[:, j] = (widest / widths).max(axis=1)
             reach += 0.5 * widest
-        return wider, np.minimum(reach, 0.5 * widths)
+        return wider, reach
 
-    def _refined(self, counts: tuple[int, ...], wider: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _refined(
+        self, counts: tuple[int, ...], wider: NDArray[np.float64], reach: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
         """Return the points along each axis that lattices with such gaps need, shape (boxes, d)."""
         d = len(counts)
-        wanted = np.ceil(np.maximum(wider * d, 1.0) - 1e-9)
+        close = (reach <= 0.5 * self.locate.widths).all(axis=1, keepdims=True)
+        wanted = np.where(close, 1.0, np.maximum(wider * d - 1e-9, 1.0))
         more = np.array(counts) * 2.0 ** np.ceil(np.log2(wanted))
         # Too many for a box: axis by axis, the longest gives way, but never to less than there is.
         while (over := more.prod(axis=1) > _MOST).any():
@@ -239,6 +254,7 @@ class _Work:
         """Return the cells within reach of points, which is no more than half a cell."""
         d = images.shape[-1]
         ends = np.array(list(itertools.product((-1.0, 1.0), repeat=d)))
+        reach = np.minimum(reach, 0.5 * self.locate.widths)
         points = images.reshape(len(images), int(np.prod(images.shape[1:-1])), 1, d) + ends * reach[:, None, None, :]
         return _tallied(self.locate(points.reshape(-1, d)), rows, points.shape[1] * len(ends))
 
@@ -252,19 +268,15 @@ def _tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> H
     return Hits(rows[which[:n]], targets[:n].copy(), counts[:n].copy(), lost)
 
 
-def _corners(boxes: BoxSet, part: slice) -> NDArray[np.float64]:
-    return BoxSet(boxes.grid, boxes.keys[part]).lower_corners()
-
-
 def _middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
     """Return the middles of the equal parts of the unit cube, shape (product of the counts, d)."""
     axes = [(np.arange(n) + 0.5) / n for n in counts]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def bisections(depth: int | list[int] | tuple[int, ...], dimension: int) -> Iterator[int]:
+def bisections(depth: int | Sequence[int], dimension: int) -> Iterator[int]:
     """Yield the axes that are bisected, one after the other in turn, until each is at its depth."""
-    depths = [depth] * dimension if isinstance(depth, int | np.integer) else list(depth)
+    depths = list(depth) if isinstance(depth, Sequence) else [depth] * dimension
     if len(depths) != dimension:
         raise ValueError(f"depth={depth!r}: give one number, or one for each of the {dimension} coordinates")
     depths = [whole_number("depth", n, at_most=60) for n in depths]

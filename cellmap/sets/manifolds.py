@@ -151,7 +151,9 @@ def boxes_around(point_map: PointMap, points: ArrayLike, boxes: BoxSet) -> BoxSe
     places = finite_points("points", points, point_map.dimension)
     held = BoxSet.of_points(boxes.grid, places)
     if not places.size or (boxes.grid.locate(places) < 0).any():
-        raise ValueError(f"points={np.asarray(points).tolist()!r}: give at least one point, all in the window of the grid")
+        raise ValueError(
+            f"points={np.asarray(points).tolist()!r}: give at least one point, all in the window of the grid"
+        )
     return held | held.neighbours()
 
 

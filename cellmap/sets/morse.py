@@ -25,8 +25,8 @@ class MorseGraph:
     Parameters
     ----------
     sets : tuple of BoxSet
-        Morse sets: boxes between any two of which chains of boxes that meet or touch lead both ways.  Each stands before those that chains
-        from it lead to.
+        Morse sets: boxes between any two of which chains of boxes that meet or touch lead both ways.  Each stands before
+        those that chains from it lead to.
     reaches : ndarray of bool, shape (m, m)
         Whether a chain of boxes leads from one set to another.
     coordinates : tuple of Coordinate

@@ -219,9 +219,7 @@ class TransferOperator:
         members = np.linalg.solve(functions[corners].T, functions.T).argmax(axis=0)
         masks = [members == k for k in range(number)]
         kept = tuple(float(flow[m][:, m].sum() / weights[m].sum()) for m in masks)
-        return AlmostInvariant(
-            tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values
-        )
+        return AlmostInvariant(tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values)
 
     @functools.cached_property
     def _weights(self) -> NDArray[np.float64]:

@@ -1,0 +1,407 @@
+"""Maps of unforced systems: states a fixed time apart, and first returns to a section (Poincare 1892)."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .checks import finite_number, finite_points, one_of, whole_number
+from .codegen.rebind import over_arrays
+from .coordinates import Coordinate, turns_of
+from .flow import Flow, flow, tangent_flow
+from .jacobian import NotDifferentiableError, tangent_by_lanes
+from .kernels.blocks import wrap_rows
+from .pointmap import CHUNK, Family, Orbits, PointMap, Status
+from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
+from .system import ForcedSystem
+from .threads import run_over, slices
+
+_STRETCHES = 100  # periods of the system within which an orbit has to return by default
+_LAST = 1e-9  # share of a stretch before its end in which an arrival is left to the next one
+_TANGENT_TOLERANCE = 1e-12
+_EXTRA = 3  # states besides those of the system: time under way, side of the section, its value
+
+
+def flow_map(
+    system: ForcedSystem,
+    time: float,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    method: str = "auto",
+    max_steps: int = 16384,
+) -> PointMap:
+    """Return the map from a state of an unforced system to the state a fixed time later.
+
+    It is the stroboscopic map of the system with that time for its period.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        A system whose right-hand side does not depend on time; its own period does not matter.
+    time : float
+        Time of one step, above 0.
+    rtol, atol, method, max_steps
+        As for :func:`stroboscopic_map`.
+
+    Returns
+    -------
+    PointMap
+        The exact map.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a system that is forced, or arguments out of range.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v"))
+    >>> flow_map(oscillator, pi / 2)([1.0, 0.0]).round(8) + 0.0
+    array([ 0., -1.])
+    """
+    check_unforced(system)
+    length = finite_number("time", time, above=0.0)
+    return stroboscopic_map(replace(system, period=length), 0.0, rtol, atol, method, max_steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """First returns to a section.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dimension)
+        Where orbits come back, in the coordinates of the section; NaN where they do not.
+    times : ndarray, shape (...)
+        How long they are under way.
+    status : ndarray of uint8, shape (...)
+        A :class:`Status` for each orbit; NO_RETURN for one that is still under way after the longest time.
+    """
+
+    points: NDArray[np.float64]
+    times: NDArray[np.float64]
+    status: NDArray[np.uint8]
+
+    def __repr__(self) -> str:
+        back = self.times[np.isfinite(self.times)]
+        span = f", after {back.min():.6g} to {back.max():.6g}" if back.size else ""
+        return f"Returns({back.size} of {self.times.size} orbits{span})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SectionMap(PointMap):
+    """The map of a section to itself, with the times that returns take.
+
+    Parameters
+    ----------
+    section : tuple
+        Coordinate, value and direction.
+    first_returns : callable
+        ``first_returns(points)`` for at most CHUNK points (n, dimension): points, turns, times and status.
+    """
+
+    section: tuple[str, float, int] = ("", 0.0, 0)
+    first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] | None = field(default=None, repr=False)
+
+    def returns(self, points: ArrayLike) -> Returns:
+        """Return where and when orbits that begin on the section come back to it.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts on the section.
+        """
+        assert self.first_returns is not None
+        starts = finite_points("points", points, self.dimension)
+        flat = starts.reshape(-1, self.dimension)
+        images, times, status = np.empty_like(flat), np.empty(len(flat)), np.zeros(len(flat), np.uint8)
+
+        def work(part: slice) -> None:
+            assert self.first_returns is not None
+            images[part], _, times[part], status[part] = self.first_returns(flat[part])
+
+        run_over(slices(len(flat), CHUNK), work)
+        shape = starts.shape[:-1]
+        return Returns(images.reshape(starts.shape), times.reshape(shape), status.reshape(shape))
+
+
+def section_map(
+    system: ForcedSystem,
+    section: tuple[str, float, int],
+    max_time: float | None = None,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    max_steps: int = 16384,
+) -> SectionMap:
+    """Return the map of first returns to a section through the state space of an unforced system.
+
+    An orbit begins on the section and comes back when it crosses it in the same direction as asked for.  The crossing
+    is a root of the Taylor polynomial of the step that passes it, so that it is as accurate as the states are: the
+    integrator's tolerance holds for each stretch of time of one period of the system.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        A system whose right-hand side does not depend on time, of analytic functions (and jumps, if it declares its
+        `switches`).  Its period is the stretch of time between two looks at whether an orbit is back, and best of the
+        order of the times that returns take.
+    section : tuple (coordinate, value, direction)
+        Name of a state variable and its value on the section; 1 for crossings on which it grows, -1 for those on which
+        it falls, 0 for both.  An angle is on the section in every turn.
+    max_time : float, optional
+        Time after which an orbit that has not come back gets the status NO_RETURN; 100 periods by default.  So does one
+        that rests on the section.
+    rtol, atol : float, optional
+        Relative and absolute tolerance, at least 1e-14.
+    max_steps : int, optional
+        Most steps in a stretch.
+
+    Returns
+    -------
+    SectionMap
+        A PointMap of the remaining state variables; :meth:`SectionMap.returns` tells the times as well.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a system that is forced or cannot be compiled, or arguments out of range.
+
+    References
+    ----------
+    Henon, Physica D 5 (1982) 412, on landing on a section; Filippov, *Differential Equations with Discontinuous
+    Righthand Sides* (1988): here the motion is stopped at the section, as a right-hand side that jumps to zero.
+
+    Examples
+    --------
+    >>> spiral = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 0.2 * x[1]), {}, 6.0, ("q", "v"))
+    >>> back = section_map(spiral, ("q", 0.0, 1))
+    >>> frequency = (1.0 - 0.01) ** 0.5
+    >>> returns = back.returns([[1.0]])
+    >>> bool(abs(returns.times[0] - 2 * np.pi / frequency) < 1e-8)
+    True
+    >>> bool(abs(back([1.0])[0] - np.exp(-0.1 * 2 * np.pi / frequency)) < 1e-8)
+    True
+    """
+    check_unforced(system)
+    place, value, direction = _section(system, section)
+    longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)
+    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
+    atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
+    max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
+    gated = _gated_system(system, place)
+    stretch = min(system.length, longest)
+    trip = _Trip(
+        system, place, value, direction, longest, stretch, flow(gated, 0.0, stretch, rtol, atol, "auto", max_steps)
+    )
+    coordinates = tuple(c for j, c in enumerate(system.axes) if j != place)
+    lower, turn = turns_of(coordinates)
+
+    def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+        images, times, status, _ = trip(points)
+        turns = np.zeros(images.shape, np.int64)
+        wrap_rows(images, turns, lower, turn)
+        return images, turns, times, status
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        for _ in range(periods):
+            for now in orbits.living():
+                images, turns, _, status = first_returns(now.points)
+                now.points[:], now.status[:] = images, np.maximum(now.status, status)
+                now.turns += turns
+
+    @functools.cache
+    def with_tangent() -> Flow | None:
+        return tangent_flow(gated, 0.0, stretch, min(rtol, _TANGENT_TOLERANCE), max_steps)
+
+    def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        carried = with_tangent()
+        if carried is None:
+            raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
+        images, _, _, matrices = replace(trip, motion=carried)(points.reshape(-1, len(coordinates)))
+        assert matrices is not None
+        return images.reshape(points.shape), matrices.reshape(*points.shape, len(coordinates))
+
+    def again(params: Any) -> PointMap:
+        other = system.with_params(**params)
+        return section_map(other, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps)
+
+    return SectionMap(
+        name=system.name,
+        coordinates=coordinates,
+        params=system.params,
+        advance=advance,
+        recipe={
+            "kind": "section",
+            "coordinate": system.axes[place].name,
+            "value": value,
+            "direction": direction,
+            "max_time": longest,
+            "rtol": rtol,
+            "atol": atol,
+            "max_steps": max_steps,
+            "period": system.length,
+        },
+        tolerance=(rtol, atol),
+        tangent=tangent,
+        family=Family(at=again),
+        section=(system.axes[place].name, value, direction),
+        first_returns=first_returns,
+    )
+
+
+def check_unforced(system: ForcedSystem) -> None:
+    """Refuse a system whose right-hand side depends on time."""
+    if not isinstance(system, ForcedSystem):
+        raise TypeError(f"system={system!r}: give a ForcedSystem; an unforced one takes any period")
+    for size in (0.1, 0.83):
+        state = tuple(size + 0.37 * j for j in range(system.dimension))
+        try:
+            rates = np.array([system.derivative(f * system.length, state) for f in (0.0, 0.21, 0.47, 0.83)])
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the right-hand side
+        if not np.allclose(rates, rates[0], rtol=1e-12, atol=1e-300, equal_nan=True):
+            raise ValueError(
+                f"system={system!r} depends on time: its map is stroboscopic_map(system); sections and fixed times "
+                "are for unforced systems"
+            )
+
+
+def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[int, float, int]:
+    """Return the place of the section's coordinate, its value, in the turn of an angle, and the direction."""
+    try:
+        name, value, direction = section
+    except (TypeError, ValueError):
+        raise TypeError(f"section={section!r}: give a coordinate, its value and a direction, ('z', 27.0, -1)") from None
+    names = [c.name for c in system.axes]
+    if name not in names:
+        raise ValueError(f"section={section!r}: the coordinates are {names}")
+    if len(names) < 2:
+        raise ValueError(f"section={section!r}: a section needs a system of at least two state variables")
+    direction = one_of("direction", direction, (-1, 0, 1))
+    return names.index(name), finite_number("section value", value), int(direction)
+
+
+def _gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
+    """Return the system that stands still where it has crossed the section.
+
+    Further states are the time under way, the sign of the side on which it moves, and the value on the section.
+    """
+    turn = system.axes[place].turn
+    rhs, switches = _gated_functions(system.rhs, system.switches, system.dimension, place, turn)
+    taken = {c.name for c in system.axes}
+    names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
+    # As the sign tells one side from the other, a turn later all is not the same: here the angle is on the line.
+    axes = [Coordinate(c.name) if j == place else c for j, c in enumerate(system.axes)]
+    return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches)
+
+
+@functools.lru_cache(maxsize=256)
+def _gated_functions(
+    rhs: Callable[..., Any], switches: Callable[..., Any] | None, dimension: int, place: int, turn: float | None
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return right-hand side and switches with a gate at the section; the same ones every time."""
+
+    def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float]) -> Sequence[float]:
+        gate = 0.5 * (1.0 + x[dimension + 1] * s[-1])
+        rates = rhs(t, x[:dimension], p) if switches is None else rhs(t, x[:dimension], p, s[:-1])
+        return (*[gate * rate for rate in rates], gate, 0.0, 0.0)
+
+    def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        beyond = x[place] - x[dimension + 2]
+        own = () if switches is None else switches(t, x[:dimension], p)
+        return (*own, beyond if turn is None else sin(np.pi / turn * beyond))
+
+    return moving, switching
+
+
+@dataclass(frozen=True, eq=False)
+class _Trip:
+    """Takes points on the section to where they come back."""
+
+    system: ForcedSystem
+    place: int
+    value: float
+    direction: int
+    longest: float
+    stretch: float
+    motion: Flow
+
+    def __call__(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.float64] | None]:
+        """Return images (n, d - 1) with angles unwrapped, times, status, and derivatives where these are carried."""
+        n, d = len(points), self.system.dimension
+        size = d + _EXTRA
+        states = np.zeros((n, size))
+        others = [j for j in range(d) if j != self.place]
+        states[:, others] = points
+        times, status = np.zeros(n), np.zeros(n, np.uint8)
+        carries = self.motion.largest.size > size
+        total = np.broadcast_to(np.eye(size), (n, size, size)).copy() if carries else None
+        self._begin(states)
+        pending = np.arange(n)
+        while len(pending):
+            states[pending, d] = 0.0
+            moved = self._move(states[pending], status, pending, total)
+            states[pending] = moved
+            alive = status[pending] < Status.ESCAPED
+            pending, moved = pending[alive], moved[alive]
+            times[pending] += moved[:, d]
+            stopped = moved[:, d] < self.stretch * (1.0 - _LAST)
+            wanted = (self.direction == 0) | (moved[:, d + 1] == -self.direction)
+            lost = ~(stopped & wanted) & (times[pending] >= self.longest * (1.0 - _LAST))
+            lost |= stopped & (times[pending] == 0.0)
+            status[pending[lost]] = Status.NO_RETURN
+            passed = pending[stopped & ~wanted & ~lost]
+            again = states[passed]
+            self._begin(again, -again[:, d + 1])
+            states[passed] = again
+            pending = pending[~lost & ~(stopped & wanted)]
+        ended = status >= Status.ESCAPED
+        late = times > self.longest
+        status[late & ~ended] = Status.NO_RETURN
+        ended |= late
+        images = states[:, others]
+        images[ended], times[ended] = np.nan, np.nan
+        return images, times, status, None if total is None else total[:, others][:, :, others]
+
+    def _begin(self, states: NDArray[np.float64], side: NDArray[np.float64] | None = None) -> None:
+        """Put states exactly on the section, on the side to which they go."""
+        d = self.system.dimension
+        states[:, self.place] = states[:, d + 2] = self.value
+        states[:, d + 1] = self._sides(states[:, :d]) if side is None else side
+
+    def _sides(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sign of the speed across the section."""
+        system = self.system
+        if system.switches is None:
+            with np.errstate(all="ignore"):
+                speeds = over_arrays(system.rhs)(0.0, tuple(states.T), system.parameters)[self.place]
+        else:
+            speeds = [system.derivative(0.0, x)[self.place] for x in states.tolist()]
+        return np.where(np.broadcast_to(speeds, len(states)) < 0.0, -1.0, 1.0)
+
+    def _move(
+        self,
+        states: NDArray[np.float64],
+        status: NDArray[np.uint8],
+        rows: NDArray[np.int64],
+        total: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64]:
+        """Return states after a stretch, or where they have come to the section; collect status and derivatives."""
+        if total is None:
+            orbits = Orbits.starting(states)
+            self.motion(orbits)
+            status[rows] = np.maximum(status[rows], orbits.status)
+            return orbits.points
+        images, matrices = tangent_by_lanes(self.motion, states, states.shape[1])
+        status[rows[~np.isfinite(images).all(axis=1)]] = Status.DIVERGED
+        total[rows] = matrices @ total[rows]
+        return images
