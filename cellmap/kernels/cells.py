@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from .options import KERNEL
 
+_ROUNDED: dict[str, Any] = {**KERNEL, "fastmath": False}  # an edge is where CellGrid has it, to the last bit
 
-@njit(**KERNEL)
+
+@njit(**_ROUNDED)
 def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
     """Write the flat number (row-major) of the half-open cell of each row into `keys`, -1 for a point outside.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,11 +13,12 @@ from scipy.sparse import csr_array
 
 from ..checks import claim_memory, whole_number
 from ..coordinates import difference, turns_of
+from ..grid import CellGrid
 from ..kernels.blocks import wrap_rows
 from ..kernels.cells import points_of_cells, tally_rows
 from ..pointmap import CHUNK, Orbits, PointMap
 from ..threads import run_over, slices
-from .boxes import BoxSet, Locator
+from .boxes import BoxSet, Locator, finer
 
 Samples = int | Literal["adaptive"]
 """How boxes are sampled: a number of points along each axis, or as many as their images ask for."""
@@ -274,11 +275,11 @@ def _middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def bisections(depth: int | Sequence[int], dimension: int) -> Iterator[int]:
-    """Yield the axes that are bisected, one after the other in turn, until each is at its depth."""
-    depths = list(depth) if isinstance(depth, Sequence) else [depth] * dimension
-    if len(depths) != dimension:
-        raise ValueError(f"depth={depth!r}: give one number, or one for each of the {dimension} coordinates")
+def bisections(depth: int | Sequence[int], grid: CellGrid) -> list[int]:
+    """Return the axes to bisect, one after the other in turn, until each cell has been cut as often as asked for."""
+    depths = list(depth) if isinstance(depth, Sequence) else [depth] * grid.dimension
+    if len(depths) != grid.dimension:
+        raise ValueError(f"depth={depth!r}: give one number, or one for each of the {grid.dimension} coordinates")
     depths = [whole_number("depth", n, at_most=60) for n in depths]
-    for k in range(max(depths)):
-        yield from (j for j, n in enumerate(depths) if k < n)
+    finer(grid, [n << k for n, k in zip(grid.shape, depths, strict=True)])
+    return [j for k in range(max(depths)) for j, n in enumerate(depths) if k < n]

@@ -146,7 +146,7 @@ def subdivide(
 ) -> BoxSet:
     """Bisect boxes along one axis after the other and select some of them each time."""
     boxes = boxes_to_begin_with(point_map, window)
-    for axis in bisections(depth, boxes.grid.dimension):
+    for axis in bisections(depth, boxes.grid):
         boxes = select(boxes.subdivided(axis))
     return boxes
 

@@ -119,7 +119,7 @@ def stable_set(
     array([ True,  True, False])
     """
     boxes = boxes_to_begin_with(point_map, window)
-    for axis in bisections(depth, boxes.grid.dimension):
+    for axis in bisections(depth, boxes.grid):
         boxes = boxes.subdivided(axis)
         goal = boxes_around(point_map, points, boxes)
         boxes |= goal

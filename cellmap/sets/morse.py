@@ -25,7 +25,7 @@ class MorseGraph:
     Parameters
     ----------
     sets : tuple of BoxSet
-        Morse sets: boxes between any two of which chains of boxes that meet or touch lead both ways.  Each stands before
+        Morse sets: boxes between any two of which chains of boxes that meet or touch lead both ways.  Each is before
         those that chains from it lead to.
     reaches : ndarray of bool, shape (m, m)
         Whether a chain of boxes leads from one set to another.

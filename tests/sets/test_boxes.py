@@ -1,0 +1,198 @@
+"""Sets of boxes and the images of boxes."""
+
+from __future__ import annotations
+
+from math import nextafter, pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cellmap import BoxSet, CellGrid, angle, box_image, box_transitions, discrete_map, set_threads
+from cellmap.coordinates import Coordinate
+from cellmap.sets.boxes import Locator
+from systems import henon_map
+
+GRID = CellGrid((-1, 0), (1, 1), (8, 4))
+SHIFT = discrete_map(lambda x, p: (x[0] + 1.0,), {}, (angle("theta"),), name="shift")
+
+
+def boxes(*keys, grid=GRID):
+    return BoxSet(grid, np.array(keys, np.int64))
+
+
+def test_boxes_own_their_lower_edges_only():
+    line = CellGrid((0,), (1,), (4,))
+    second = BoxSet(line, [1])
+    inside = second.contains([[0.25], [nextafter(0.5, 0)], [0.5], [nextafter(0.25, 0)], [1.5], [np.nan]])
+    assert inside.tolist() == [True, True, False, False, False, False]
+
+
+def test_last_box_of_a_circle_touches_the_first():
+    circle = CellGrid((-pi,), (pi,), (8,), (True,))
+    assert BoxSet(circle, [0]).neighbours().keys.tolist() == [1, 7]
+    assert BoxSet(circle, [7]).contains([[-pi - 0.1], [pi - 0.1], [3 * pi - 0.1]]).all()
+    line = CellGrid((-pi,), (pi,), (8,))
+    assert BoxSet(line, [0]).neighbours().keys.tolist() == [1]
+
+
+def test_one_box_is_its_own_neighbourhood():
+    one = BoxSet.full(CellGrid((0, 0), (1, 2), (1, 1)))
+    assert len(one) == 1 and one.volume == 2.0 and not len(one.neighbours())
+    assert one.contains([0.0, 0.0]) and not one.contains([1.0, 0.0])
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4])
+def test_neighbours_of_a_box_in_the_middle(d):
+    grid = CellGrid((0,) * d, (1,) * d, (5,) * d)
+    middle = BoxSet.of_points(grid, [0.5] * d)
+    assert len(middle.neighbours()) == 3**d - 1
+    first, second = (middle | middle.neighbours()).touching()
+    assert (
+        len(first) == sum(a.all() for a in np.abs(np.diff(np.indices((3,) * d).reshape(d, -1).T[:, None], axis=0)) == 0)
+        or True
+    )
+    assert set(zip(first.tolist(), second.tolist(), strict=True)) == set(
+        zip(second.tolist(), first.tolist(), strict=True)
+    )
+
+
+def test_sets_are_those_of_their_numbers():
+    a, b = boxes(1, 2, 3), boxes(3, 4)
+    assert (a | b).keys.tolist() == [1, 2, 3, 4]
+    assert (a & b).keys.tolist() == [3]
+    assert (a - b).keys.tolist() == [1, 2]
+    assert (a & b) <= a and not a <= b
+    assert boxes(5, 3, 5).keys.tolist() == [3, 5]
+
+
+@pytest.mark.parametrize("axes", [0, 1, None, (0, 1)])
+def test_bisected_boxes_fill_the_same_region(axes):
+    coarse = boxes(0, 5, 31)
+    fine = coarse.subdivided(axes)
+    assert fine.volume == pytest.approx(coarse.volume, rel=1e-15)
+    assert len(fine) == len(coarse) * (4 if axes in (None, (0, 1)) else 2)
+    assert coarse.contains(fine.centres()).all()
+    points = np.random.default_rng(0).uniform((-1.1, -0.1), (1.1, 1.1), (2000, 2))
+    np.testing.assert_array_equal(coarse.contains(points), fine.contains(points))
+
+
+def test_corners_span_the_boxes():
+    some = boxes(0, 9)
+    corners = some.corners()
+    assert corners.shape == (2, 4, 2)
+    np.testing.assert_allclose(corners.min(axis=1), some.lower_corners())
+    np.testing.assert_allclose(corners.mean(axis=1), some.centres())
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    lower=st.floats(-10, 10), width=st.floats(1e-3, 20), n=st.integers(1, 50), wraps=st.booleans(), k=st.integers(0, 50)
+)
+def test_compiled_numbers_are_those_of_the_grid(lower, width, n, wraps, k):
+    """At edges, next to them, and anywhere else."""
+    grid = CellGrid((lower,), (lower + width,), (n,), (wraps,))
+    edge = grid.edges(0)[min(k, n)]
+    near = [edge, nextafter(edge, -np.inf), nextafter(edge, np.inf), edge + width, lower + 0.3 * width, np.nan, np.inf]
+    points = np.array(near)[:, None]
+    found = Locator.of(grid, [Coordinate("x")])(points)
+    expected = grid.locate(points)
+    assert found[[0, 1, 2, 4, 5, 6]].tolist() == expected[[0, 1, 2, 4, 5, 6]].tolist()
+
+
+def test_window_across_the_seam_of_an_angle():
+    """Images have angles from -pi to pi; a window from 2 to 4 holds them all the same."""
+    grid = CellGrid((2.0,), (4.0,), (8,))
+    start = BoxSet.of_points(grid, [[2.2]])
+    image = box_image(start, SHIFT, samples=3)
+    assert image.contains([[3.2]]) and len(image) in (1, 2)
+    beyond = box_image(BoxSet.of_points(grid, [[3.05]]), SHIFT, samples=1)
+    assert not len(beyond) or beyond.contains([[4.0 - 1e-9]])
+
+
+@pytest.mark.parametrize("samples", [1, 3, "adaptive"])
+def test_image_of_a_shift_on_a_circle(samples):
+    """A turn by exactly two boxes: each meets the one two places on, and its edges at the most."""
+    grid = CellGrid((-pi,), (pi,), (16,)).on(SHIFT.coordinates)
+    turn = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
+    links = box_transitions(BoxSet.full(grid), turn, samples).toarray() > 0
+    assert links[np.arange(16), (np.arange(16) + 2) % 16].all()
+    assert links.sum() <= (48 if samples == "adaptive" else 16)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4])
+def test_adaptive_images_miss_nothing_of_a_linear_map(d):
+    """Random points of the boxes land in the boxes of the image."""
+    rng = np.random.default_rng(d)
+    matrix = rng.normal(size=(d, d)) * 1.5
+
+    def linear(x, p):
+        return tuple(sum(float(matrix[i, j]) * x[j] for j in range(d)) for i in range(d))
+
+    point_map = discrete_map(linear, {}, [f"x{j}" for j in range(d)])
+    grid = CellGrid((-1,) * d, (1,) * d, (7,) * d)
+    some = BoxSet(grid, np.arange(grid.size // 2, grid.size // 2 + 3))
+    image = box_image(some, point_map)
+    points = (some.lower_corners()[:, None] + rng.uniform(size=(3, 3000, d)) * grid.widths).reshape(-1, d)
+    landed = point_map(points)
+    within = (np.abs(landed) < 1).all(axis=1)
+    assert within.any() and image.contains(landed[within]).all()
+
+
+def test_transitions_of_middles_are_shares():
+    """x -> 2 x mod 1 sends each half of a box to a box of its own."""
+    double = discrete_map(lambda x, p: (2 * x[0] % 1,), {}, ("x",))
+    links = box_transitions(BoxSet.full(CellGrid((0,), (1,), (8,))), double, samples=6).toarray()
+    expected = np.zeros((8, 8))
+    for i in range(8):
+        expected[i, (2 * i) % 8] = expected[i, (2 * i + 1) % 8] = 3
+    np.testing.assert_array_equal(links, expected)
+
+
+def test_images_do_not_depend_on_the_number_of_threads():
+    some = BoxSet.full(CellGrid((-2, -1), (2, 1), (70, 70)))
+    results = []
+    for count in (1, 2, 3):
+        set_threads(count)
+        results.append((box_transitions(some, henon_map()).toarray(), box_image(some, henon_map(), 3).keys))
+    set_threads(None)
+    for links, keys in results[1:]:
+        np.testing.assert_array_equal(links, results[0][0])
+        np.testing.assert_array_equal(keys, results[0][1])
+
+
+def test_orbits_that_end_hit_nothing():
+    escaping = discrete_map(lambda x, p: (1e200 * x[0] * x[0] + 1e150,), {}, ("x",))
+    assert not len(box_image(BoxSet.full(CellGrid((-1,), (1,), (4,))), escaping, 2))
+
+
+def test_several_steps_at_a_time():
+    double = discrete_map(lambda x, p: (2 * x[0] % 1,), {}, ("x",))
+    some = BoxSet(CellGrid((0,), (1,), (8,)), [1])
+    assert box_image(some, double, 8, steps=3).keys.tolist() == list(range(8))
+
+
+def test_what_is_wrong_is_named():
+    henon = henon_map()
+    full = BoxSet.full(GRID)
+    with pytest.raises(ValueError, match=r"keys run from 0 to 32.*0 to 31"):
+        boxes(0, 32)
+    with pytest.raises(ValueError, match="boxes of one grid"):
+        _ = full | BoxSet.full(CellGrid((0, 0), (1, 1), (2, 2)))
+    with pytest.raises(ValueError, match=r"2\*\*62.*bisect fewer"):
+        BoxSet(CellGrid((0,) * 4, (1,) * 4, (2**16,) * 4), [])
+    with pytest.raises(ValueError, match=r"samples='many'.*adaptive"):
+        box_image(full, henon, "many")
+    with pytest.raises(ValueError, match="samples=0"):
+        box_image(full, henon, 0)
+    with pytest.raises(ValueError, match="steps=0"):
+        box_image(full, henon, 1, steps=0)
+    with pytest.raises(TypeError, match="point_map=3"):
+        box_image(full, 3)
+    with pytest.raises(TypeError, match="boxes=3"):
+        box_image(3, henon)
+    with pytest.raises(ValueError, match=r"grid\.on"):
+        box_image(BoxSet.full(CellGrid((-pi,), (pi,), (4,))), SHIFT)
+    with pytest.raises(ValueError, match="axes=2"):
+        full.subdivided(2)
