@@ -25,6 +25,9 @@ from .threads import run_over, slices
 _STRETCHES = 100  # periods of the system within which an orbit has to return by default
 _LAST = 1e-9  # share of a stretch before its end in which an arrival is left to the next one
 _TANGENT_TOLERANCE = 1e-12
+_ORDER_FOR = (
+    1e-9  # tolerance for which the order of the series is chosen: finer ones take more steps, not more compiling
+)
 _EXTRA = 3  # states besides those of the system: time under way, side of the section, its value
 
 
@@ -197,9 +200,8 @@ def section_map(
     max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
     gated = _gated_system(system, place)
     stretch = min(system.length, longest)
-    trip = _Trip(
-        system, place, value, direction, longest, stretch, flow(gated, 0.0, stretch, rtol, atol, "auto", max_steps)
-    )
+    motion = flow(gated, 0.0, stretch, max(rtol, _ORDER_FOR), atol, "auto", max_steps)
+    trip = _Trip(system, place, value, direction, longest, stretch, replace(motion, rtol=rtol))
     coordinates = tuple(c for j, c in enumerate(system.axes) if j != place)
     lower, turn = turns_of(coordinates)
 

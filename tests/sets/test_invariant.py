@@ -103,7 +103,9 @@ def test_three_and_four_dimensions_store_what_is_visited():
     """A saddle of 4-D with one unstable direction: its relative attractor is a line of boxes."""
     for d in (3, 4):
         rates = (1.9, 0.3, 0.25, 0.2)[:d]
-        saddle = discrete_map(lambda x, p, r=rates: tuple(c * v for c, v in zip(r, x, strict=True)), {}, tuple("xyzu"[:d]))
+        saddle = discrete_map(
+            lambda x, p, r=rates: tuple(c * v for c, v in zip(r, x, strict=True)), {}, tuple("xyzu"[:d])
+        )
         window = CellGrid((-1.01,) * d, (1.0,) * d, (1,) * d)
         line = relative_attractor(saddle, window, 6, samples=3)
         x = np.linspace(-1.0, 0.99, 100)
@@ -140,9 +142,9 @@ def test_edges_leave_out_what_follows_from_others():
 
 def test_chain_recurrent_set_of_henon_has_attractor_and_outer_saddle():
     window = CellGrid((-2.01, -2.0), (2.0, 2.03), (2, 2))
-    recurrent = chain_recurrent_set(henon_map(), window, 7)
+    recurrent = chain_recurrent_set(henon_map(), window, 9)
     assert recurrent.contains([[-1.131354, -0.339406], [0.631354, 0.189406]]).all()
-    graph = morse_graph(henon_map(), window, 7)
+    graph = morse_graph(henon_map(), window, 9)
     assert len(graph.sets) == 2 and graph.edges.tolist() == [[0, 1]]
     assert graph.sets[0].contains([-1.131354, -0.339406])
 

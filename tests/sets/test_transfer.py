@@ -1,0 +1,110 @@
+"""Transfer operators: densities, roots of unity, almost invariant sets."""
+
+from __future__ import annotations
+
+from math import cos, log, pi, sin
+
+import numpy as np
+import pytest
+
+from cellmap import BoxSet, CellGrid, discrete_map, relative_attractor, transfer_operator
+
+
+def full(n, lower=0.0, upper=1.0):
+    return BoxSet.full(CellGrid((lower,), (upper,), (n,)))
+
+
+def test_density_of_the_logistic_map():
+    """1 / (pi sqrt(x (1 - x))): the error in L1 falls as the root of the width."""
+    logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    errors = []
+    for n in (256, 1024, 4096):
+        operator = transfer_operator(full(n), logistic, samples=100)
+        exact = np.diff(2 / pi * np.arcsin(np.sqrt(operator.boxes.grid.edges(0))))
+        errors.append(np.abs(operator.invariant_measure - exact).sum())
+    assert errors[0] < 0.08 and errors[1] < 0.045 and errors[2] < 0.03
+    assert operator.escape_rate == 0.0
+    assert (operator.density * operator.boxes.grid.widths[0]).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def cyclic(x, p):
+    """z -> exp(-2 pi i / 3) ((abs(z)^2 - 1.7) z + conj(z)^2 / 2), Dellnitz and Junge (1999)."""
+    u, v = x
+    grown = u * u + v * v - 1.7
+    a, b = grown * u + 0.5 * (u * u - v * v), grown * v - u * v
+    c, s = cos(2 * pi / 3), -sin(2 * pi / 3)
+    return c * a - s * b, s * a + c * b
+
+
+def test_six_eigenvalues_on_the_unit_circle():
+    """To four digits, and the six sets are mapped round."""
+    point_map = discrete_map(cyclic, {}, ("x", "y"))
+    boxes = relative_attractor(point_map, CellGrid((-1.5, -1.5), (1.5, 1.5), (4, 4)), 5)
+    operator = transfer_operator(boxes, point_map, samples=6)
+    values = operator.eigenvalues(6)
+    roots = np.exp(2j * pi * np.arange(6) / 6)
+    assert np.abs(values[:, None] - roots).min(axis=0).max() < 1e-4
+    cycle = operator.cycle(6)
+    assert np.abs(cycle.eigenvalues - roots).max() < 1e-4
+    where = [np.flatnonzero(np.isin(boxes.keys, s.keys)) for s in cycle.sets]
+    for k in range(6):
+        rows = operator.matrix[where[k]]
+        assert rows[:, where[(k + 1) % 6]].sum() > 0.999 * rows.sum()
+
+
+def test_cycle_of_a_permutation():
+    """A rotation of five boxes."""
+    shift = discrete_map(lambda x, p: ((x[0] + 0.4) % 1.0,), {}, ("x",))
+    operator = transfer_operator(full(5), shift, samples=3)
+    cycle = operator.cycle(5)
+    assert np.abs(cycle.eigenvalues - np.exp(2j * pi * np.arange(5) / 5)).max() < 1e-12
+    order = [s.keys.item() for s in cycle.sets]
+    assert [(b - a) % 5 for a, b in zip(order, order[1:] + order[:1], strict=True)] == [2] * 5
+    with pytest.raises(ValueError, match=r"order=3.*roots"):
+        operator.cycle(3)
+
+
+def test_halves_that_exchange_little_are_found():
+    """A doubling map on each half, but for a twentieth of each that crosses over."""
+
+    def leaky(x, p):
+        local = x[0] * 2 % 1.0
+        half = 0.0 if x[0] < 0.5 else 1.0
+        image = local * 3 % 1.0
+        side = half if local < 0.95 else 1.0 - half
+        return (0.5 * side + 0.5 * image,)
+
+    operator = transfer_operator(full(200), discrete_map(leaky, {}, ("x",)), samples=20)
+    found = operator.almost_invariant_sets(2)
+    halves = sorted(found.sets, key=lambda boxes: boxes.keys.min())
+    assert np.isin(np.arange(95), halves[0].keys).all() and np.isin(np.arange(100, 195), halves[1].keys).all()
+    assert sum(map(len, halves)) == 200 and min(found.kept) > 0.945
+    assert found.eigenvalues[0] == pytest.approx(1.0, abs=1e-12) and 0.9 < found.eigenvalues[1] < 0.99
+
+
+def test_two_attractors_have_two_measures():
+    cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2,), {}, ("x",))
+    operator = transfer_operator(full(101, -1.3, 1.3), cubic, samples=11)
+    assert len(operator.invariant_measures) == 2
+    means = sorted(float(m @ operator.boxes.centres()[:, 0]) for m in operator.invariant_measures)
+    assert means == pytest.approx([-1.0, 1.0], abs=0.03)
+    with pytest.raises(ValueError, match="2 invariant measures"):
+        _ = operator.invariant_measure
+
+
+def test_escape_rate_of_an_open_tent_map():
+    """Slope 3: a third of what is there leaves in each step, and the density is uniform."""
+    tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
+    operator = transfer_operator(full(81), tent, samples=27)
+    assert operator.escape_rate == pytest.approx(log(1.5), abs=1e-9)
+    assert operator.density == pytest.approx(1.0, abs=1e-9)
+
+
+def test_what_is_wrong_is_named():
+    cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2,), {}, ("x",))
+    with pytest.raises(ValueError, match="at least one box"):
+        transfer_operator(BoxSet(CellGrid((0,), (1,), (4,)), []), cubic)
+    with pytest.raises(TypeError, match="samples='adaptive'"):
+        transfer_operator(full(4), cubic, samples="adaptive")
+    with pytest.raises(ValueError, match="number=9"):
+        transfer_operator(full(4), cubic).eigenvalues(9)

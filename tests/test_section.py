@@ -1,0 +1,169 @@
+"""Maps of unforced systems, against closed forms and SciPy's events."""
+
+from __future__ import annotations
+
+from math import asin, exp, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, flow_map, jacobian, section_map
+from systems import magnetic_pendulum, two_well_duffing
+
+
+def lorenz(t, x, p):
+    return p.s * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - p.b * x[2]
+
+
+def thomas(t, x, p):
+    return sin(x[1]) - p.b * x[0], sin(x[2]) - p.b * x[1], sin(x[0]) - p.b * x[2]
+
+
+LORENZ = ForcedSystem(lorenz, {"s": 10.0, "r": 28.0, "b": 8 / 3}, 0.7, ("x", "y", "z"))
+THOMAS = ForcedSystem(thomas, {"b": 0.19}, 6.0, ("x", "y", "z"))
+SPIRAL = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}, 6.0, ("q", "v"))
+TORQUE = ForcedSystem(
+    lambda t, x, p: (x[1], p.torque - sin(x[0]) - 0.2 * x[1]), {"torque": 1.5}, 2.0, (angle("theta"), "v")
+)
+
+
+def by_events(system, place, value, direction, start, time=60.0):
+    """First crossing after the start."""
+
+    def event(t, y):
+        return sin((y[place] - value) / 2) if system.axes[place].is_angle else y[place] - value
+
+    settings = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853", "max_step": 0.05}
+    event.direction = direction
+    done = solve_ivp(system.fun, (0.0, time), start, events=event, **settings)
+    late = done.t_events[0] > 1e-9
+    return done.t_events[0][late][0], done.y_events[0][late][0]
+
+
+@pytest.mark.parametrize(
+    ("system", "section", "starts"),
+    [
+        (LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]]),
+        pytest.param(LORENZ, ("x", 0.0, 0), [[5.0, 20.0], [-7.0, 25.0]], marks=pytest.mark.slow),
+        pytest.param(THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]], marks=pytest.mark.slow),
+    ],
+)
+def test_returns_are_those_of_an_event_finder(system, section, starts):
+    place = [c.name for c in system.axes].index(section[0])
+    returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(starts)
+    loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(starts)
+    for k, start in enumerate(starts):
+        time, state = by_events(system, place, section[1], section[2], np.insert(start, place, section[1]))
+        assert returns.times[k] == pytest.approx(time, abs=1e-10)
+        np.testing.assert_allclose(returns.points[k], np.delete(state, place), atol=1e-9)
+        np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_damped_oscillator_in_closed_form(direction):
+    """Half a turn or a whole one, of the damped frequency."""
+    frequency = sqrt(1 - 0.01)
+    time = (pi if direction == 0 else 2 * pi) / frequency
+    back = section_map(SPIRAL, ("q", 0.0, direction), rtol=1e-12, atol=1e-12)
+    factor = (-1 if direction == 0 else 1) * exp(-0.1 * time)
+    starts = np.array([[0.3], [2.0]]) * (direction or 1)
+    returns = back.returns(starts)
+    np.testing.assert_allclose(returns.times, time, rtol=1e-11)
+    np.testing.assert_allclose(returns.points, factor * starts, rtol=1e-10)
+    np.testing.assert_allclose(jacobian(back, starts)[:, 0, 0], factor, rtol=1e-9)
+    # One that begins on the way through in the other direction needs half a turn.
+    if direction:
+        half = back.returns(-starts)
+        np.testing.assert_allclose(half.times, pi / frequency, rtol=1e-11)
+        np.testing.assert_allclose(half.points, starts * exp(-0.1 * pi / frequency), rtol=1e-10)
+
+
+def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
+    """A pendulum that a torque drives round and round: from theta = 1 to theta = 1 + 2 pi."""
+    back = section_map(TORQUE, ("theta", 1.0, 1), rtol=1e-11, atol=1e-11)
+    returns = back.returns([[3.0], [7.0]])
+    for k, v in enumerate((3.0, 7.0)):
+        time, state = by_events(TORQUE, 0, 1.0, 0, [1.0, v])
+        assert returns.times[k] == pytest.approx(time, abs=1e-9)
+        assert returns.points[k, 0] == pytest.approx(state[1], abs=1e-8)
+    basins = find_basins(back, CellGrid((3.0,), (9.0,), (20,)))
+    assert len(basins.attractors) == 1 and basins.fractions[0].share == 1.0
+    # Of the rotation the multiplier is exp(-damping * time): Liouville.
+    point = basins.attractors[0].points
+    assert basins.attractors[0].multipliers[0].real == pytest.approx(exp(-0.2 * back.returns(point).times[0]), rel=1e-6)
+
+
+def test_orbits_that_do_not_return_say_so():
+    """Without torque a pendulum comes to rest below, and theta = pi is not crossed again."""
+    rest = section_map(TORQUE.with_params(torque=0.0), ("theta", pi, 0), max_time=50.0)
+    images = rest.iterate([[0.0], [0.5], [9.0]], 1)
+    assert images.status.tolist() == [Status.NO_RETURN, Status.NO_RETURN, Status.OK]
+    assert np.isnan(images.points[:2]).all()
+    basins = find_basins(rest, CellGrid((0.1,), (1.0,), (9,)))
+    assert (basins.labels == -4).all() and basins.label_name(-4) == "did not return"
+    returns = rest.returns([[0.5], [9.0]])
+    assert np.isnan(returns.times[0]) and returns.times[1] > 0
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_differences():
+    back = section_map(LORENZ, ("z", 27.0, -1), rtol=1e-13, atol=1e-13)
+    starts = np.array([[6.0, 2.0], [-10.0, -12.0]])
+    for start, matrix in zip(starts, jacobian(back, starts), strict=True):
+        columns = [(back(start + 1e-5 * e) - back(start - 1e-5 * e)) / 2e-5 for e in np.eye(2)]
+        np.testing.assert_allclose(matrix, np.stack(columns, axis=-1), atol=1e-8)
+
+
+def test_image_does_not_depend_on_its_neighbours():
+    back = section_map(LORENZ, ("z", 27.0, -1))
+    starts = np.random.default_rng(0).uniform(-12, 12, (70, 2))
+    together = back(starts)
+    np.testing.assert_array_equal(np.concatenate([back(s[None]) for s in starts[:5]]), together[:5])
+    np.testing.assert_array_equal(back(starts[::-1])[::-1], together)
+
+
+def test_fixed_time_map_is_the_flow():
+    pendulum = magnetic_pendulum()
+    start = np.array([[0.4, 0.3, 0.0, 0.1]])
+    done = solve_ivp(pendulum.fun, (0.0, 2.5), start[0], method="DOP853", rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(flow_map(pendulum, 2.5)(start)[0], done.y[:, -1], atol=1e-8)
+    half = flow_map(pendulum, 1.25, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(half(half(start)), flow_map(pendulum, 2.5, 1e-12, 1e-12)(start), atol=1e-10)
+
+
+@pytest.mark.slow
+def test_stick_slip_crosses_a_section():
+    """A block on a moving belt: it slides, sticks, and comes back to the same point (jumps and section together)."""
+
+    def rhs(t, x, p, s):
+        return x[1], -x[0] - p.friction * s[0]
+
+    def switches(t, x, p):
+        return (x[1] - p.belt,)
+
+    block = ForcedSystem(rhs, {"friction": 0.5, "belt": 0.3}, 3.0, ("q", "v"), "block", switches)
+    back = section_map(block, ("q", 0.4, 1), rtol=1e-11, atol=1e-11)
+    # It slides on circles around q = 0.5; what begins on the belt sticks up to there and slides on the largest.
+    returns = back.returns([[0.1], [0.3]])
+    np.testing.assert_allclose(returns.points[:, 0], [0.1, 0.3 * sqrt(8 / 9)], atol=1e-9)
+    np.testing.assert_allclose(returns.times, [2 * pi, 1 / 3 + 2 * pi - asin(1 / 3)], atol=1e-9)
+
+
+def test_what_is_wrong_is_named():
+    with pytest.raises(ValueError, match="depends on time"):
+        section_map(two_well_duffing(), ("v", 0.0, 1))
+    with pytest.raises(ValueError, match="depends on time"):
+        flow_map(two_well_duffing(), 1.0)
+    with pytest.raises(TypeError, match="section=3"):
+        section_map(LORENZ, 3)
+    with pytest.raises(ValueError, match=r"coordinates are \['x', 'y', 'z'\]"):
+        section_map(LORENZ, ("w", 0.0, 1))
+    with pytest.raises(ValueError, match="direction=2"):
+        section_map(LORENZ, ("z", 27.0, 2))
+    with pytest.raises(ValueError, match="max_time=0"):
+        section_map(LORENZ, ("z", 27.0, 1), max_time=0)
+    with pytest.raises(ValueError, match=r"time=-1"):
+        flow_map(LORENZ, -1.0)
+    with pytest.raises(TypeError, match="give a ForcedSystem"):
+        flow_map(lorenz, 1.0)
