@@ -74,7 +74,7 @@ def draw(henon: tuple[BoxSet, ...], operator: TransferOperator, graph: MorseGrap
     plot_boxes(cover, coordinates=("x", "y"), ax=axes[0, 0], facecolor="0.8", label="relative attractor")
     plot_boxes(unstable, coordinates=("x", "y"), ax=axes[0, 0], facecolor="#0072B2", label="unstable manifold")
     axes[0, 0].set(xlim=(-2, 2), ylim=(-2, 2), title="Henon's map")
-    axes[0, 0].legend()
+    axes[0, 0].legend(loc="lower right")
     plot_eigenvector(operator, 1, ax=axes[0, 1])
     axes[0, 1].set(aspect="equal", title="second eigenvector, a cycle of six sets")
     plot_eigenvalues(operator, 12, ax=axes[1, 0])

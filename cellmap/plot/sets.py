@@ -113,7 +113,7 @@ def plot_morse_graph(
         middles = [_middle(boxes)[pair] for boxes in graph.sets]
         for i, j in graph.edges:
             ax.annotate("", middles[j], middles[i], arrowprops={"arrowstyle": "->", "color": "0.4"})
-    ax.legend(title="Morse set")
+    ax.legend(title="Morse set", loc="upper right")
     return ax
 
 

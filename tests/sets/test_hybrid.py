@@ -7,28 +7,29 @@ import numpy as np
 from cellmap import CellGrid, discrete_map, find_attractors, find_attractors_by_subdivision, find_basins, flow_map
 from systems import magnetic_pendulum
 
-SIZE = 4e-4
+CENTRE, SIZE = 0.36, 4e-3
 
 
 def with_a_small_one(x, p):
-    """A line that goes to 1, with a well of half width p.size around 0.37123 (and the crests beside it)."""
+    """Attracting at 0 and 1, and at the centre of a notch in the crest between them."""
     u = x[0]
-    s = (u - 0.37123) / p.size
-    plain = u + 0.2 * (1.0 - u)
-    return (plain - (plain - 0.37123 - 0.5 * p.size * s) / (1.0 + s * s * s * s * s * s * s * s),)
+    s = (u - CENTRE) / SIZE
+    return (u + 0.01 * u * (1.0 - u) * s * (s * s - 1.0) / (1.0 + s**4) ** 0.75,)
 
 
 def test_attractor_with_a_tiny_basin_is_found():
-    point_map = discrete_map(with_a_small_one, {"size": SIZE}, ("x",))
-    window = CellGrid((-0.5,), (1.5,), (64,))
-    by_grid = find_attractors(point_map, CellGrid((-0.5,), (1.5,), (100,)).centres())
-    assert len(by_grid) == 1
-    found = find_attractors_by_subdivision(point_map, window, 9, steps=2)
-    assert sorted(round(float(a.points[0, 0]), 4) for a in found.attractors) == [0.3712, 1.0]
-    # The crest from which orbits go either way.
-    assert any(boxes.contains([[0.37123 - 1.1 * SIZE]]).any() or len(boxes) < 20 for boxes in found.saddles)
-    basins = find_basins(point_map, CellGrid((0.3705,), (0.3720,), (100,)), attractors=found.attractors)
-    assert all(0.1 < f.share < 0.9 for f in basins.fractions.values())
+    """Its basin is the notch, 0.008 wide, between two starts of a grid that is 0.028 wide."""
+    point_map = discrete_map(with_a_small_one, {}, ("x",))
+    starts = CellGrid((-0.2,), (1.2,), (50,))
+    by_grid = find_attractors(point_map, starts.centres())
+    assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in by_grid) == [0.0, 1.0]
+    found = find_attractors_by_subdivision(point_map, CellGrid((-0.2,), (1.2,), (50,)), 8)
+    assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in found.attractors) == [0.0, CENTRE, 1.0]
+    assert any(boxes.contains([CENTRE - SIZE]) for boxes in found.saddles)
+    assert any(boxes.contains([CENTRE + SIZE]) for boxes in found.saddles)
+    basins = find_basins(point_map, CellGrid((0.3,), (0.42,), (600,)), attractors=found.attractors)
+    label = [round(float(a.points[0, 0]), 6) for a in basins.attractors].index(CENTRE)
+    assert abs(basins.fractions[label].share - 2 * SIZE / 0.12) < 0.01
 
 
 def test_magnetic_pendulum_in_four_dimensions():
