@@ -56,7 +56,7 @@ class BoxSet:
             raise TypeError(f"grid={self.grid!r}: give a CellGrid")
         if self.grid.size > MOST_CELLS:
             raise ValueError(f"grid has {self.grid.size:.3g} cells, and 2**62 can be numbered: bisect fewer times")
-        keys = np.unique(np.asarray(self.keys, np.int64))
+        keys = distinct(np.asarray(self.keys, np.int64).ravel())
         if len(keys) and not 0 <= keys[0] <= keys[-1] < self.grid.size:
             raise ValueError(
                 f"keys run from {keys[0]} to {keys[-1]}: the cells have numbers from 0 to {self.grid.size - 1}"
@@ -82,7 +82,7 @@ class BoxSet:
         return len(self.keys)
 
     def __or__(self, other: BoxSet) -> BoxSet:
-        return BoxSet(self.grid, np.union1d(self.keys, self._beside(other)))
+        return BoxSet(self.grid, np.concatenate([self.keys, self._beside(other)]))
 
     def __and__(self, other: BoxSet) -> BoxSet:
         return BoxSet(self.grid, np.intersect1d(self.keys, self._beside(other), assume_unique=True))
@@ -172,6 +172,14 @@ class BoxSet:
                 f"the other set has {given!r} and this one {self.grid!r}: boxes of one grid can be compared"
             )
         return other.keys
+
+
+def distinct(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return numbers sorted, each once; at no cost where they are."""
+    if not (keys[1:] > keys[:-1]).all():
+        keys = np.sort(keys)  # faster than the hash table of numpy.unique, and what comes out is to be sorted anyway
+        keys = keys[np.append(True, keys[1:] > keys[:-1])]
+    return keys
 
 
 def finer(grid: CellGrid, shape: Sequence[int]) -> CellGrid:

@@ -59,7 +59,8 @@ def find_attractors_by_subdivision(
 
     The Morse graph is found by subdivision, so that boxes are fine where something exists and nowhere else; orbits from
     the boxes of each Morse set are then followed by :func:`find_attractors`.  Attractors whose basins are too small for
-    the starts of a grid are found so, in three and four dimensions too, where the map varies little in a box; pictures of the basins come from
+    the starts of a grid are found so, in three and four dimensions too, unless the map varies so much in a box that its
+    points miss them.  Pictures of the basins come from
     ``find_basins(interpolated, grid, attractors=found.attractors)``.
 
     Parameters

@@ -121,9 +121,9 @@ def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adap
 
 
 def _distinct(keys: NDArray[np.int64], cells: int) -> NDArray[np.int64]:
-    """Return each of some numbers below `cells` once, sorted: by marking them where there are few to choose from."""
+    """Return each of some numbers below `cells` once, by marking them, where there are few to choose from."""
     if cells > 8 * len(keys):
-        return np.unique(keys)
+        return keys
     marks = np.zeros(cells, bool)
     marks[keys] = True
     return np.flatnonzero(marks)
