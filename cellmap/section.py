@@ -152,9 +152,9 @@ def section_map(
     Parameters
     ----------
     system : ForcedSystem
-        A system whose right-hand side does not depend on time, of analytic functions (and jumps, if it declares its
-        `switches`).  Its period is the stretch of time between two looks at whether an orbit is back, and best of the
-        order of the times that returns take.
+        A system whose right-hand side does not depend on time, of analytic functions, without `switches`.  Its period
+        is the stretch of time between two looks at whether an orbit is back, and best of the order of the times that
+        returns take.
     section : tuple (coordinate, value, direction)
         Name of a state variable and its value on the section; 1 for crossings on which it grows, -1 for those on which
         it falls, 0 for both.  An angle is on the section in every turn.
@@ -193,6 +193,10 @@ def section_map(
     True
     """
     check_unforced(system)
+    if system.switches is not None:
+        raise ValueError(
+            f"system={system!r} has switches, which no section can be laid through: take flow_map(system, time)"
+        )
     place, value, direction = _section(system, section)
     longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)
     rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
@@ -296,7 +300,7 @@ def _gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
     Further states are the time under way, the sign of the side on which it moves, and the value on the section.
     """
     turn = system.axes[place].turn
-    rhs, switches = _gated_functions(system.rhs, system.switches, system.dimension, place, turn)
+    rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
     taken = {c.name for c in system.axes}
     names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
     # As the sign tells one side from the other, a turn later all is not the same: here the angle is on the line.
@@ -306,19 +310,17 @@ def _gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
 
 @functools.lru_cache(maxsize=256)
 def _gated_functions(
-    rhs: Callable[..., Any], switches: Callable[..., Any] | None, dimension: int, place: int, turn: float | None
+    rhs: Callable[..., Any], dimension: int, place: int, turn: float | None
 ) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return right-hand side and switches with a gate at the section; the same ones every time."""
 
     def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float]) -> Sequence[float]:
-        gate = 0.5 * (1.0 + x[dimension + 1] * s[-1])
-        rates = rhs(t, x[:dimension], p) if switches is None else rhs(t, x[:dimension], p, s[:-1])
-        return (*[gate * rate for rate in rates], gate, 0.0, 0.0)
+        gate = 0.5 * (1.0 + x[dimension + 1] * s[0])
+        return (*[gate * rate for rate in rhs(t, x[:dimension], p)], gate, 0.0, 0.0)
 
     def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
         beyond = x[place] - x[dimension + 2]
-        own = () if switches is None else switches(t, x[:dimension], p)
-        return (*own, beyond if turn is None else sin(np.pi / turn * beyond))
+        return (beyond if turn is None else sin(np.pi / turn * beyond),)
 
     return moving, switching
 
@@ -383,11 +385,8 @@ class _Trip:
     def _sides(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sign of the speed across the section."""
         system = self.system
-        if system.switches is None:
-            with np.errstate(all="ignore"):
-                speeds = over_arrays(system.rhs)(0.0, tuple(states.T), system.parameters)[self.place]
-        else:
-            speeds = [system.derivative(0.0, x)[self.place] for x in states.tolist()]
+        with np.errstate(all="ignore"):
+            speeds = over_arrays(system.rhs)(0.0, tuple(states.T), system.parameters)[self.place]
         return np.where(np.broadcast_to(speeds, len(states)) < 0.0, -1.0, 1.0)
 
     def _move(

@@ -30,7 +30,7 @@ from cellmap.attractor import distinct_names
 from cellmap.coordinates import as_coordinates
 from cellmap.plot.axes import multiple_of_pi
 from cellmap.plot.colours import CODE_COLOURS, COLOURS, label_colours
-from cellmap.settling import DIVERGED, ESCAPED, UNDECIDED
+from cellmap.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -251,7 +251,7 @@ def test_legend_can_be_left_out(pendulum):
 
 def test_colours_of_codes_and_attractors_are_all_different():
     codes = [mpl.colors.to_rgb(c) for c in CODE_COLOURS.values()]
-    assert CODE_COLOURS.keys() == {ESCAPED, DIVERGED, UNDECIDED}
+    assert CODE_COLOURS.keys() == {ESCAPED, DIVERGED, UNDECIDED, NO_RETURN}
     attractors = [mpl.colors.to_rgb(c) for c in COLOURS]
     for a, b in itertools.combinations(codes + attractors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.15

@@ -22,7 +22,7 @@ COLOURS = (
 white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
 after Machado, Oliveira, Fernandes 2009)."""
 
-CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.88"}
+CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.24"}
 """Colours of the labels that are not attractors: left the window, diverged, undecided, did not return."""
 
 
