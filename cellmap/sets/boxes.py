@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import claim_memory, whole_number
 from ..coordinates import Coordinate, turns_of
 from ..grid import CellGrid
-from ..kernels.cells import locate_rows
+from ..kernels.box_images import locate_rows
 
 MOST_CELLS = 2**62
 """Cells of a grid that can be numbered."""

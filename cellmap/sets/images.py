@@ -15,7 +15,7 @@ from ..checks import claim_memory, whole_number
 from ..coordinates import difference, turns_of
 from ..grid import CellGrid
 from ..kernels.blocks import wrap_rows
-from ..kernels.cells import points_of_cells, tally_rows
+from ..kernels.box_images import points_of_cells, tally_rows
 from ..pointmap import CHUNK, Orbits, PointMap
 from ..threads import run_over, slices
 from .boxes import BoxSet, Locator, finer
