@@ -12,7 +12,7 @@ from .attractor import Kind as Kind
 from .basin_continuation import BasinContinuation as BasinContinuation
 from .basin_continuation import ContinuationInterrupt as ContinuationInterrupt
 from .basins import Basins as Basins
-from .basins import find_basins as find_basins
+from .basin_finding import find_basins as find_basins
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .crossings import Crossing as Crossing

@@ -16,7 +16,7 @@ from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .pointmap import Family, Orbits, PointMap, Status
+from .pointmap import Family, Orbits, Origin, PointMap, Status
 from .sweep import swept_axes, swept_function
 
 _BOUND = 1e100
@@ -103,6 +103,7 @@ def discrete_map(
         recipe={"kind": "discrete"},
         tangent=derivative,
         family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
+        origin=Origin(discrete_map, (function, values, axes, name), advance),
     )
 
 

@@ -95,6 +95,53 @@ class Settled:
 
 def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
+    leap = point_map.recipe.get("leap", 1)
+    # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
+    if leap == 1 or leap > periods or catalogue.covers:
+        return _settle_singly(point_map, orbits, catalogue, periods, age)
+    return _settle_leaping(point_map, orbits, catalogue, periods, age, leap)
+
+
+def _settle_leaping(
+    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int, leap: int
+) -> Settled:
+    """Settle orbits by leaps: their neighbourhoods hold them, so that those captured within a leap show at its end."""
+    n, end = len(orbits), age + periods
+    labels = np.full(n, UNDECIDED, np.int16)
+    times = np.full(n, -1, np.int32)
+    members, now = np.arange(n), orbits
+    entered, since = np.empty_like(orbits.points), np.full(n, -1)
+    inaccurate = steps = 0
+    for k in range(age, end, leap):
+        stride = min(leap, end - k)
+        before = now.points.copy()
+        point_map.advance(now, stride)
+        steps += stride * len(now)
+        found = catalogue.owners_of(now.points)
+        over = (found >= 0) | ~now.alive
+        if not over.any():
+            continue
+        done, keep = np.flatnonzero(over), np.flatnonzero(~over)
+        rows, status, owners = members[done], now.status[done], found[done]
+        labels[rows] = np.where(owners >= 0, owners, _codes(status))
+        times[rows] = np.where(owners >= 0, k + stride, -1)
+        entered[rows], since[rows] = before[done], k
+        inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
+        members, now = members[keep], now[keep]
+        if not len(members):
+            break
+    # The last leap of all starts together once more, by single periods, for the period in which it happened.
+    rows = np.flatnonzero(since >= 0)
+    again = _settle_singly(point_map, Orbits.starting(entered[rows]), catalogue, leap, 0)
+    told = again.labels != UNDECIDED
+    rows = rows[told]
+    labels[rows] = again.labels[told]
+    times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
+    inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
+    return Settled(labels, times, now, inaccurate, steps + again.steps)
+
+
+def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int) -> Settled:
     n = len(orbits)
     labels = np.full(n, UNDECIDED, np.int16)
     times = np.full(n, -1, np.int32)
@@ -117,11 +164,11 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
         last = k == age + periods
         over = (found >= 0) | ~now.alive
         if last or np.count_nonzero(over) * 4 > len(over):
-            rows = members[over]
-            inaccurate += int(np.count_nonzero(now.status[over] == Status.INACCURATE))
-            labels[rows] = np.where(found[over] >= 0, found[over], _codes(now.status[over]))
-            times[rows] = np.where(found[over] >= 0, when[over], -1)
-            keep = ~over
+            done, keep = np.flatnonzero(over), np.flatnonzero(~over)  # numpy gathers by numbers faster than by marks
+            rows, status, owners = members[done], now.status[done], found[done]
+            inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
+            labels[rows] = np.where(owners >= 0, owners, _codes(status))
+            times[rows] = np.where(owners >= 0, when[done], -1)
             members, now, found, when = members[keep], now[keep], found[keep], when[keep]
             residence = residence[:, keep]
         if last or not len(members):

@@ -15,7 +15,7 @@ import numpy as np
 from .codegen.kernel import traced_switching, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate
-from .pointmap import Orbits, PointMap
+from .pointmap import Orbits, Origin, PointMap
 from .system import ForcedSystem
 
 
@@ -170,4 +170,5 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
         recipe={"kind": "swept", "names": list(names), "exact": dict(exact.recipe)},
         period=exact.period,
         tolerance=exact.tolerance,
+        origin=Origin(_row_by_row, (exact, names), advance),
     )
