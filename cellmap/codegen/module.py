@@ -36,7 +36,8 @@ def cache_folder() -> Path | None:
 @functools.cache
 def _inlined_text() -> str:
     return "".join(
-        Path(str(m.__file__)).read_text(encoding="utf-8") for m in (borrow, contraction, options, simd_math, sums, switching)
+        Path(str(m.__file__)).read_text(encoding="utf-8")
+        for m in (borrow, contraction, options, simd_math, sums, switching)
     )
 
 
