@@ -15,6 +15,9 @@ from .basins import Basins as Basins
 from .basin_finding import find_basins as find_basins
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
+from .certification import Certificate as Certificate
+from .certification import Evidence as Evidence
+from .certification import certify as certify
 from .crossings import Crossing as Crossing
 from .curves import BoundaryCurve as BoundaryCurve
 from .cascade import Cascade as Cascade
@@ -124,6 +127,7 @@ if TYPE_CHECKING:
     from .plot import animate as animate
     from .plot import plot_basin_continuation as plot_basin_continuation
     from .plot import plot_basins as plot_basins
+    from .plot import plot_certificate as plot_certificate
     from .plot import plot_basin_stability as plot_basin_stability
     from .plot import plot_settling_times as plot_settling_times
     from .plot import plot_fatal_shock as plot_fatal_shock
@@ -199,6 +203,9 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Attractor",
     "Kind",
     "find_basins",
+    "certify",
+    "Certificate",
+    "Evidence",
     "Basins",
     "bifurcation_diagram",
     "BifurcationDiagram",
@@ -254,6 +261,7 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "fit_line",
     "Fit",
     "plot_basins",
+    "plot_certificate",
     "plot_bifurcation_diagram",
     "plot_basin_continuation",
     "plot_generalized_dimensions",

@@ -72,6 +72,18 @@ class Verification:
     high: float
     excluded: int
 
+    @classmethod
+    def of(cls, wrong: int, starts: int, excluded: int = 0) -> Verification:
+        """Give the share of `wrong` among some starts its interval."""
+        if not starts:
+            return cls(0, 0, 0.0, 0.0, 1.0, excluded)
+        z, share = 1.959963984540054, wrong / starts
+        centre = share + z * z / (2 * starts)
+        half = z * np.sqrt(share * (1 - share) / starts + z * z / (4 * starts * starts))
+        low, high = ((centre + way * half) / (1 + z * z / starts) for way in (-1, 1))
+        low, high = float(max(low, 0.0)) if wrong else 0.0, float(min(high, 1.0)) if wrong < starts else 1.0
+        return cls(starts, wrong, share, low, high, excluded)
+
 
 @dataclass(frozen=True, eq=False)
 class Basins:
@@ -198,7 +210,7 @@ class Basins:
 
         run_over(slices(len(drawn), CHUNK // 8), label)
         wrong = int(np.count_nonzero(labels != self.labels.ravel()[drawn]))
-        return Verification(len(drawn), wrong, wrong / max(len(drawn), 1), *_wilson(wrong, len(drawn)), n - len(drawn))
+        return Verification.of(wrong, len(drawn), n - len(drawn))
 
 
 def basins_memory(starts: int, checkpoint: bool = False) -> int:
@@ -234,14 +246,3 @@ def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int
         exact.advance(moving, 1)
         closest = np.fmin(closest, catalogue.distances_of(moving.points))
     return closest
-
-
-def _wilson(wrong: int, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share of `wrong` in n (Wilson 1927)."""
-    if n == 0:
-        return 0.0, 1.0
-    z, share = 1.959963984540054, wrong / n
-    centre = share + z * z / (2 * n)
-    half = z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    low, high = (centre - half) / (1 + z * z / n), (centre + half) / (1 + z * z / n)
-    return float(max(low, 0.0)) if wrong else 0.0, float(min(high, 1.0)) if wrong < n else 1.0
