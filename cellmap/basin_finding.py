@@ -7,7 +7,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -115,9 +115,10 @@ def find_basins(
         return replace(kept, point_map=point_map)
     run = _Run(point_map, places, kept, max_periods, max_period, client, progress)
     found = run.find(list(attractors))
-    if found.inaccurate:
+    tally = found.tally
+    if tally.inaccurate:
         warnings.warn(
-            f"the integrator missed its tolerance on the way of {found.inaccurate} of {len(places)} starts; loosen "
+            f"the integrator missed its tolerance on the way of {tally.inaccurate} of {len(places)} starts; loosen "
             "rtol and atol, or allow more steps with max_steps",
             ToleranceWarning,
             stacklevel=2,
@@ -135,8 +136,15 @@ def find_basins(
             params=dict(point_map.params),
             coordinates=point_map.coordinates,
             settings=settings,
-            inaccurate=found.inaccurate,
-            cost=Cost(seconds=time.perf_counter() - began, steps=found.steps),
+            inaccurate=tally.inaccurate,
+            cost=Cost(
+                seconds=time.perf_counter() - began,
+                steps=tally.steps,
+                tabulation=point_map.cost.tabulation,
+                iteration=sum(run.spent),
+                evaluations=tally.evaluations,
+                look_ups=tally.look_ups,
+            ),
             point_map=point_map,
         )
 
@@ -204,6 +212,7 @@ class _Run:
     max_period: int
     client: Any
     progress: bool
+    spent: list[float] = field(default_factory=list)  # seconds of iteration, pass by pass
 
     def find(self, known: list[Attractor]) -> Pass:
         """Find attractors from a sample, label all starts, and look again at those that are left; return the end."""
@@ -221,9 +230,10 @@ class _Run:
             self.kept.begin(now)
         states: Orbits | None = None
         while True:
+            began = time.perf_counter()
             states = self._label(now, states)
-            steps, inaccurate = self.kept.tallies.sum(axis=0).tolist()
-            now = replace(now, steps=now.steps + steps, inaccurate=now.inaccurate + inaccurate)
+            self.spent.append(time.perf_counter() - began)
+            now = replace(now, tally=now.tally.plus(self.kept.tallies.sum(axis=0)))
             following, states = self._following(now, states)
             if following is None:
                 return now

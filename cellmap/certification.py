@@ -16,7 +16,7 @@ from .checks import claim_memory, finite_number, whole_number
 from .coordinates import turns_of, wrap
 from .grid import CellGrid, grid_points
 from .kernels.certainty import NONE, carry_rows, claim_within, judge, reach_ends, widen
-from .pointmap import CHUNK, Cost, Orbits, PointMap, Status
+from .pointmap import CHUNK, NOTHING, Cost, Orbits, PointMap, Status, Tally
 from .settling import ESCAPED, Catalogue, inside_cover, settle
 from .starts import Starts
 from .threads import run_over, slices
@@ -171,7 +171,12 @@ def certify(
         changed=int(np.count_nonzero(run.labels[redone] != basins.labels.ravel()[redone])),
         audit=checked,
         wrong=(share * checked.low, share * checked.high),
-        cost=Cost(seconds=time.perf_counter() - began, steps=run.steps),
+        cost=Cost(
+            seconds=time.perf_counter() - began,
+            steps=run.tally.steps,
+            evaluations=run.tally.evaluations,
+            look_ups=run.tally.look_ups,
+        ),
     )
 
 
@@ -329,7 +334,7 @@ class _Run:
         self.owners = self._owners_of_cells()
         self.labels = basins.labels.ravel().copy()
         self.evidence = np.full(self.labels.size, Evidence.OPEN, np.uint8)
-        self.steps = 0
+        self.tally = NOTHING
 
     def _owners_of_cells(self) -> NDArray[np.int16]:
         """Give an owner to the cells from which no path over images of cells leads to another one."""
@@ -406,23 +411,24 @@ class _Run:
         The others keep their label if this is the map with the table; the exact map labels them too.
         """
         parts = slices(len(rows), CHUNK)
-        steps = np.zeros(len(parts), np.int64)
+        tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
 
         def work(number: int) -> None:
             mine = rows[parts[number]]
-            left, orbits, steps[number] = self._follow(point_map, mine, errors, mark)
+            left, orbits, tally = self._follow(point_map, mine, errors, mark)
             if mark is Evidence.EXACT and len(left):
                 settled = settle(point_map, orbits, self.catalogue, self.periods)
                 self.labels[left] = settled.labels
-                steps[number] += settled.steps
+                tally = tally.plus(settled.tally)
+            tallies[number] = tally
 
         run_over(range(len(parts)), work, f"certifying {self.basins.name}" if self.progress else None)
-        self.steps += int(steps.sum())
+        self.tally = self.tally.plus(tallies.sum(axis=0))
 
     def _follow(
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
-    ) -> tuple[NDArray[np.int64], Orbits, int]:
-        """Follow starts until their label is certain; return those that stay open, their states, and the steps made."""
+    ) -> tuple[NDArray[np.int64], Orbits, Tally]:
+        """Follow starts until their label is certain; return those that stay open, their states, and the work."""
         orbits = Orbits.starting(self.starts.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
         left: list[tuple[NDArray[np.int64], Orbits]] = []
@@ -448,7 +454,8 @@ class _Run:
             self._widen(orbits.points, spread, errors)
             point_map.advance(orbits, 1)
             steps += len(rows)
-        return np.concatenate([r for r, _ in left]), Orbits.joined([o for _, o in left]), steps
+        tally = Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
+        return np.concatenate([r for r, _ in left]), Orbits.joined([o for _, o in left]), tally
 
     def _stopped(self, orbits: Orbits, spread: NDArray[np.float64], found: NDArray[np.int64]) -> None:
         """Find orbits that rest at equilibria, and write those with all of whose errors they would soon rest there too.
@@ -491,13 +498,13 @@ class _Run:
     def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         labels = np.empty(len(rows), np.int16)
         parts = slices(len(rows), CHUNK // 8)
-        steps = np.zeros(len(parts), np.int64)
+        tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
 
         def label(number: int) -> None:
             starts = self.starts.wrapped(rows[parts[number]], self.exact)
             settled = settle(self.exact, Orbits.starting(starts), self.catalogue, self.periods)
-            labels[parts[number]], steps[number] = settled.labels, settled.steps
+            labels[parts[number]], tallies[number] = settled.labels, settled.tally
 
         run_over(range(len(parts)), label, f"integrating {self.basins.name}" if self.progress else None)
-        self.steps += int(steps.sum())
+        self.tally = self.tally.plus(tallies.sum(axis=0))
         return labels

@@ -29,7 +29,7 @@ from .files import StoreError, discard_parts, written_whole
 FORMAT = "cellmap checkpoint"
 SCHEMA = 1
 
-TILE = np.dtype([("tally", "<i8", (2,)), ("checksum", "<u4"), ("done", "<u4")])
+TILE = np.dtype([("tally", "<i8", (4,)), ("checksum", "<u4"), ("done", "<u4")])
 """Entry of a tile: two numbers of the run's own, and the checksum of these and of its contents."""
 
 Arrays = Mapping[str, tuple[tuple[int, ...], DTypeLike]]
@@ -66,7 +66,7 @@ class Checkpoint:
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self._maps[name].view(np.ndarray)
 
-    def finish(self, tiles: str, number: int, tally: tuple[int, int], contents: list[NDArray[Any]]) -> None:
+    def finish(self, tiles: str, number: int, tally: tuple[int, ...], contents: list[NDArray[Any]]) -> None:
         """Enter a tile whose contents are in their arrays."""
         entry = self[tiles]
         entry["tally"][number] = tally

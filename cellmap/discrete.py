@@ -127,6 +127,7 @@ def _apply(kernel: Any, parameters: NDArray[np.float64], orbits: Orbits) -> None
     ratios = np.empty(n)
     pack(orbits.points, members, blocks)
     kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, parameters, errors)
+    orbits.work.evaluations += n
     unpack(blocks, errors, members, orbits.points, ratios, np.full(d, np.inf), 1.0, 1.0)
     with np.errstate(invalid="ignore"):
         inside = np.abs(orbits.points) < _BOUND

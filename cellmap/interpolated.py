@@ -144,7 +144,11 @@ def interpolated_map(
             "smooth; take more cells, or iterate the exact map itself",
             stacklevel=2,
         )
-    cost = Cost(seconds=time.perf_counter() - began, steps=_tabulated(grid, order) + grid.size)
+    cost = Cost(
+        seconds=time.perf_counter() - began,
+        steps=_tabulated(grid, order) + grid.size,
+        evaluations=tiles.work.evaluations,
+    )
     table = CellTable(grid, order, coefficients, indicator, rough)
     return _with_table(exact, table, outside, tolerance, leap, cost, progress)
 
@@ -169,6 +173,7 @@ def _with_table(
         tables.append(_leap_table(exact, tables, outside, allowed * (_LEAP if tolerance is None else 1.0), progress))
     advance = _Advance(exact, tables, outside)
     kept = replace(table, coefficients=advance.coefficients)
+    seconds = cost.seconds + time.perf_counter() - began
     return PointMap(
         name=exact.name,
         coordinates=exact.coordinates,
@@ -193,7 +198,7 @@ def _with_table(
             lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance, leap=leap)
         ),
         origin=Origin(_made_again, (exact, kept, outside, tolerance, leap, cost), advance),
-        cost=replace(cost, seconds=cost.seconds + time.perf_counter() - began),
+        cost=replace(cost, seconds=seconds, tabulation=seconds),
     )
 
 
@@ -460,11 +465,12 @@ class _Advance:
         part = everyone
         while len(part):
             if part is everyone:
-                self._look_up(orbits.points, orbits.turns, left, *self._description)
+                made = self._look_up(orbits.points, orbits.turns, left, *self._description)
             else:
                 some, remaining = orbits[part], left[part]
-                self._look_up(some.points, some.turns, remaining, *self._description)
+                made = self._look_up(some.points, some.turns, remaining, *self._description)
                 orbits[part], left[part] = some, remaining
+            orbits.work.look_ups += made
             part = part[left[part] > 0]
             if len(part):
                 yield part

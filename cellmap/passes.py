@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor
 from .basins import Basins
-from .pointmap import CHUNK
+from .pointmap import CHUNK, NOTHING, Tally
 from .search import Examined
 from .settling import UNDECIDED, Settled
 from .starts import BLOCK, Rows
@@ -24,7 +24,7 @@ class Pass:
 
     ``rows``: starts that are labelled; ``legs``: periods after which earlier passes, with the same attractors, looked
     at those that went on, and which they have behind them now; ``horizon``: periods after which this one does;
-    ``steps``, ``inaccurate``: as in :class:`Settled`, for all passes before.
+    ``tally``: what all passes before it took.
     """
 
     attractors: tuple[Attractor, ...]
@@ -32,8 +32,7 @@ class Pass:
     rows: Rows
     legs: tuple[int, ...]
     horizon: int
-    steps: int = 0
-    inaccurate: int = 0
+    tally: Tally = NOTHING
 
     @cached_property
     def parts(self) -> list[slice]:
@@ -53,7 +52,7 @@ class Kept:
         self.shape, self.total = shape, int(np.prod(shape, dtype=object))
         self.labels = np.full(self.total, UNDECIDED, np.int16)
         self.times = np.full(self.total, -1, np.int32)
-        self.tallies = np.zeros((0, 2), np.int64)
+        self.tallies = np.zeros((0, len(NOTHING)), np.int64)
 
     def resume(self, examined: Examined) -> Pass | None:
         """Return the pass that an earlier run has come to, if one has; `examined` is an empty record."""
@@ -61,7 +60,7 @@ class Kept:
 
     def begin(self, now: Pass) -> None:
         """Make ready for the tiles of a pass."""
-        self.tallies = np.zeros((len(now.parts), 2), np.int64)
+        self.tallies = np.zeros((len(now.parts), len(NOTHING)), np.int64)
 
     def unfinished(self, now: Pass) -> list[int]:
         """Return the tiles of a pass that are to do."""
@@ -70,7 +69,7 @@ class Kept:
     def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
         """Keep what became of a tile."""
         self.labels[rows], self.times[rows] = settled.labels, settled.times
-        self.tallies[number] = settled.steps, settled.inaccurate
+        self.tallies[number] = settled.tally
 
     def where(self, wanted: Callable[[NDArray[np.int16]], NDArray[np.bool_]]) -> Rows:
         """Return the starts with labels of some kind."""

@@ -17,6 +17,7 @@ from .attractor import Attractor
 from .basins import Basins
 from .checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, digest_of, made, resumed
 from .passes import Kept, Pass
+from .pointmap import Tally
 from .search import Examined
 from .settling import Settled
 from .starts import BLOCK, Rows
@@ -82,7 +83,7 @@ class KeptInFile(Kept):
     def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
         """Keep what became of a tile: first its contents, then that it is done."""
         self.labels[rows], self.times[rows] = settled.labels, settled.times
-        self._file.finish("tiles", number, (settled.steps, settled.inaccurate), [settled.labels, settled.times])
+        self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
 
     def finish(self, renumber: Callable[[NDArray[np.int16]], NDArray[np.int16]], make: Callable[..., Basins]) -> Basins:
         """Put a file of basins in the place of the checkpoint."""
@@ -132,9 +133,7 @@ class KeptInFile(Kept):
 
 def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
     group = file.create_group("pass")
-    group.attrs.update(
-        legs=np.array(now.legs, np.int64), horizon=now.horizon, steps=now.steps, inaccurate=now.inaccurate
-    )
+    group.attrs.update(legs=np.array(now.legs, np.int64), horizon=now.horizon, tally=np.array(now.tally, np.int64))
     write_attractors(group.create_group("attractors"), now.attractors)
     if now.rows.bits is not None:
         group["rows"] = now.rows.bits
@@ -152,7 +151,8 @@ def _read_pass(group: h5py.Group, examined: Examined, total: int) -> tuple[Pass,
         examined=_read_examined(group["examined"], examined),
         rows=rows,
         legs=tuple(group.attrs["legs"].tolist()),
-        **{name: int(group.attrs[name]) for name in ("horizon", "steps", "inaccurate")},
+        horizon=int(group.attrs["horizon"]),
+        tally=Tally(*group.attrs["tally"].tolist()),
     )
     return now, group["settled"][()].tolist() if "settled" in group else []
 

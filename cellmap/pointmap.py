@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,22 +56,65 @@ class Cost:
         Wall time.
     steps : int
         Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
+    tabulation : float
+        Wall time of making the table; for basins that of their map, which `seconds` leaves out.
+    iteration : float
+        Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
+    evaluations : int
+        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, steps
+        repeated with another step size included; applications of a discrete map.
+    look_ups : int
+        Look-ups in the table that these steps took; one with a leap stands for several periods.
     """
 
     seconds: float = 0.0
     steps: int = 0
+    tabulation: float = 0.0
+    iteration: float = 0.0
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+@dataclass(eq=False)
+class Work:
+    """What was done for a batch of orbits; maps count.  See :class:`Cost`."""
+
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+class Tally(NamedTuple):
+    """What labelling some starts took.
+
+    ``steps``: periods made by all of them; ``inaccurate``: starts on whose way the integrator missed its tolerance;
+    ``evaluations``, ``look_ups``: see :class:`Cost`.
+    """
+
+    steps: int = 0
+    inaccurate: int = 0
+    evaluations: int = 0
+    look_ups: int = 0
+
+    def plus(self, other: Iterable[int]) -> Tally:
+        """Return the sum of two."""
+        return Tally(*(int(a + b) for a, b in zip(self, other, strict=True)))
+
+
+NOTHING = Tally()
 
 
 @dataclass(eq=False)
 class Orbits:
     """Working state of a batch of orbits; kernels change it in place.
 
-    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8.
+    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8; ``work``
+    is shared by all parts of a batch.
     """
 
     points: NDArray[np.float64]
     turns: NDArray[np.int64]
     status: NDArray[np.uint8]
+    work: Work = field(default_factory=Work)
 
     @classmethod
     def starting(cls, points: NDArray[np.float64]) -> Orbits:
@@ -81,10 +124,11 @@ class Orbits:
     @classmethod
     def joined(cls, parts: Sequence[Orbits]) -> Orbits:
         """Put batches one behind the other."""
-        return cls(*(np.concatenate([getattr(o, name) for o in parts]) for name in ("points", "turns", "status")))
+        points, turns, status = (np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "turns", "status"))
+        return cls(points, turns, status)
 
     def __getitem__(self, part: Any) -> Orbits:
-        return Orbits(self.points[part], self.turns[part], self.status[part])
+        return Orbits(self.points[part], self.turns[part], self.status[part], self.work)
 
     def __setitem__(self, part: Any, other: Orbits) -> None:
         self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status

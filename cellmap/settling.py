@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Cover
 from .coordinates import turns_of
 from .kernels.capture import capture
-from .pointmap import Orbits, PointMap, Status
+from .pointmap import Orbits, PointMap, Status, Tally, Work
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
@@ -78,14 +78,13 @@ class Settled:
 
     ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED; ``times`` (n,): period in which the start
     was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of the undecided;
-    ``inaccurate``: starts on whose way the integrator missed its tolerance; ``steps``: periods made by all starts.
+    ``tally``: what it took.
     """
 
     labels: NDArray[np.int16]
     times: NDArray[np.int32]
     orbits: Orbits
-    inaccurate: int
-    steps: int
+    tally: Tally
 
     @property
     def undecided(self) -> NDArray[np.int64]:
@@ -107,6 +106,7 @@ def _settle_leaping(
 ) -> Settled:
     """Settle orbits by leaps: their neighbourhoods hold them, so that those captured within a leap show at its end."""
     n, end = len(orbits), age + periods
+    work, past = orbits.work, replace(orbits.work)
     labels = np.full(n, UNDECIDED, np.int16)
     times = np.full(n, -1, np.int32)
     members, now = np.arange(n), orbits
@@ -138,11 +138,13 @@ def _settle_leaping(
     labels[rows] = again.labels[told]
     times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
     inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
-    return Settled(labels, times, now, inaccurate, steps + again.steps)
+    tally = Tally(steps, inaccurate, *_since(past, work)).plus(again.tally._replace(inaccurate=0))
+    return Settled(labels, times, now, tally)
 
 
 def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int) -> Settled:
     n = len(orbits)
+    work, past = orbits.work, replace(orbits.work)
     labels = np.full(n, UNDECIDED, np.int16)
     times = np.full(n, -1, np.int32)
     members = np.arange(n)
@@ -177,7 +179,12 @@ def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, pe
         before = now.points.copy() if catalogue.covers else before
         point_map.advance(now, 1)
     inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
-    return Settled(labels, times, now, inaccurate, steps)
+    return Settled(labels, times, now, Tally(steps, inaccurate, *_since(past, work)))
+
+
+def _since(past: Work, now: Work) -> tuple[int, int]:
+    """Return what was counted in between."""
+    return now.evaluations - past.evaluations, now.look_ups - past.look_ups
 
 
 def _codes(status: NDArray[np.uint8]) -> NDArray[np.int64]:

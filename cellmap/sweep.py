@@ -156,7 +156,7 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
             mine = np.flatnonzero((rows.ravel() == k) & orbits.alive)
             if len(mine):
                 part = orbits[mine]
-                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status)
+                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status, part.work)
                 at({**exact.params, **dict(zip(names, value.tolist(), strict=True))}).advance(inner, periods)
                 part.points[:, :d], part.turns[:, :d], part.status = inner.points, inner.turns, inner.status
                 part.points[~part.alive] = np.nan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from .checks import claim_disk
 from .coordinates import turns_of
 from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid, grid_points
-from .pointmap import CHUNK, Orbits, PointMap
+from .pointmap import CHUNK, Orbits, PointMap, Tally, Work
 from .threads import slices
 from .tiles import run_tiles
 
@@ -26,24 +26,25 @@ Axes = Sequence[NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Work of a tile: unwrapped images of some points of the product of axes."""
+    """Work of a tile: unwrapped images of some points of the product of axes, and the evaluations they took."""
 
     exact: PointMap
     axes: Axes
 
-    def __call__(self, part: slice) -> NDArray[np.float64]:
+    def __call__(self, part: slice) -> tuple[NDArray[np.float64], int]:
         """Return the images of some points, by their flat numbers."""
         orbits = Orbits.starting(grid_points(self.axes, part))
         self.exact.advance(orbits, 1)
-        return orbits.points + orbits.turns * turns_of(self.exact.coordinates)[1]
+        return orbits.points + orbits.turns * turns_of(self.exact.coordinates)[1], orbits.work.evaluations
 
 
 @dataclass(frozen=True, eq=False)
 class TableTiles:
-    """Where the tiles of a table are computed, and the file in which they are kept until all are done."""
+    """Where the tiles of a table are computed, the file that keeps them until all are done, and what they took."""
 
     client: Any = None
     file: Checkpoint | None = None
+    work: Work = field(default_factory=Work)
 
     def images(
         self,
@@ -65,17 +66,22 @@ class TableTiles:
         def contents(number: int) -> list[NDArray[Any]]:
             return [array[parts[number]] for array in arrays.values()]
 
-        def fill(number: int, images: NDArray[np.float64]) -> None:
+        evaluations = np.zeros(len(parts), np.int64)
+
+        def fill(number: int, done: tuple[NDArray[np.float64], int]) -> None:
+            images, evaluations[number] = done
             deliver(parts[number], images, arrays)
             if file is not None:
-                file.finish(tiles, number, (0, 0), contents(number))
+                file.finish(tiles, number, Tally(evaluations=done[1]), contents(number))
 
         missing = [k for k in range(len(parts)) if file is None or not file.is_done(tiles, k, contents(k))]
         run_tiles(missing, parts.__getitem__, Images(exact, axes), fill, self.client, progress)
         if file is not None:
             for name, array in results.items():
                 array[...] = file[name]
+            evaluations[:] = file[tiles]["tally"][:, Tally._fields.index("evaluations")]
             file.release()
+        self.work.evaluations += int(evaluations.sum())
 
 
 def tiles_of(array: str) -> str:

@@ -5,7 +5,7 @@ The generated function is
     look_up(points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn)
 
 It moves row i of ``points`` on by ``left[i]`` periods, or until the row leaves the table or enters a cell that the
-table does not serve; ``left`` keeps the periods that were not made.
+table does not serve; ``left`` keeps the periods that were not made.  It returns the number of look-ups.
 
 ``origin``, ``inverse`` (one over the node distance) and ``cells`` describe the table; ``circle`` is the number of node
 distances in a turn, 0 on the line; ``lower`` and ``turn`` say how angles are kept.  ``strides`` has the doubles between
@@ -48,13 +48,14 @@ def lookup_text(dimension: int, order: int) -> str:
         f"BASIS = np.array(basis_polynomials({order}))",
         f"contract = contraction({dimension - outer}, {order}, {dimension})",
         "",
-        "@njit('void(float64[:, ::1], int64[:, ::1], int64[::1], float64[::1], int64[::1], float64[::1],"
+        "@njit('int64(float64[:, ::1], int64[:, ::1], int64[::1], float64[::1], int64[::1], float64[::1],"
         " float64[::1], int64[::1], float64[::1], uint8[::1], float64[::1], float64[::1])', **KERNEL)",
         "def look_up(points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn):",
         *indent(1, _constants(dimension)),
         *indent(1, (f"x_{a} = np.empty({BLOCK}); w_{a} = np.empty({BLOCK}); f_{a} = np.empty({BLOCK})" for a in axes)),
         *indent(1, (f"{name} = np.zeros({BLOCK}, np.int64)" for name in ("member", "rest", "cell", "first", "inside"))),
     ]
+    lines += ["    made = 0"]
     if outer:
         lines += [f"    weights = np.empty(({outer}, {order + 1}))"]
     lines += [
@@ -82,6 +83,7 @@ def lookup_text(dimension: int, order: int) -> str:
         "                for m in range(count):",
         *indent(5, _written_back(dimension)),
         "                count = 0",
+        "    return made",
     ]
     return "\n".join(lines) + "\n"
 
@@ -132,6 +134,7 @@ def _steps(dimension: int) -> Iterator[str]:
     for name in ("member", "rest", "cell", "first", "inside", *(f"{v}_{a}" for a in axes for v in "xwf")):
         yield f"    {name}[m] = {name}[count]"
     yield "    continue"
+    yield "made += 1"
     yield "rest[m] -= 1 << (level - 1)"
     yield "offset = first[m] + (level - 1) * size"
 
