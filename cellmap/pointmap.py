@@ -61,8 +61,8 @@ class Cost:
     iteration : float
         Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
     evaluations : int
-        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, steps
-        repeated with another step size included; applications of a discrete map.
+        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, with
+        those of steps that were repeated; applications of a discrete map.
     look_ups : int
         Look-ups in the table that these steps took; one with a leap stands for several periods.
     """
