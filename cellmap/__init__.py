@@ -18,6 +18,7 @@ from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .certification import Certificate as Certificate
 from .certification import Evidence as Evidence
 from .certification import certify as certify
+from .cost_model import Option as Option
 from .crossings import Crossing as Crossing
 from .curves import BoundaryCurve as BoundaryCurve
 from .cascade import Cascade as Cascade
@@ -43,6 +44,10 @@ from .orbit import PeriodicOrbit as PeriodicOrbit
 from .orbit import jury_margins as jury_margins
 from .periodic_search import find_periodic_orbits as find_periodic_orbits
 from .periodic_search import periodic_orbit as periodic_orbit
+from .planning import AccuracyWarning as AccuracyWarning
+from .planning import Outcome as Outcome
+from .planning import Plan as Plan
+from .planning import plan as plan
 from .pointmap import Iterate as Iterate
 from .pointmap import PointMap as PointMap
 from .pointmap import Status as Status
@@ -128,6 +133,7 @@ if TYPE_CHECKING:
     from .plot import plot_basin_continuation as plot_basin_continuation
     from .plot import plot_basins as plot_basins
     from .plot import plot_certificate as plot_certificate
+    from .plot import plot_plan as plot_plan
     from .plot import plot_basin_stability as plot_basin_stability
     from .plot import plot_settling_times as plot_settling_times
     from .plot import plot_fatal_shock as plot_fatal_shock
@@ -207,6 +213,11 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Certificate",
     "Evidence",
     "Basins",
+    "plan",
+    "Plan",
+    "Option",
+    "Outcome",
+    "AccuracyWarning",
     "bifurcation_diagram",
     "BifurcationDiagram",
     "continue_basins",
@@ -262,6 +273,7 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Fit",
     "plot_basins",
     "plot_certificate",
+    "plot_plan",
     "plot_bifurcation_diagram",
     "plot_basin_continuation",
     "plot_generalized_dimensions",

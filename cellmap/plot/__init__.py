@@ -23,6 +23,7 @@ from .fits import plot_fit as plot_fit
 from .global_continuation import plot_basin_continuation as plot_basin_continuation
 from .motion import plot_phase_portrait as plot_phase_portrait
 from .motion import plot_time_series as plot_time_series
+from .planning import plot_plan as plot_plan
 from .resilience import plot_ball as plot_ball
 from .resilience import plot_basin_stability as plot_basin_stability
 from .resilience import plot_fatal_shock as plot_fatal_shock
