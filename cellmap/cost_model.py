@@ -11,7 +11,7 @@ import numpy as np
 from .basins import basins_memory
 from .checks import in_bytes
 from .grid import CellGrid
-from .interpolated import _tabulated, table_memory
+from .interpolated import _ALLOWED, _tabulated, table_memory
 from .pointmap import CHUNK
 
 SAFETY = 2.0
@@ -245,7 +245,7 @@ def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: Ex
         tolerance=source.tolerance,
         order=probe.order,
         shape=grid.shape,
-        error=error_of(probe, cells) + _CARRIED * source.error,
+        error=error_of(probe, grid) + _CARRIED * source.error,
         tabulation=(_tabulated(grid, probe.order) + grid.size) * (source.seconds + probe.surplus) / measured.threads,
         iteration=_wall(measured, each),
         search=probe.labelling.fixed,
@@ -290,14 +290,17 @@ def sized(window: CellGrid, cells: int) -> CellGrid:
     return CellGrid(window.lower, window.upper, shape, window.wraps)
 
 
-def error_of(probe: TableProbe, cells: int) -> float:
+def error_of(probe: TableProbe, grid: CellGrid) -> float:
     """Return the error of a table by the measured ones; it falls no faster than the order of the splines allows.
 
-    A coarse table that leaves much to the exact map may be better than a finer one that does not.  That is no reason to
-    trust those between them, and beyond the last one the errors count that are made if nothing is left.
+    A coarse table that leaves much to the exact map may be better than a finer one that does not; that is no reason to
+    trust those between them.  Beyond the last one the errors count that are made if nothing is left to the exact map,
+    unless they are so large that their cells will be.
     """
+    cells = max(grid.shape)
     if cells > probe.cells[-1]:
-        return _power_law(list(zip(probe.cells, probe.raw, strict=True)), cells, probe.order + 1.0)
+        raw = _power_law(list(zip(probe.cells, probe.raw, strict=True)), cells, probe.order + 1.0)
+        return min(raw, _ALLOWED[probe.order] * float(grid.widths.max()))
     falling = np.maximum.accumulate(probe.errors[::-1])[::-1]
     return _power_law(list(zip(probe.cells, map(float, falling), strict=True)), cells, probe.order + 1.0)
 
