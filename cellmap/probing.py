@@ -36,7 +36,7 @@ _FEW = 1600  # starts of the small picture
 _MANY = 4  # slices of work of the larger one, at most, for each thread
 _SECONDS = 0.3  # for one probe, about
 _FIRST_SIZE = {1: 64, 2: 32, 3: 12}
-_LARGEST_LOOKUPS = 1 << 25  # bytes of a table beyond which none of it is in any cache
+_LARGEST_LOOKUPS = 1 << 25  # bytes of the largest table whose look-ups are timed; no cache holds much of it
 _TRAVEL = 32  # periods after which orbits have shown where they go
 _LEAVING = 0.002  # share of their points that may lie beyond each end of an axis
 
@@ -128,9 +128,8 @@ def places_in(window: CellGrid, seed: int) -> NDArray[np.float64]:
 
 def _starts(grid: CellGrid, count: int) -> NDArray[np.float64]:
     """Return some starts of a picture, in its order."""
-    rows = np.arange(grid.size)
-    if grid.size > count:
-        rows = np.sort(np.random.default_rng(0).choice(grid.size, count, replace=False))
+    some = grid.size > count
+    rows = np.sort(np.random.default_rng(0).choice(grid.size, count, replace=False)) if some else np.arange(grid.size)
     return grid_points([grid.axis(j) for j in range(grid.dimension)], rows)
 
 

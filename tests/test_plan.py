@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from math import pi
+from math import pi, sin
 
 import matplotlib as mpl
 import numpy as np
@@ -277,6 +277,14 @@ def test_ways_are_drawn(planned):
     assert any(label.startswith("chosen") for label in labels)
     assert ax.get_yscale() == "log"
     mpl.pyplot.close(ax.figure)
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-5, 1e-7])
+def test_kinks_are_seen(accuracy):
+    """Across a line the map has a kink, which no order of splines can follow."""
+    kinked = discrete_map(lambda x, p: (0.5 * abs(x[0] - 0.3) + 0.1 * x[1], 0.4 * sin(x[0])), {}, ("x", "y"))
+    planned = plan(kinked, CellGrid((-1, -1), (1, 1), (50, 50)), accuracy=accuracy, periods=20)
+    assert planned.outcome(planned.map()).error <= accuracy
 
 
 def halves(x, p):
