@@ -11,7 +11,7 @@ import numpy as np
 from .basins import basins_memory
 from .checks import in_bytes
 from .grid import CellGrid
-from .interpolated import _ALLOWED, _tabulated, table_memory
+from .interpolated import ALLOWED, table_memory, tabulated_nodes
 from .pointmap import CHUNK
 
 SAFETY = 2.0
@@ -246,7 +246,9 @@ def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: Ex
         order=probe.order,
         shape=grid.shape,
         error=error_of(probe, grid) + _CARRIED * source.error,
-        tabulation=(_tabulated(grid, probe.order) + grid.size) * (source.seconds + probe.surplus) / measured.threads,
+        tabulation=(tabulated_nodes(grid, probe.order) + grid.size)
+        * (source.seconds + probe.surplus)
+        / measured.threads,
         iteration=_wall(measured, each),
         search=probe.labelling.fixed,
         memory=memory,
@@ -300,7 +302,7 @@ def error_of(probe: TableProbe, grid: CellGrid) -> float:
     cells = max(grid.shape)
     if cells > probe.cells[-1]:
         raw = _power_law(list(zip(probe.cells, probe.raw, strict=True)), cells, probe.order + 1.0)
-        return min(raw, _ALLOWED[probe.order] * float(grid.widths.max()))
+        return min(raw, ALLOWED[probe.order] * float(grid.widths.max()))
     falling = np.maximum.accumulate(probe.errors[::-1])[::-1]
     return _power_law(list(zip(probe.cells, map(float, falling), strict=True)), cells, probe.order + 1.0)
 

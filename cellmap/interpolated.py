@@ -26,7 +26,7 @@ from .tiles import check_client
 
 ORDERS = (1, 3, 5)
 _PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
-_ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
+ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
 _LEAP = 0.01  # of that difference, for tables of several periods
 _SLAB = 8192  # numbers that are filtered at a time, at least; fewer cost more than they take
 _FARTHEST = 100.0  # an image so many windows away counts as none
@@ -130,7 +130,7 @@ def interpolated_map(
     if checkpoint is not None:
         settings = {"order": order, "tolerance": tolerance}
         path = as_target("checkpoint", checkpoint)
-        file = table_checkpoint(path, exact, grid, settings, _tabulated(grid, order))
+        file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
     tiles = TableTiles(client, file)
     coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
     allowed = _allowed(grid, order, tolerance)
@@ -146,7 +146,7 @@ def interpolated_map(
         )
     cost = Cost(
         seconds=time.perf_counter() - began,
-        steps=_tabulated(grid, order) + grid.size,
+        steps=tabulated_nodes(grid, order) + grid.size,
         evaluations=tiles.work.evaluations,
     )
     table = CellTable(grid, order, coefficients, indicator, rough)
@@ -171,7 +171,7 @@ def _with_table(
     tables = [table]
     while 2 ** len(tables) <= leap:
         tables.append(_leap_table(exact, tables, outside, allowed * (_LEAP if tolerance is None else 1.0), progress))
-    advance = _Advance(exact, tables, outside)
+    advance = LookUps(exact, tables, outside)
     kept = replace(table, coefficients=advance.coefficients)
     seconds = cost.seconds + time.perf_counter() - began
     return PointMap(
@@ -204,7 +204,7 @@ def _with_table(
 
 def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
     """Return the largest difference at a cell's centre, for each coordinate."""
-    return grid.widths * _ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
+    return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
 
 
 def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
@@ -216,10 +216,10 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     518
     """
     d = grid.dimension
-    return (16 * d * _tabulated(grid, order) + 5 * grid.size) * leap.bit_length()
+    return (16 * d * tabulated_nodes(grid, order) + 5 * grid.size) * leap.bit_length()
 
 
-def _tabulated(grid: CellGrid, order: int) -> int:
+def tabulated_nodes(grid: CellGrid, order: int) -> int:
     """Count the nodes of a table, those past the ends of intervals included."""
     past = 1 + 2 * _PADDING[order]
     return int(
@@ -365,7 +365,7 @@ def _centre_errors(
     indicator = np.empty(grid.size, np.float32)
     rough = np.empty(grid.size, bool)
     turn = turns_of(exact.coordinates)[1]
-    interpolated = _Advance(exact, [table], "escape")
+    interpolated = LookUps(exact, [table], "escape")
     axes = [grid.axis(j) for j in range(grid.dimension)]
 
     def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -389,10 +389,10 @@ def _leap_table(
     grid, order = tables[0].grid, tables[0].order
     periods = 2 ** len(tables)
     # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
-    carried = _several(exact, _Advance(exact, tables[:1], "integrate"), periods)
+    carried = _several(exact, LookUps(exact, tables[:1], "integrate"), periods)
     coefficients, spoilt = _coefficients(carried, grid, order, progress)
     smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-    single = _several(exact, _Advance(exact, tables[:1], outside), periods)
+    single = _several(exact, LookUps(exact, tables[:1], outside), periods)
     indicator, rough = _centre_errors(single, smooth, allowed, progress)
     if outside == "escape":
         ended = np.isnan(_displacements(single, _nodes(grid, order), progress)[..., 0])  # an end takes all coordinates
@@ -403,7 +403,7 @@ def _leap_table(
     return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
 
 
-def _several(exact: PointMap, advance: _Advance, periods: int) -> PointMap:
+def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
     """Return the map whose step is several periods of a table."""
 
     def make(orbits: Orbits, steps: int) -> None:
@@ -413,7 +413,7 @@ def _several(exact: PointMap, advance: _Advance, periods: int) -> PointMap:
     return replace(exact, advance=make, recipe=recipe, tangent=None, family=None)
 
 
-class _Advance:
+class LookUps:
     """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
 
     `coefficients` are those of the first table, in the memory that all of them share.
@@ -448,6 +448,7 @@ class _Advance:
         )
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
+        """Move a batch on, in place."""
         for now in orbits.living():
             left = np.full(len(now), periods, np.int64)
             for part in self._moving(now, left):

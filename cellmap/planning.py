@@ -6,7 +6,8 @@ import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
-from .basins import Basins, find_basins
+from .basin_finding import find_basins
+from .basins import Basins
 from .checks import finite_number, in_bytes, one_of, whole_number
 from .cost_model import SAFETY, Measurements, Option, choose, options_of
 from .grid import CellGrid

@@ -11,12 +11,12 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from .basins import find_basins
+from .basin_finding import find_basins
 from .checks import memory_available
 from .coordinates import difference, turns_of
 from .cost_model import ExactProbe, Labelling, Measurements, TableProbe, parallel, sized
 from .grid import CellGrid, grid_points
-from .interpolated import ORDERS, _Advance, _tabulated, interpolated_map, table_memory
+from .interpolated import ORDERS, LookUps, interpolated_map, table_memory, tabulated_nodes
 from .kernels.contraction import WIDTH
 from .pointmap import CellTable, Orbits, PointMap, follow
 from .stroboscopic import SMALLEST_TOLERANCE, stroboscopic_map
@@ -34,6 +34,7 @@ _PLACES = 4096  # random places at which errors are measured
 _BATCH = 16384
 _FEW = 1600  # starts of the small picture
 _MANY = 4  # slices of work of the larger one, at most, for each thread
+_MOST_IMAGES = 500_000  # of the first two tables of an order
 _SECONDS = 0.3  # for one probe, about
 _FIRST_SIZE = {1: 64, 2: 32, 3: 12}
 _LARGEST_LOOKUPS = 1 << 25  # bytes of the largest table whose look-ups are timed; no cache holds much of it
@@ -321,9 +322,10 @@ def _samples(
     limit = (memory_available() or 1 << 32) // 4
     while True:
         grid = sized(window, n)
-        images = _tabulated(grid, order) + grid.size
-        patience = (10.0 if len(samples) < 2 else 1.0) * _SECONDS
-        if table_memory(grid, order) > limit or images * (image + surplus) / threads > patience:
+        images = tabulated_nodes(grid, order) + grid.size
+        # An order of convergence needs two sizes, however slow the machine is at the moment.
+        long = images > _MOST_IMAGES if len(samples) < 2 else images * (image + surplus) / threads > _SECONDS
+        if long or table_memory(grid, order) > limit:
             return samples, surplus
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a small table may well be too coarse
@@ -337,7 +339,7 @@ def _samples(
 def _sample(job: Job, point_map: PointMap, table: CellTable, cells: int, count: Callable[[], int]) -> _Sample:
     places = places_in(table.grid, job.seed)
     everywhere = replace(table, rough=np.zeros_like(table.rough))
-    raw = replace(point_map, table=everywhere, advance=_Advance(job.finest, everywhere, job.outside))
+    raw = replace(point_map, table=everywhere, advance=LookUps(job.finest, [everywhere], job.outside))
     error, raw_error = (percentile_error(m, job.finest, places) for m in (point_map, raw))
     starts = _thinned(job.grid, _FEW).centres().reshape(-1, table.grid.dimension)
     before = count()
@@ -355,7 +357,7 @@ def _lookup_times(exact: PointMap, window: CellGrid, order: int, cells: int) -> 
         size = int(np.prod(shape, dtype=object))
         coefficients = np.full(size + WIDTH, 1e-9)[:size].reshape(shape)
         empty = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-        look_up = _Advance(exact, empty, "escape")
+        look_up = LookUps(exact, [empty], "escape")
         seconds = median_seconds(lambda look=look_up: look(Orbits.starting(starts.copy()), 1))  # type: ignore[misc]
         found.append((table_memory(grid, order), seconds / _BATCH))
         cells *= 4 if grid.dimension == 1 else 2
