@@ -15,7 +15,7 @@ from .basins import Basins, Verification
 from .checks import claim_memory, finite_number, whole_number
 from .coordinates import turns_of, wrap
 from .grid import CellGrid, grid_points
-from .kernels.certainty import NONE, carry_rows, claim_within, judge, reach_ends, widen
+from .kernels.certainty import NONE, carry_rows, claim_within, judge, reach_ends, widening
 from .pointmap import CHUNK, NOTHING, Cost, Orbits, PointMap, Status, Tally
 from .settling import ESCAPED, Catalogue, inside_cover, settle
 from .starts import Starts
@@ -432,6 +432,7 @@ class _Run:
         orbits = Orbits.starting(self.starts.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
         left: list[tuple[NDArray[np.int64], Orbits]] = []
+        pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
         steps = 0
         for k in range(self.periods + 1):
             found = np.empty(len(rows), np.int64)
@@ -440,15 +441,18 @@ class _Run:
                 self.neighbourhoods, self.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)
-            held = found >= ESCAPED
+            held = pending & (found >= ESCAPED)
             self.labels[rows[held]] = found[held]
             self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
-            on = (found == NONE) & (orbits.status == Status.OK) & (spread.trace(axis1=1, axis2=2) < _WIDEST**2)
-            on &= k < self.periods
-            if not on.all():
-                lost = ~on & ~held
+            settled |= held
+            reach = sum(spread[:, j, j] for j in range(point_map.dimension))
+            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < self.periods)
+            remaining = int(np.count_nonzero(pending))
+            if remaining * 4 < len(rows) * 3 or k == self.periods:
+                lost, on = np.flatnonzero(~pending & ~settled), np.flatnonzero(pending)
                 left.append((rows[lost], orbits[lost]))
                 rows, orbits, spread = rows[on], orbits[on], spread[on]
+                pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
             if not len(rows):
                 break
             self._widen(orbits.points, spread, errors)
@@ -476,7 +480,7 @@ class _Run:
     def _widen(self, points: NDArray[np.float64], spread: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
         """Carry errors over a period; where the table has no derivatives, with differences of the exact map."""
         unknown = np.empty(len(points), bool)
-        widen(points, spread, self.place, self.bounds.slopes, self.bounds.bends, errors, unknown)
+        widening(points.shape[1])(points, spread, self.place, self.bounds.slopes, self.bounds.bends, errors, unknown)
         rest = np.flatnonzero(unknown)
         if not len(rest):
             return

@@ -20,7 +20,7 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.kernels.certainty import carry, reach_ends
+from cellmap.kernels.certainty import carry_rows, reach_ends
 from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
 
 EDGE = 0.1234567  # of the basins of the map below
@@ -177,7 +177,7 @@ def test_error_ellipsoids_hold_all_errors():
             spread = root @ root.T
             errors = _directions(rng, 200, d) @ np.linalg.cholesky(spread).T @ slope.T
             errors += radius * _directions(rng, 200, d)
-            carry(spread, slope, radius, np.empty((2, d, d)))
+            carry_rows(spread[None], slope[None], np.array([radius]))
             sizes = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(spread), errors)
             assert sizes.max() <= 1.0 + 1e-9
 
@@ -189,7 +189,7 @@ def _directions(rng, number, d):
 
 def test_first_error_is_a_ball():
     spread = np.zeros((2, 2))
-    carry(spread, np.eye(2), 0.5, np.empty((2, 2, 2)))
+    carry_rows(spread[None], np.eye(2)[None], np.array([0.5]))
     np.testing.assert_allclose(spread, 0.25 * np.eye(2))
 
 

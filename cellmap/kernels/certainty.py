@@ -6,12 +6,13 @@ S stands for the deviations e with ``e' inv(S) e <= 1``, so it reaches ``sqrt(S[
 
 from __future__ import annotations
 
+import functools
 from math import floor, sqrt
 
 import numpy as np
 from numba import njit
 
-from .options import KERNEL
+from .options import INLINE, KERNEL
 
 NONE, LOST = -10, -11
 """No region holds the error as a whole; it overlaps an edge of the window, beyond which orbits end."""
@@ -196,70 +197,17 @@ def judge(points, spread, cell_owners, table, escapes, outside, neighbourhoods, 
                 break
 
 
-@njit(**KERNEL)
-def widen(points, spread, table, slopes, bends, errors, unknown):
-    """Carry errors over one period: what the map makes of them, and what the period adds.
-
-    ``slopes`` (n, d, d) are derivatives at the centres of cells; between centres they are interpolated linearly, with
-    an error of ``bends[:, 1]``, and over the width of a cell they change by ``bends[:, 0]``.  ``errors`` (n,) is the
-    error of a period, all in widths of a cell.  Rows outside of the table or in cells whose error is infinite are
-    marked in ``unknown`` and left as they are.
-    """
-    origin, inverse, cells, circle = table
-    n, d = points.shape
-    work, slope = np.empty((2, d, d)), np.empty((d, d))
-    place, lower = np.empty(d), np.empty(d, np.int64)
-    for i in range(n):
-        flat, inside = 0, True
-        for j in range(d):
-            u = place_of(points[i, j], origin[j], inverse[j], circle[j])
-            inside = inside and 0.0 <= u <= cells[j]
-            flat = flat * cells[j] + (min(np.int64(u), cells[j] - 1) if inside else 0)
-            place[j] = u - 0.5
-        unknown[i] = not (inside and errors[flat] < np.inf)
-        if unknown[i]:
-            continue
-        for j in range(d):
-            low = floor(place[j])
-            if circle[j] != cells[j]:
-                low = min(max(low, 0.0), max(cells[j] - 2.0, 0.0))
-            lower[j] = np.int64(low)
-            place[j] -= low
-        slope[:] = 0.0
-        for corner in range(2**d):
-            weight, number = 1.0, 0
-            for j in range(d):
-                side = (corner >> j) & 1
-                weight *= place[j] if side else 1.0 - place[j]
-                number = number * cells[j] + (lower[j] + side) % cells[j]
-            for j in range(d):
-                for k in range(d):
-                    slope[j, k] += weight * slopes[number, j, k]
-        reach = 0.0
-        for j in range(d):
-            reach += spread[i, j, j]
-        reach = sqrt(reach)
-        carry(spread[i], slope, errors[flat] + (bends[flat, 1] + 0.5 * bends[flat, 0] * reach) * reach, work)
-
-
-@njit(**KERNEL)
-def carry_rows(spread, slopes, radii):
-    """Carry errors over one period, given what the map makes of each and what the period adds."""
-    work = np.empty((2, spread.shape[1], spread.shape[1]))
-    for i in range(len(spread)):
-        carry(spread[i], slopes[i], radii[i], work)
-
-
-@njit(**KERNEL)
-def carry(spread, slope, radius, work):
+@njit(**INLINE)
+def carry(spread, slope, radius, work, d):
     """Replace an ellipsoid by one that holds its image under a matrix plus a ball: the smallest in the sum of squares.
 
-    ``work`` has room for two matrices.  Source: Kurzhanski, Valyi, *Ellipsoidal Calculus for Estimation and Control*
-    (1997), 2.2.
+    ``d`` is the dimension; ``work`` has room for two matrices.  Source: Kurzhanski, Valyi, *Ellipsoidal Calculus for
+    Estimation and Control* (1997), 2.2.
     """
-    d = len(slope)
-    work[:] = 0.0
     half, image = work
+    for i in range(d):
+        for j in range(d):
+            half[i, j] = image[i, j] = 0.0
     for i in range(d):
         for j in range(d):
             for k in range(d):
@@ -275,3 +223,64 @@ def carry(spread, slope, radius, work):
         for j in range(d):
             spread[i, j] = image[i, j] * (1.0 + added / own) if own > 0.0 else 0.0
         spread[i, i] += (own + added) * added / d
+
+
+@njit(**KERNEL)
+def carry_rows(spread, slopes, radii):
+    """Carry errors over one period, given what the map makes of each and what the period adds."""
+    d = spread.shape[1]
+    work = np.empty((2, d, d))
+    for i in range(len(spread)):
+        carry(spread[i], slopes[i], radii[i], work, d)
+
+
+@functools.cache
+def widening(d):
+    """Return the function ``widen`` for a dimension: loops of known length vanish."""
+
+    @njit(**KERNEL)
+    def widen(points, spread, table, slopes, bends, errors, unknown):
+        """Carry errors over one period: what the map makes of them, and what the period adds.
+
+        ``slopes`` (n, d, d) are derivatives at the centres of cells; between centres they are interpolated linearly,
+        with an error of ``bends[:, 1]``, and over the width of a cell they change by ``bends[:, 0]``.  ``errors`` (n,)
+        is the error of a period, all in widths of a cell.  Rows outside of the table or in cells whose error is
+        infinite are marked in ``unknown`` and left as they are.
+        """
+        origin, inverse, cells, circle = table
+        n = points.shape[0]
+        work, slope = np.empty((2, d, d)), np.empty((d, d))
+        place, lower = np.empty(d), np.empty(d, np.int64)
+        for i in range(n):
+            flat, inside = 0, True
+            for j in range(d):
+                u = place_of(points[i, j], origin[j], inverse[j], circle[j])
+                inside = inside and 0.0 <= u <= cells[j]
+                flat = flat * cells[j] + (min(np.int64(u), cells[j] - 1) if inside else 0)
+                place[j] = u - 0.5
+            unknown[i] = not (inside and errors[flat] < np.inf)
+            if unknown[i]:
+                continue
+            for j in range(d):
+                low = floor(place[j])
+                if circle[j] != cells[j]:
+                    low = min(max(low, 0.0), max(cells[j] - 2.0, 0.0))
+                lower[j] = np.int64(low)
+                place[j] -= low
+            slope[:] = 0.0
+            for corner in range(2**d):
+                weight, number = 1.0, 0
+                for j in range(d):
+                    side = (corner >> j) & 1
+                    weight *= place[j] if side else 1.0 - place[j]
+                    number = number * cells[j] + (lower[j] + side) % cells[j]
+                for j in range(d):
+                    for k in range(d):
+                        slope[j, k] += weight * slopes[number, j, k]
+            reach = 0.0
+            for j in range(d):
+                reach += spread[i, j, j]
+            reach = sqrt(reach)
+            carry(spread[i], slope, errors[flat] + (bends[flat, 1] + 0.5 * bends[flat, 0] * reach) * reach, work, d)
+
+    return widen
