@@ -425,6 +425,7 @@ class _Run:
         run_over(range(len(parts)), work, f"certifying {self.basins.name}" if self.progress else None)
         self.tally = self.tally.plus(tallies.sum(axis=0))
 
+    @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
     def _follow(
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
     ) -> tuple[NDArray[np.int64], Orbits, Tally]:
