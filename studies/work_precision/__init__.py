@@ -1,7 +1,7 @@
 """What accuracy costs in time: the same work by several methods, seconds against error.
 
 Exact maps against images in 80 bits, next to other programs where these are installed; tables of order 1, 3 and 5
-against their size; pictures of basins, wrong labels against seconds; exponents and dimensions of known value.
+against their size; pictures of basins, wrong labels against seconds; plans and what they led to; exponents of known value.
 Everything is measured in one run on one machine, which the page describes.
 """
 
@@ -17,13 +17,14 @@ import matplotlib.pyplot as plt
 
 import cellmap
 
-from . import maps, measures, pictures
+from . import maps, measures, pictures, plans
 from .chart import Chart, draw_all
 
 PARTS: dict[str, tuple[str, Callable[[bool], list[Chart]]]] = {
     "exact_maps": ("Exact maps", maps.exact_maps),
     "tables": ("Tables", maps.tables),
     "pictures": ("Pictures of basins", pictures.compare),
+    "plans": ("Plans and what became of them", plans.outcomes),
     "measures": ("Exponents and dimensions", measures.compare),
 }
 """Name of its picture, title and work of each part."""
