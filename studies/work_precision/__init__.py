@@ -1,7 +1,8 @@
 """What accuracy costs in time: the same work by several methods, seconds against error.
 
 Exact maps against images in 80 bits, next to other programs where these are installed; tables of order 1, 3 and 5
-against their size; pictures of basins, wrong labels against seconds; plans and what they led to; exponents of known value.
+against their size; pictures of basins, wrong labels against seconds; plans and what they led to; exponents and
+dimensions of known value.
 Everything is measured in one run on one machine, which the page describes.
 """
 
