@@ -1,0 +1,427 @@
+"""Generalized cell mapping: each cell goes to several cells, with probabilities (Hsu 1981)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .attractor import Attractor
+from .basins import Basins
+from .cell_images import DIVERGED, LEFT, cells_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .checks import claim_memory, finite_number, whole_number
+from .grid import CellGrid
+from .kernels.cells import tally
+from .markov import Components, Sparse, components_of, invariant_measure, periods_of, solve_transient
+from .pointmap import CHUNK, Cost, PointMap, Status
+from .recurrent_cells import adjacent_sets, basins_from_cells, centres_of, polished_sets
+from .settling import UNDECIDED
+from .threads import run_over, slices
+
+Noise = Callable[[np.random.Generator, int], NDArray[np.float64]]
+
+_POSSIBLE = 1e-9
+"""Probability above which a cell counts as one that can come to a class."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellClass:
+    """Cells that lead to one another.
+
+    Parameters
+    ----------
+    cells : ndarray of int64, shape (n,)
+        Their flat numbers, sorted.
+    period : int
+        Steps of the chain by multiples of which a cell comes back to itself: the greatest common divisor of all ways.
+    closed : bool
+        Whether no step leaves them: then they hold attractors, otherwise saddles and what else is transient.
+    """
+
+    cells: NDArray[np.int64]
+    period: int
+    closed: bool
+
+    def __repr__(self) -> str:
+        return f"CellClass({'closed' if self.closed else 'transient'}, {len(self.cells):,} cells, period {self.period})"
+
+
+@dataclass(frozen=True, eq=False)
+class CellChain:
+    """The Markov chain of a map on cells.
+
+    Parameters
+    ----------
+    matrix : scipy.sparse.csr_array, shape (cells + 2, cells + 2)
+        Probability to go from the cell of the row to that of the column.  The last two states are sinks: ``-1`` is
+        outside the window, ``-2`` is where orbits diverge.
+    grid : CellGrid
+        The cells.
+    point_map : PointMap
+        The map.
+    samples : tuple of int or int
+        Points in each cell: regular, so many along each axis, or so many at random.
+    periods : int
+        Steps of the map in one step of the chain.
+    noisy : bool
+        Whether noise acts.
+    components : Components
+        Strongly connected components of the chain.
+    inaccurate : int
+        Samples on whose way the integrator missed its tolerance.
+    cost : Cost
+        Wall time and number of steps of the map.
+    """
+
+    matrix: Sparse = field(repr=False)
+    grid: CellGrid
+    point_map: PointMap = field(repr=False)
+    samples: tuple[int, ...] | int
+    periods: int
+    noisy: bool
+    components: Components = field(repr=False)
+    inaccurate: int = 0
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        return (
+            f"CellChain({self.point_map.name}, {self.grid.size:,} cells, {self.matrix.nnz:,} transitions, "
+            f"{len(self.closed)} closed classes)"
+        )
+
+    @cached_property
+    def closed(self) -> tuple[CellClass, ...]:
+        """Classes of cells that no step leaves, in the order of their first cells: they hold the attractors."""
+        return self._classes(self.components.closed)
+
+    @cached_property
+    def transient(self) -> tuple[CellClass, ...]:
+        """Classes of cells that come back but leave in the end, in the order of their first cells: saddles."""
+        return self._classes(~self.components.closed & self.components.recurs)
+
+    @property
+    def classes(self) -> tuple[CellClass, ...]:
+        """Closed classes, then transient ones."""
+        return self.closed + self.transient
+
+    def _classes(self, chosen: NDArray[np.bool_]) -> tuple[CellClass, ...]:
+        numbers = np.flatnonzero(chosen)
+        # The sinks are classes of their own.
+        numbers = numbers[self.components.order[self.components.begin[numbers]] < self.grid.size]
+        periods = periods_of(self.matrix, self.components, numbers)
+        found = [
+            CellClass(self.components.states(c), int(p), bool(self.components.closed[c]))
+            for c, p in zip(numbers, periods, strict=True)
+        ]
+        return tuple(sorted(found, key=lambda one: one.cells[0]))
+
+    @cached_property
+    def measures(self) -> tuple[NDArray[np.float64], ...]:
+        """Invariant probabilities of the cells of each closed class."""
+        return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
+
+    def density(self, number: int = 0) -> NDArray[np.float64]:
+        """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
+        number = whole_number("number", number, at_most=len(self.closed) - 1)
+        density = np.zeros(self.grid.size)
+        density[self.closed[number].cells] = self.measures[number] / np.prod(self.grid.widths)
+        return density.reshape(self.grid.shape)
+
+    @cached_property
+    def absorption(self) -> NDArray[np.float64]:
+        """Probability with which each cell ends in each closed class, shape (*grid, classes + 2).
+
+        The last two columns are -2, where orbits diverge, and -1, outside the window.
+        """
+        return self._probabilities(np.arange(len(self.closed)), len(self.closed))
+
+    @cached_property
+    def domiciles(self) -> NDArray[np.int64]:
+        """Number of closed classes in which each cell may end, the outside among them, shape of the grid.
+
+        Cells with 1 are of single domicile (Hsu); those with more lie along the boundaries of basins.
+        """
+        return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
+
+    @cached_property
+    def expected_times(self) -> NDArray[np.float64]:
+        """Expected steps of the map until a cell is in a closed class or outside, shape of the grid."""
+        values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
+        return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
+
+    def probabilities(
+        self,
+        polish: bool | None = None,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> tuple[tuple[Attractor, ...], NDArray[np.float64]]:
+        """Return attractors, and the probability with which each cell ends on each of them.
+
+        Parameters
+        ----------
+        polish : bool, optional
+            Follow each closed class by the exact map and label it with the attractor that it comes to, so that classes
+            that stand for one attractor are merged.  Otherwise classes are attractors, and those with cells side by
+            side are one; so it is by default where noise acts.
+        max_periods, max_period, attractors : optional
+            As in :func:`find_basins`, for this following.
+
+        Returns
+        -------
+        tuple
+            Attractors, and probabilities of the shape (*grid, attractors + 3): the last columns are -3, undecided, -2,
+            diverged, and -1, outside the window.
+
+        Raises
+        ------
+        ValueError
+            For `polish` where noise acts.
+        """
+        if polish and self.noisy:
+            raise ValueError(f"polish={polish!r}: orbits with noise settle on no point; leave polish out")
+        cells = np.concatenate([np.empty(0, np.int64), *(one.cells for one in self.closed)])
+        owners = np.repeat(np.arange(len(self.closed)), [len(one.cells) for one in self.closed])
+        if polish is None:
+            polish = not self.noisy
+        if polish:
+            limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
+            found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
+        else:
+            rows = self.matrix[cells]
+            likeliest = np.asarray(rows.argmax(axis=1)).ravel() if len(cells) else cells
+            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, likeliest)
+        return found, self._probabilities(labels % (len(found) + 3), len(found) + 1)
+
+    def basins(
+        self,
+        polish: bool | None = None,
+        at_least: float = 0.0,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> Basins:
+        """Return basins: each cell has the label of the attractor on which it ends most likely.
+
+        Parameters
+        ----------
+        polish, max_periods, max_period, attractors : optional
+            As in :meth:`probabilities`.
+        at_least : float, optional
+            Cells whose largest probability is smaller are undecided.
+
+        Returns
+        -------
+        Basins
+            With settling times as expected steps to a closed class, rounded.
+        """
+        at_least = finite_number("at_least", at_least, at_least=0.0, at_most=1.0)
+        began = time.perf_counter()
+        found, chances = self.probabilities(polish, max_periods, max_period, attractors)
+        columns = chances.shape[-1]
+        chances = chances.reshape(-1, columns)
+        labels = chances.argmax(axis=1)
+        likely = np.take_along_axis(chances, labels[:, None], axis=1)[:, 0]
+        labels = np.where(labels < len(found), labels, labels - columns)
+        verifiable = not self.noisy and polish is not False
+        settings = {"max_periods": max_periods, "max_period": max_period, "method": "generalized cell mapping"}
+        return basins_from_cells(
+            self.point_map if verifiable else None,
+            self.grid,
+            np.where(likely >= at_least, labels, UNDECIDED),
+            found,
+            np.round(self.expected_times.ravel()),
+            self.point_map,
+            {**settings, "samples": self.samples, "periods": self.periods, "at_least": at_least},
+            self.inaccurate,
+            Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
+        )
+
+    def _probabilities(self, columns: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """Return the probabilities to end in closed classes, those of one column together, and in the sinks."""
+        n = self.grid.size
+        claim_memory(
+            f"probabilities of {n:,} cells to end in {count:,} classes",
+            8 * (n + 2) * (count + 2),
+            "take fewer cells, or polish, so that classes are merged",
+        )
+        values = np.zeros((n + 2, count + 2))
+        for one, column in zip(self.closed, columns, strict=True):
+            values[one.cells, column] = 1.0
+        values[LEFT, LEFT] = values[DIVERGED, DIVERGED] = 1.0
+        return self._solved(values, np.zeros(count + 2))[:n].reshape(*self.grid.shape, count + 2)
+
+    def _solved(self, values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.float64]:
+        solve_transient(self.matrix, self.components, values, gain)
+        return values
+
+
+def generalized_cell_mapping(
+    point_map: PointMap,
+    grid: CellGrid,
+    samples: Sequence[int] | int | None = None,
+    periods: int = 1,
+    noise: float | Sequence[float] | Noise | None = None,
+    seed: int = 0,
+    progress: bool = False,
+) -> CellChain:
+    """Map cells to cells with probabilities: the shares of sample points of a cell that come to each other cell.
+
+    The cells of a window become the states of a Markov chain.  Its closed classes hold the attractors, other classes
+    the saddles; cells that can end in several closed classes lie along the boundaries of basins, and the probabilities
+    with which they do tell how near.  The chain knows more than a simple cell mapping and blurs more: a step spreads
+    every cell over others, so that small attractors are lost unless a step takes several periods.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Exact, interpolated or discrete map.
+    grid : CellGrid
+        Cells of a window.  An axis that covers one turn of an angle wraps.
+    samples : sequence of int, or int, optional
+        Points in each cell: regular ones, as many along each axis as the sequence says, or a number of random ones.  By
+        default 5 along each axis.
+    periods : int, optional
+        Steps of the map in one step of the chain.
+    noise : float, sequence of float, or callable, optional
+        What acts after each step of the map: normal numbers of this standard deviation, one for all coordinates or one
+        for each; or what ``noise(rng, n)`` returns, of the shape (n, dimension).
+    seed : int, optional
+        Seed of random samples and noise.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    CellChain
+        The chain; its classes, measures, probabilities, times and basins are computed when they are asked for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    MemoryError
+        Where the chain does not fit into memory.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance on the way of some samples.
+
+    References
+    ----------
+    Hsu, Journal of Applied Mechanics 48 (1981) 634; Hsu, Guttalu, Zhu, the same 49 (1982) 885; Hsu, *Cell-to-Cell
+    Mapping* (1987), chapters 10 to 13.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
+    >>> chain = generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,)))
+    >>> chain.closed
+    (CellClass(closed, 1 cells, period 1), CellClass(closed, 1 cells, period 1))
+    >>> [f.share for f in chain.basins().fractions.values()]
+    [0.45..., 0.45..., 0.0...]
+    """
+    grid = check_map_and_grid(point_map, grid)
+    samples = _checked_samples((5,) * grid.dimension if samples is None else samples, grid)
+    periods = whole_number("periods", periods, at_least=1)
+    kick = _checked_noise(noise, grid)
+    seed = whole_number("seed", seed)
+    began = time.perf_counter()
+    matrix, inaccurate, taken = _transitions(point_map, grid, samples, periods, kick, seed, progress)
+    warn_of_inaccurate(inaccurate, taken)
+    components = components_of(matrix)
+    cost = Cost(time.perf_counter() - began, taken * periods)
+    return CellChain(matrix, grid, point_map, samples, periods, kick is not None, components, inaccurate, cost)
+
+
+def _checked_samples(samples: Sequence[int] | int, grid: CellGrid) -> tuple[int, ...] | int:
+    """Return the samples of a cell, as many at a time as a map takes."""
+    if isinstance(samples, int | np.integer):
+        return whole_number("samples", samples, at_least=1, at_most=CHUNK)
+    if isinstance(samples, str) or not isinstance(samples, Sequence) or len(samples) != grid.dimension:
+        raise ValueError(
+            f"samples={samples!r}: give {grid.dimension} numbers, one for each axis, or one number of random points"
+        )
+    counts = tuple(whole_number("samples", n, at_least=1) for n in samples)
+    if np.prod(counts, dtype=object) > CHUNK:
+        raise ValueError(f"samples={samples!r}: give at most {CHUNK:,} points of a cell")
+    return counts
+
+
+def _checked_noise(noise: float | Sequence[float] | Noise | None, grid: CellGrid) -> Noise | None:
+    """Return noise as a function."""
+    if noise is None or callable(noise):
+        return noise
+    d = grid.dimension
+    given = noise if isinstance(noise, Sequence) and not isinstance(noise, str) else (noise,) * d
+    deviation = np.array([finite_number("noise", v, at_least=0.0) for v in given])
+    if len(deviation) != d:
+        raise ValueError(f"noise={noise!r}: give one standard deviation, or {d}, one for each coordinate")
+    return lambda rng, n: rng.normal(0.0, deviation, (n, d))
+
+
+def _transitions(
+    point_map: PointMap,
+    grid: CellGrid,
+    samples: tuple[int, ...] | int,
+    periods: int,
+    noise: Noise | None,
+    seed: int,
+    progress: bool,
+) -> tuple[Sparse, int, int]:
+    """Return the matrix of a chain, how many samples missed a tolerance, and how many there are."""
+    from scipy.sparse import csr_array
+
+    each = samples if isinstance(samples, int) else int(np.prod(samples))
+    taken, states = grid.size * each, grid.size + 2
+    claim_memory(f"a chain of {grid.size:,} cells with {each} samples", 26 * taken + 64 * states, "take fewer of them")
+    parts = slices(grid.size, max(1, CHUNK // each))
+    rows: dict[int, tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = {}
+    missed = np.zeros(len(parts), np.int64)
+    lattice = None if isinstance(samples, int) else _lattice(samples)
+    index = np.int32 if max(taken, states) < 2**31 else np.int64
+
+    def work(number: int) -> None:
+        part = parts[number]
+        rng = np.random.default_rng([seed, part.start])
+        cells = np.arange(part.start, part.stop)
+        places = rng.uniform(-0.5, 0.5, (len(cells), each, grid.dimension)) if lattice is None else lattice
+        points = (centres_of(grid, cells)[:, None, :] + places * grid.widths).reshape(-1, grid.dimension)
+        orbits = images_of(point_map, points, periods, None if noise is None else _kick(noise, rng, grid.dimension))
+        found = np.sort(cells_of(point_map, grid, orbits).reshape(-1, each), axis=1)
+        first, targets, shares = np.empty(len(cells) + 1, np.int64), np.empty(found.size, index), np.empty(found.size)
+        tally(found, states, first, targets, shares)
+        rows[number] = np.diff(first), targets[: first[-1]].copy(), shares[: first[-1]].copy()
+        missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
+
+    run_over(range(len(parts)), work, f"chain of cells of {point_map.name}" if progress else None)
+    counts = np.concatenate([[0], *(rows[k][0] for k in range(len(parts))), [1, 1]])
+    sinks = np.array([states + DIVERGED, states + LEFT], index)
+    targets = np.concatenate([*(rows[k][1] for k in range(len(parts))), sinks])
+    shares = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
+    matrix = csr_array((shares, targets, np.cumsum(counts).astype(index)), shape=(states, states))
+    return matrix, int(missed.sum()), taken
+
+
+def _lattice(samples: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return regular places in a cell, in its widths from its centre, shape (samples, dimension)."""
+    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in samples]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(samples))
+
+
+def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[int], NDArray[np.float64]]:
+    """Return noise that is drawn from a generator, and checked."""
+
+    def kick(n: int) -> NDArray[np.float64]:
+        drawn = np.asarray(noise(rng, n), dtype=float)
+        if drawn.shape != (n, dimension):
+            raise ValueError(f"noise returned the shape {drawn.shape}: return one of ({n}, {dimension})")
+        return drawn
+
+    return kick
