@@ -19,6 +19,11 @@ from .certification import Certificate as Certificate
 from .certification import Evidence as Evidence
 from .certification import certify as certify
 from .cost_model import Option as Option
+from .cell_chain import CellChain as CellChain
+from .cell_chain import CellClass as CellClass
+from .cell_chain import generalized_cell_mapping as generalized_cell_mapping
+from .cell_mapping import CellMapping as CellMapping
+from .cell_mapping import simple_cell_mapping as simple_cell_mapping
 from .crossings import Crossing as Crossing
 from .curves import BoundaryCurve as BoundaryCurve
 from .cascade import Cascade as Cascade
@@ -158,6 +163,9 @@ if TYPE_CHECKING:
     from .plot import plot_phase_portrait as plot_phase_portrait
     from .plot import plot_stability_map as plot_stability_map
     from .plot import plot_time_series as plot_time_series
+    from .plot import plot_cell_mapping as plot_cell_mapping
+    from .plot import plot_absorption as plot_absorption
+    from .plot import plot_invariant_measure as plot_invariant_measure
     from .store import StoreError as StoreError
     from .store import load_basins as load_basins
     from .store import save_basins as save_basins
@@ -218,6 +226,11 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Option",
     "Outcome",
     "AccuracyWarning",
+    "simple_cell_mapping",
+    "CellMapping",
+    "generalized_cell_mapping",
+    "CellChain",
+    "CellClass",
     "bifurcation_diagram",
     "BifurcationDiagram",
     "continue_basins",
@@ -311,6 +324,9 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "plot_lyapunov_spectrum",
     "plot_exponent_field",
     "plot_chaos_test",
+    "plot_cell_mapping",
+    "plot_absorption",
+    "plot_invariant_measure",
     "animate",
     "save_basins",
     "load_basins",

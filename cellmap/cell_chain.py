@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ class CellChain:
         numbers = numbers[self.components.order[self.components.begin[numbers]] < self.grid.size]
         periods = periods_of(self.matrix, self.components, numbers)
         found = [
-            CellClass(self.components.states(c), int(p), bool(self.components.closed[c]))
+            CellClass(self.components.states(int(c)), int(p), bool(self.components.closed[c]))
             for c, p in zip(numbers, periods, strict=True)
         ]
         return tuple(sorted(found, key=lambda one: one.cells[0]))
@@ -192,9 +193,12 @@ class CellChain:
             limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
             found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
         else:
-            rows = self.matrix[cells]
-            likeliest = np.asarray(rows.argmax(axis=1)).ravel() if len(cells) else cells
-            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, likeliest)
+            weights = np.concatenate([np.empty(0), *self.measures])
+            periods = np.array([one.period for one in self.closed], np.int64)
+            likeliest = _likeliest(self.matrix, cells)
+            found, labels = adjacent_sets(
+                self.grid, self.point_map.coordinates, cells, owners, likeliest, weights, periods
+            )
         return found, self._probabilities(labels % (len(found) + 3), len(found) + 1)
 
     def basins(
@@ -325,7 +329,7 @@ def generalized_cell_mapping(
     >>> chain.closed
     (CellClass(closed, 1 cells, period 1), CellClass(closed, 1 cells, period 1))
     >>> [f.share for f in chain.basins().fractions.values()]
-    [0.45..., 0.45..., 0.0...]
+    [0.467, 0.467, 0.0667]
     """
     grid = check_map_and_grid(point_map, grid)
     samples = _checked_samples((5,) * grid.dimension if samples is None else samples, grid)
@@ -344,7 +348,7 @@ def _checked_samples(samples: Sequence[int] | int, grid: CellGrid) -> tuple[int,
     """Return the samples of a cell, as many at a time as a map takes."""
     if isinstance(samples, int | np.integer):
         return whole_number("samples", samples, at_least=1, at_most=CHUNK)
-    if isinstance(samples, str) or not isinstance(samples, Sequence) or len(samples) != grid.dimension:
+    if not isinstance(samples, Sequence) or len(samples) != grid.dimension:
         raise ValueError(
             f"samples={samples!r}: give {grid.dimension} numbers, one for each axis, or one number of random points"
         )
@@ -359,7 +363,7 @@ def _checked_noise(noise: float | Sequence[float] | Noise | None, grid: CellGrid
     if noise is None or callable(noise):
         return noise
     d = grid.dimension
-    given = noise if isinstance(noise, Sequence) and not isinstance(noise, str) else (noise,) * d
+    given = noise if isinstance(noise, Sequence | np.ndarray) else (noise,) * d
     deviation = np.array([finite_number("noise", v, at_least=0.0) for v in given])
     if len(deviation) != d:
         raise ValueError(f"noise={noise!r}: give one standard deviation, or {d}, one for each coordinate")
@@ -382,7 +386,7 @@ def _transitions(
     taken, states = grid.size * each, grid.size + 2
     claim_memory(f"a chain of {grid.size:,} cells with {each} samples", 26 * taken + 64 * states, "take fewer of them")
     parts = slices(grid.size, max(1, CHUNK // each))
-    rows: dict[int, tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = {}
+    rows: dict[int, tuple[NDArray[np.int64], NDArray[Any], NDArray[np.float64]]] = {}
     missed = np.zeros(len(parts), np.int64)
     lattice = None if isinstance(samples, int) else _lattice(samples)
     index = np.int32 if max(taken, states) < 2**31 else np.int64
@@ -407,6 +411,16 @@ def _transitions(
     shares = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
     matrix = csr_array((shares, targets, np.cumsum(counts).astype(index)), shape=(states, states))
     return matrix, int(missed.sum()), taken
+
+
+def _likeliest(matrix: Sparse, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the state to which each of some states goes most likely, the first of them if they are several."""
+    rows = matrix[cells]
+    highest = np.maximum.reduceat(rows.data, rows.indptr[:-1]) if len(cells) else rows.data
+    places = np.flatnonzero(rows.data == np.repeat(highest, np.diff(rows.indptr)))
+    owners = np.searchsorted(rows.indptr, places, side="right") - 1
+    first = np.unique(owners, return_index=True)[1]
+    return np.asarray(rows.indices[places[first]], dtype=np.int64)
 
 
 def _lattice(samples: tuple[int, ...]) -> NDArray[np.float64]:

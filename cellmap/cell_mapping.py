@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +54,9 @@ class CellMapping:
     """
 
     images: NDArray[np.int64]
-    groups: NDArray[np.int32]
-    steps: NDArray[np.int32]
-    group_periods: NDArray[np.int32]
+    groups: NDArray[np.integer[Any]]
+    steps: NDArray[np.integer[Any]]
+    group_periods: NDArray[np.integer[Any]]
     grid: CellGrid
     periods: int
     point_map: PointMap = field(repr=False)
@@ -72,10 +73,10 @@ class CellMapping:
         )
 
     @property
-    def cell_periods(self) -> NDArray[np.int32]:
+    def cell_periods(self) -> NDArray[np.integer[Any]]:
         """Period of the group in which each cell ends, shape of the grid; 1 for the outside, which is a sink."""
-        ones = np.ones(2, np.int32)
-        return np.asarray(np.append(self.group_periods, ones)[self.groups])
+        sinks = np.ones(2, self.group_periods.dtype)
+        return np.asarray(np.append(self.group_periods, sinks)[self.groups])
 
     @property
     def periodic_cells(self) -> NDArray[np.int64]:
@@ -115,7 +116,8 @@ class CellMapping:
             found, labels = polished_sets(self.point_map, self.grid, cells, owners, given)
         else:
             ahead = self.images.ravel()[cells]
-            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, ahead)
+            alike = np.ones(len(cells))
+            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, ahead, alike)
         return basins_from_cells(
             self.point_map if polish else None,
             self.grid,
@@ -283,7 +285,7 @@ def _unravelled(
     began: float,
 ) -> CellMapping:
     """Return a mapping with the groups that follow from the images of all cells."""
-    kind = np.int32 if grid.size < 2**31 else np.int64
+    kind = np.dtype(np.int32 if grid.size < 2**31 else np.int64)
     groups, steps, group_periods = (np.empty(grid.size, kind) for _ in range(3))
     count = unravel(images, groups, steps, group_periods)
     return CellMapping(

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.cells import component_period, describe_components, relax, strong_components
+from .kernels.cells import component_period, describe_components, relax, strong_components, sweep
 
-_PATIENCE = 400  # sweeps, up and down, before a class is left to another solver
+_PATIENCE = 100  # sweeps, up and down, before a class is left to another solver
 _TOLERANCE = 1e-11
-_DIRECT = 2000  # states up to which a class is solved by elimination
+_DIRECT = 1e11  # multiplications in a band up to which a class is solved by elimination
+_FEW = 2000  # states of which the invariant measure comes from elimination
 _ACCEPTED = 1e-7  # residual that is worth a warning
 _POWERS = 2000
 
@@ -83,7 +84,7 @@ def solve_transient(
 
     Components are solved one after the other, so that each has those that it leads to behind it: states alone by
     substitution, others by Gauss and Seidel's method.  Where this converges slowly, as it does where chance leaves a
-    component late, elimination takes its place, or for large components GMRES after an incomplete elimination.
+    component    late, elimination takes its place, or GMRES for components whose states lead everywhere.
 
     Parameters
     ----------
@@ -127,27 +128,49 @@ def _solve_component(
     matrix: Sparse, states: NDArray[np.int64], values: NDArray[np.float64], gain: NDArray[np.float64]
 ) -> None:
     """Solve the equations of one transient component, from values that are close."""
-    from scipy.sparse import eye_array
-
     rows = matrix[states]
     guess = values[states]
     values[states] = 0.0
     right = rows @ values + gain
-    values[states] = _solved(eye_array(len(states), format="csc") - rows[:, states].tocsc(), right, guess)
+    values[states] = _solved(rows[:, states], right, guess)
 
 
-def _solved(system: Sparse, right: NDArray[np.float64], guess: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve a sparse system whose matrix is the identity minus shares, for several right sides."""
-    from scipy.sparse.linalg import LinearOperator, gmres, spilu, splu
+def _solved(inner: Sparse, right: NDArray[np.float64], guess: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve ``x = right + inner @ x`` for several right sides: by elimination where this fills a narrow band only."""
+    from scipy.sparse import eye_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    from scipy.sparse.linalg import splu
 
-    if system.shape[0] <= _DIRECT:
-        return np.asarray(splu(system).solve(right))
-    ilu = spilu(system, drop_tol=1e-4, fill_factor=20.0)
-    preconditioner = LinearOperator(system.shape, ilu.solve)
+    n = len(right)
+    system = eye_array(n, format="csr") - inner
+    order = reverse_cuthill_mckee(system)
+    place = np.empty(n, np.int64)
+    place[order] = np.arange(n)
+    entries = system.tocoo()
+    band = int(np.abs(place[entries.row] - place[entries.col]).max())
+    if n * band**2 > _DIRECT:
+        return _by_gmres(inner, system, right, guess)
     solution = np.empty_like(right)
-    for k in range(right.shape[1]):
+    solution[order] = splu(system[order][:, order].tocsc(), permc_spec="NATURAL").solve(right[order])
+    return solution
+
+
+def _by_gmres(
+    inner: Sparse, system: Sparse, right: NDArray[np.float64], guess: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Solve for several right sides by GMRES; each step begins with a sweep, which leaves it the slow modes alone."""
+    from scipy.sparse.linalg import LinearOperator, gmres
+
+    def swept(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.empty(len(right))
+        sweep(inner.indptr, inner.indices, inner.data, residual.ravel(), out)
+        return out
+
+    preconditioner = LinearOperator(system.shape, swept, dtype=float)
+    solution = guess.copy()
+    for k in np.flatnonzero(right.any(axis=0)):
         solution[:, k], _ = gmres(
-            system, right[:, k], x0=guess[:, k], rtol=1e-12, atol=0.0, restart=60, maxiter=20, M=preconditioner
+            system, right[:, k], x0=guess[:, k], rtol=1e-12, atol=0.0, restart=100, maxiter=5, M=preconditioner
         )
     residual = np.abs(system @ solution - right).max() / max(1.0, float(np.abs(solution).max()))
     if residual > _ACCEPTED:
@@ -172,7 +195,7 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
         return np.ones(1)
     inner = matrix[states][:, states]
     forward = inner.T.tocsr()
-    measure = np.full(len(states), 1.0 / len(states)) if len(states) > _DIRECT else _eliminated(inner)
+    measure = np.full(len(states), 1.0 / len(states)) if len(states) > _FEW else _eliminated(inner)
     measure, residual = _by_powers(forward, measure)
     if residual > _TOLERANCE:
         measure, residual = _by_arnoldi(forward, measure)

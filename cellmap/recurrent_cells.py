@@ -70,6 +70,8 @@ def adjacent_sets(
     cells: NDArray[np.int64],
     owners: NDArray[np.int64],
     images: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    periods: NDArray[np.int64] | None = None,
 ) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
     """Return sets of cells as attractors, those that touch as one, and each set's label.
 
@@ -83,26 +85,36 @@ def adjacent_sets(
         Cells, and the numbers 0, 1, ... of the sets to which they belong.
     images : ndarray of int, shape (n,)
         The cell to which each of them goes, or most likely goes.
+    weights : ndarray, shape (n,)
+        What the cells weigh; the points of an attractor begin at the heaviest.
+    periods : ndarray of int, optional
+        Period of each set; by default the number of clusters of cells in which it lies.
 
     Returns
     -------
     tuple
-        Attractors without multipliers, exponents or neighbourhoods, and labels.  The period of an attractor is the
-        number of clusters of cells in which it lies.
+        Attractors without multipliers, exponents or neighbourhoods, and labels.
     """
     if not len(cells):
         return (), np.empty(0, np.int64)
     order = np.argsort(cells, kind="stable")
-    cells, owners, images = cells[order], owners[order], images[order]
+    cells, owners, images, weights = cells[order], owners[order], images[order], weights[order]
     touching = _touching(grid, cells)
     cluster = _joined(len(cells), touching)
-    first = np.unique(owners, return_index=True)[1][owners]
-    whole = _joined(len(cells), np.concatenate([touching, np.stack([first, np.arange(len(cells))])], axis=1))
-    found = [_as_attractor(grid, coordinates, cells, images, cluster, whole == k) for k in range(whole.max() + 1)]
+    first = np.unique(owners, return_index=True)[1]
+    whole = _joined(len(cells), np.concatenate([touching, np.stack([first[owners], np.arange(len(cells))])], axis=1))
+    found = []
+    by_set = np.argsort(whole, kind="stable")
+    for rows in np.split(by_set, np.cumsum(np.bincount(whole))[:-1]):
+        start = rows[np.argmax(weights[rows])]
+        period = len(np.unique(cluster[rows])) if periods is None else int(periods[owners[start]])
+        path = _path(cells, images, start, period)
+        still = period == 1 and len(rows) <= 3**grid.dimension
+        found.append(_unverified(still, centres_of(grid, path), coordinates))
     ranks = sorted(range(len(found)), key=lambda k: sort_key(found[k]))
     label = np.empty(len(found), np.int64)
     label[ranks] = np.arange(len(found))
-    return tuple(found[k] for k in ranks), label[whole[np.unique(owners, return_index=True)[1]]]
+    return tuple(found[k] for k in ranks), label[whole[first]]
 
 
 def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -132,34 +144,20 @@ def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _as_attractor(
-    grid: CellGrid,
-    coordinates: tuple[Coordinate, ...],
-    cells: NDArray[np.int64],
-    images: NDArray[np.int64],
-    cluster: NDArray[np.int64],
-    mine: NDArray[np.bool_],
-) -> Attractor:
-    """Return an attractor whose points are centres of cells, one after the other."""
-    rows = np.flatnonzero(mine)
-    period = len(np.unique(cluster[rows]))
-    row = rows[len(rows) // 2]
+def _path(cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int) -> NDArray[np.int64]:
+    """Follow cells for some steps, by places in a sorted list of cells and their images."""
     path = [row]
-    for _ in range(period - 1):
-        place = min(int(np.searchsorted(cells, images[row])), len(cells) - 1)
-        row = place if cells[place] == images[row] else row
-        path.append(row)
-    d = grid.dimension
-    still = period == 1 and len(rows) <= 3**d
-    return Attractor(
-        Kind.FIXED_POINT if still else Kind.PERIODIC,
-        period,
-        centres_of(grid, cells[path]),
-        (0,) * d,
-        np.full(d, np.nan, complex),
-        np.full(d, np.nan),
-        coordinates,
-    )
+    while len(path) < length:
+        path.append(int(np.searchsorted(cells, images[path[-1]])))
+    return cells[path]
+
+
+def _unverified(still: bool, points: NDArray[np.float64], coordinates: tuple[Coordinate, ...]) -> Attractor:
+    """Return an attractor of which points are known alone."""
+    d = len(coordinates)
+    kind = Kind.FIXED_POINT if still else Kind.PERIODIC
+    unknown = np.full(d, np.nan)
+    return Attractor(kind, len(points), points, (0,) * d, unknown.astype(complex), unknown, coordinates)
 
 
 def basins_from_cells(

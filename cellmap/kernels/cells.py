@@ -236,3 +236,19 @@ def relax(first, targets, shares, order, begin, closed, gain, values, number, la
             ):
                 return c
     return last
+
+
+@njit(**KERNEL)
+def sweep(first, targets, shares, right, out):
+    """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + shares @ out`` from 0."""
+    n = len(right)
+    out[:] = 0.0
+    for step in range(2 * n):
+        i = step if step < n else 2 * n - 1 - step
+        total, own = right[i], 0.0
+        for e in range(first[i], first[i + 1]):
+            if targets[e] == i:
+                own += shares[e]
+            else:
+                total += shares[e] * out[targets[e]]
+        out[i] = total / (1.0 - own)
