@@ -9,14 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.cells import component_period, describe_components, relax, strong_components, sweep
+from .kernels.cells import (
+    balance,
+    component_period,
+    describe_components,
+    eliminate,
+    relax,
+    strong_components,
+    substitute,
+    sweep,
+)
 
 _PATIENCE = 100  # sweeps, up and down, before a class is left to another solver
 _TOLERANCE = 1e-11
-_DIRECT = 1e11  # multiplications in a band up to which a class is solved by elimination
-_FEW = 2000  # states of which the invariant measure comes from elimination
-_ACCEPTED = 1e-7  # residual that is worth a warning
-_POWERS = 2000
+_DIRECT = 2e10  # multiplications in a band up to which a class is solved by elimination
+_AT_ONCE = 4e9  # the same, for measures that steps of the chain may find as well
+_ACCEPTED = 1e-5  # error that is not worth a warning
+_POWERS = 1000
 
 Sparse = Any
 """A ``scipy.sparse.csr_array``."""
@@ -100,7 +109,7 @@ def solve_transient(
     Warns
     -----
     RuntimeWarning
-        Where an equation is left with a residual above 1e-7.
+        Where probabilities of a component are left with an error above 1e-5.
     """
     number, last = 0, len(components.closed)
     while True:
@@ -132,34 +141,59 @@ def _solve_component(
     guess = values[states]
     values[states] = 0.0
     right = rows @ values + gain
-    values[states] = _solved(rows[:, states], right, guess)
+    elsewhere = np.ones(len(values))
+    elsewhere[states] = 0.0
+    values[states] = _solved(rows[:, states], right, rows @ elsewhere, guess)
 
 
-def _solved(inner: Sparse, right: NDArray[np.float64], guess: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve ``x = right + inner @ x`` for several right sides: by elimination where this fills a narrow band only."""
-    from scipy.sparse import eye_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-    from scipy.sparse.linalg import splu
+def _solved(
+    inner: Sparse, right: NDArray[np.float64], leak: NDArray[np.float64], guess: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Solve ``x = right + inner @ x``, where `leak` goes elsewhere: by elimination where it fills a narrow band only.
 
-    n = len(right)
-    system = eye_array(n, format="csr") - inner
-    order = reverse_cuthill_mckee(system)
-    place = np.empty(n, np.int64)
-    place[order] = np.arange(n)
-    entries = system.tocoo()
-    band = int(np.abs(place[entries.row] - place[entries.col]).max())
-    if n * band**2 > _DIRECT:
-        return _by_gmres(inner, system, right, guess)
+    No number is subtracted in an elimination, so that a component is solved to all digits however late it is left.
+    """
+    order, band = _banded(inner)
+    if band is None:
+        return _by_gmres(inner, right, leak, guess)
+    ordered, pivots = right[order], np.empty(len(right))
+    eliminate(band, ordered, leak[order], pivots)
+    substitute(band, ordered, pivots)
     solution = np.empty_like(right)
-    solution[order] = splu(system[order][:, order].tocsc(), permc_spec="NATURAL").solve(right[order])
+    solution[order] = ordered
     return solution
 
 
+def _banded(inner: Sparse) -> tuple[NDArray[np.int64], NDArray[np.float64] | None]:
+    """Return an order of states in which most of them lead to close ones, and their shares; None for a wide band."""
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    n = inner.shape[0]
+    order = np.asarray(reverse_cuthill_mckee(inner + inner.T, symmetric_mode=True), dtype=np.int64)
+    place = np.empty(n, np.int64)
+    place[order] = np.arange(n)
+    entries = inner.tocoo()
+    rows, columns = place[entries.row], place[entries.col]
+    width = int(np.abs(rows - columns).max(initial=0))
+    if n * (width + 1) ** 2 > _DIRECT:
+        return order, None
+    band = np.zeros((n, 2 * width + 1))
+    band[rows, columns - rows + width] = entries.data
+    return order, band
+
+
 def _by_gmres(
-    inner: Sparse, system: Sparse, right: NDArray[np.float64], guess: NDArray[np.float64]
+    inner: Sparse, right: NDArray[np.float64], leak: NDArray[np.float64], guess: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Solve for several right sides by GMRES; each step begins with a sweep, which leaves it the slow modes alone."""
+    """Solve for several right sides by GMRES; each step begins with a sweep, which leaves it the slow modes alone.
+
+    One more right side, `leak`, has the solution 1.  What comes out in its place is an error that all others share, and
+    they are freed from it.
+    """
+    from scipy.sparse import eye_array
     from scipy.sparse.linalg import LinearOperator, gmres
+
+    system = eye_array(len(right), format="csr") - inner
 
     def swept(residual: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.empty(len(right))
@@ -167,19 +201,24 @@ def _by_gmres(
         return out
 
     preconditioner = LinearOperator(system.shape, swept, dtype=float)
-    solution = guess.copy()
-    for k in np.flatnonzero(right.any(axis=0)):
-        solution[:, k], _ = gmres(
-            system, right[:, k], x0=guess[:, k], rtol=1e-12, atol=0.0, restart=100, maxiter=5, M=preconditioner
+
+    def solve(one: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(
+            gmres(system, one, x0=start, rtol=1e-12, atol=0.0, restart=100, maxiter=5, M=preconditioner)[0]
         )
-    residual = np.abs(system @ solution - right).max() / max(1.0, float(np.abs(solution).max()))
-    if residual > _ACCEPTED:
+
+    certain = solve(leak, np.ones(len(right)))
+    error = float(np.abs(certain - 1.0).max())
+    if not error <= _ACCEPTED:
         warnings.warn(
-            f"a transient class of {len(right):,} states is solved to a residual of {residual:.1g} only: chance leaves "
-            "it too late; take several periods at a time, or finer cells",
+            f"probabilities of a transient class of {len(right):,} states sum up to 1 with an error of {error:.1g} "
+            "only: chance leaves it too late; take several periods at a time, or finer cells",
             RuntimeWarning,
             stacklevel=2,
         )
+    solution = guess.copy()
+    for k in np.flatnonzero(right.any(axis=0)):
+        solution[:, k] = np.maximum(solve(right[:, k], guess[:, k]) / certain, 0.0)
     return solution
 
 
@@ -189,16 +228,20 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
     Warns
     -----
     RuntimeWarning
-        Where the measure is left with a residual above 1e-7.
+        Where the measure is left with a residual above 1e-5.
     """
-    if len(states) == 1:
-        return np.ones(1)
     inner = matrix[states][:, states]
+    order, band = _banded(inner)
+    if band is not None and band.size * band.shape[1] <= _AT_ONCE:
+        return _eliminated(order, band)
+    # Steps of the chain are cheaper for many states, and as good where none of these is left seldom.
     forward = inner.T.tocsr()
-    measure = np.full(len(states), 1.0 / len(states)) if len(states) > _FEW else _eliminated(inner)
-    measure, residual = _by_powers(forward, measure)
-    if residual > _TOLERANCE:
-        measure, residual = _by_arnoldi(forward, measure)
+    measure, residual = _by_powers(forward, np.full(len(states), 1.0 / len(states)))
+    if residual <= _TOLERANCE:
+        return measure
+    if band is not None:
+        return _eliminated(order, band)
+    measure, residual = _by_arnoldi(forward, measure)
     if residual > _ACCEPTED:
         warnings.warn(
             f"the invariant measure of a class of {len(states):,} states is left with a residual of {residual:.1g}: "
@@ -209,15 +252,14 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
     return measure
 
 
-def _eliminated(inner: Sparse) -> NDArray[np.float64]:
-    """Return the measure of few states: that of the last one is 1, and the others follow."""
-    from scipy.sparse import eye_array
-    from scipy.sparse.linalg import splu
-
-    rest = inner.shape[0] - 1
-    system = (eye_array(rest, format="csc") - inner[:rest, :rest].T).tocsc()
-    measure = np.append(splu(system).solve(inner[[rest], :rest].toarray()[0]), 1.0)
-    return np.asarray(measure / measure.sum())
+def _eliminated(order: NDArray[np.int64], band: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the measure of a chain whose shares lie in a band."""
+    n = len(order)
+    pivots, ordered, measure = np.empty(n), np.empty(n), np.empty(n)
+    eliminate(band, np.empty((n, 0)), np.zeros(n), pivots)
+    balance(band, pivots, ordered)
+    measure[order] = ordered / ordered.sum()
+    return measure
 
 
 def _by_powers(forward: Sparse, measure: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -17,6 +17,7 @@ from .pointmap import Cost, PointMap
 from .settling import DIVERGED, ESCAPED
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
+_LATEST = 2**31 - 1
 
 
 def centres_of(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -180,7 +181,7 @@ def basins_from_cells(
     return Basins(
         labels=final.reshape(grid.shape),
         attractors=tuple(attractors[k] for k in used),
-        settling_time=np.where(final >= 0, times, -1).astype(np.int32).reshape(grid.shape),
+        settling_time=np.where(final >= 0, np.minimum(times, _LATEST), -1).astype(np.int32).reshape(grid.shape),
         grid=grid,
         starts=None,
         name=like.name,

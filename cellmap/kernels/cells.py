@@ -194,7 +194,8 @@ def _relax_state(first, targets, shares, gain, values, state, sums):
     change = 0.0
     for k in range(m):
         value = sums[k] / (1.0 - own)
-        change = max(change, abs(value - values[state, k]) / max(1.0, abs(value)))
+        if value > 0.0:
+            change = max(change, abs(value - values[state, k]) / value)
         values[state, k] = value
     return change
 
@@ -252,3 +253,57 @@ def sweep(first, targets, shares, right, out):
             else:
                 total += shares[e] * out[targets[e]]
         out[i] = total / (1.0 - own)
+
+
+@njit(**KERNEL)
+def eliminate(band, right, leak, pivots):
+    """Take states out of a chain, the last one first, without a subtraction (Grassmann, Taksar, Heyman 1985).
+
+    ``band[i, j - i + b]`` is the share that goes from state i to state j no farther than b away, ``leak`` (n,) what
+    goes elsewhere, ``right`` (n, m) what the equations ``x = right + shares @ x`` add.  All are changed, and ``pivots``
+    (n,) receive what leaves each state for those before it and for elsewhere.
+    """
+    n, m = right.shape
+    b = band.shape[1] // 2
+    for k in range(n - 1, -1, -1):
+        low = max(0, k - b)
+        total = leak[k]
+        for j in range(low, k):
+            total += band[k, j - k + b]
+        total = max(total, 1e-300)
+        pivots[k] = total
+        for i in range(low, k):
+            factor = band[i, k - i + b] / total
+            if factor == 0.0:
+                continue
+            for j in range(low, k):
+                band[i, j - i + b] += factor * band[k, j - k + b]
+            for c in range(m):
+                right[i, c] += factor * right[k, c]
+            leak[i] += factor * leak[k]
+
+
+@njit(**KERNEL)
+def substitute(band, right, pivots):
+    """Write the solution into ``right``, after the elimination."""
+    n, m = right.shape
+    b = band.shape[1] // 2
+    for k in range(n):
+        for j in range(max(0, k - b), k):
+            share = band[k, j - k + b]
+            for c in range(m):
+                right[k, c] += share * right[j, c]
+        for c in range(m):
+            right[k, c] /= pivots[k]
+
+
+@njit(**KERNEL)
+def balance(band, pivots, measure):
+    """Write the invariant measure of a chain without leaks, after the elimination, up to a factor."""
+    b = band.shape[1] // 2
+    measure[0] = 1.0
+    for k in range(1, len(measure)):
+        total = 0.0
+        for j in range(max(0, k - b), k):
+            total += measure[j] * band[j, k - j + b]
+        measure[k] = total / pivots[k]
