@@ -2,8 +2,8 @@
 
 x'' + 0.08 x' + x^3 = 0.2 cos t, on [-1, 1] x [-0.5, 1].  Each method labels the same starts, and each label is compared
 with that of exact integration to 1e-13.  Simple and generalized cell mapping look at cells of a wider window, which
-holds all attractors, as large as the pixels; interpolated maps have tables of a quarter of their nodes along each axis.
-Cells from which a mapping leaves the wider window count as lost, and as wrong.
+holds all attractors, as large as the pixels; tables of interpolated maps have cells of twice that side.  Cells that end
+outside the wider window count as lost, and as wrong.
 
 Must come out: a simple cell mapping mislabels some 14 % with one period in a step and some 3 % with several; a
 generalized one loses small attractors unless it takes several; interpolation of order 3 mislabels some 0.5 %.
@@ -41,7 +41,7 @@ from systems import duffing_oscillator
 LOWER, UPPER = np.array([-1.0, -0.5]), np.array([1.0, 1.0])
 BEFORE, BEHIND = np.array([0.8, 0.8]), np.array([0.8, 0.7])  # what the wider window has more at its corners
 SAMPLES = (3, 3)  # of a cell, in a generalized cell mapping
-COARSER = 4  # sides of the cells of tables, in pixels
+COARSER = 2  # sides of the cells of tables, in pixels
 DRAWN = ("direct", "simple, 1 period", "simple, 8 periods", "generalized, 1 period", "generalized, 8 periods", "ICM 3")
 
 
