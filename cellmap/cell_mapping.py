@@ -115,9 +115,9 @@ class CellMapping:
             given = {**limits, "attractors": attractors}
             found, labels = polished_sets(self.point_map, self.grid, cells, owners, given)
         else:
-            ahead = self.images.ravel()[cells]
-            alike = np.ones(len(cells))
-            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, ahead, alike)
+            images = self.images.ravel()
+            hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)
+            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, images[cells], hits)
         return basins_from_cells(
             self.point_map if polish else None,
             self.grid,

@@ -230,6 +230,8 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
     RuntimeWarning
         Where the measure is left with a residual above 1e-5.
     """
+    if len(states) == 1:
+        return np.ones(1)
     inner = matrix[states][:, states]
     order, band = _banded(inner)
     if band is not None and band.size * band.shape[1] <= _AT_ONCE:

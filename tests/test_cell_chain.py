@@ -19,7 +19,9 @@ from cellmap import (
     discrete_map,
     find_basins,
     generalized_cell_mapping,
+    load_basins,
     markov,
+    save_basins,
     set_threads,
     simple_cell_mapping,
     stroboscopic_map,
@@ -395,6 +397,19 @@ class TestBasins:
         assert len(chain.closed) == 900
         assert {one.period for one in chain.closed} == {4}
         assert (chain.domiciles == 1).all()
+
+
+def test_basins_of_cells_are_stored_like_others(tmp_path):
+    exact = stroboscopic_map(systems.two_well_duffing())
+    grid = CellGrid((-2, -2), (2, 2), (40, 40))
+    chain, mapping = generalized_cell_mapping(exact, grid, (2, 2)), simple_cell_mapping(exact, grid)
+    for basins in (chain.basins(), chain.basins(polish=False), mapping.basins(), mapping.basins(polish=False)):
+        same = load_basins(save_basins(basins, tmp_path / "basins.h5"))
+        np.testing.assert_array_equal(same.labels, basins.labels)
+        assert same.settings["method"] == basins.settings["method"]
+        for a, b in zip(same.attractors, basins.attractors, strict=True):
+            np.testing.assert_array_equal(a.points, b.points)
+            np.testing.assert_array_equal(a.multipliers, b.multipliers)
 
 
 def test_bad_input():
