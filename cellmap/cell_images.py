@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import turns_of, wrap
-from .grid import CellGrid
+from .grid import CellGrid, grid_points
 from .pointmap import Orbits, PointMap, Status, ToleranceWarning
 
 LEFT, DIVERGED = -1, -2
@@ -26,6 +26,11 @@ def check_map_and_grid(point_map: PointMap, grid: CellGrid) -> CellGrid:
     if not isinstance(grid, CellGrid):
         raise TypeError(f"grid={grid!r}: give a CellGrid, whose cells are mapped")
     return grid.on(point_map.coordinates)
+
+
+def centres_of(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the centres of some cells, shape (n, dimension)."""
+    return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)
 
 
 def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, kick: Kick | None = None) -> Orbits:

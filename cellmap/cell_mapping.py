@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor
 from .basins import Basins
-from .cell_images import DIVERGED, LEFT, cells_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .cell_windows import overlap, places_in
 from .checks import claim_memory, whole_number
 from .grid import CellGrid
 from .kernels.cells import unravel
 from .pointmap import CHUNK, Cost, Orbits, PointMap, Status
-from .recurrent_cells import adjacent_sets, basins_from_cells, centres_of, polished_sets
+from .recurrent_cells import adjacent_sets, basins_from_cells, polished_sets
 from .threads import run_over, slices
 
 _UNKNOWN = -3
@@ -171,7 +172,7 @@ class CellMapping:
         lower, upper = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
         shape = np.round((upper - lower) / a.widths).astype(np.int64)
         grid = CellGrid(tuple(lower), tuple(upper), tuple(shape)).on(self.point_map.coordinates)
-        covered = a.size + b.size - _overlap(a, b)
+        covered = a.size + b.size - overlap(a, b)
         if covered < grid.size:
             raise ValueError(
                 f"other covers {b.lower} to {b.upper}, which makes no box with {a.lower} to {a.upper}: "
@@ -195,7 +196,6 @@ def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, p
         Cells of a window.  An axis that covers one turn of an angle wraps.
     periods : int, optional
         Steps of the map in one step of the mapping.
-
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -307,7 +307,7 @@ def _assembled(parts: Sequence[CellMapping], grid: CellGrid, progress: bool) -> 
     """Return the mapping of a window from those of its parts; cells that are in none of them are mapped."""
     began = time.perf_counter()
     point_map, periods = parts[0].point_map, parts[0].periods
-    places = [_places(part.grid, grid) for part in parts]
+    places = [places_in(part.grid, grid) for part in parts]
     _claim(grid)
     images = np.full(grid.size, _UNKNOWN, np.int64)
     cells, points = [np.empty(0, np.int64)], [np.empty((0, grid.dimension))]
@@ -339,37 +339,3 @@ def _check_same_map(a: CellMapping, b: CellMapping) -> None:
         raise ValueError(f"other is a mapping of {b.point_map!r}, and this one of {a.point_map!r}: map both by one map")
     if a.periods != b.periods:
         raise ValueError(f"other takes {b.periods} periods in a step, and this mapping {a.periods}: take as many")
-
-
-def _offsets(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
-    """Return how many cells of one grid are before another one along each axis."""
-    if not np.allclose(inner.widths, outer.widths, rtol=1e-9, atol=0.0):
-        raise ValueError(
-            f"cells of widths {outer.widths} do not continue cells of widths {inner.widths}: give a window of "
-            "whole cells more"
-        )
-    before = (np.array(inner.lower) - np.array(outer.lower)) / outer.widths
-    if (np.abs(before - np.round(before)) > 1e-6).any():
-        raise ValueError(
-            f"the corner {outer.lower} is {before} cells from {inner.lower}: give a corner that is whole cells away"
-        )
-    return np.round(before).astype(np.int64)
-
-
-def _places(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
-    """Return the flat numbers that the cells of a grid have in a wider one."""
-    before = _offsets(inner, outer)
-    if (before < 0).any() or (before + inner.shape > outer.shape).any():
-        raise ValueError(
-            f"the window {outer.lower} to {outer.upper} does not hold {inner.lower} to {inner.upper}: widen it"
-        )
-    axes = [np.arange(n) + k for n, k in zip(inner.shape, before, strict=True)]
-    return np.asarray(np.ravel_multi_index(np.ix_(*axes), outer.shape).ravel(), dtype=np.int64)
-
-
-def _overlap(a: CellGrid, b: CellGrid) -> int:
-    """Count the cells that two grids have in common."""
-    before = _offsets(b, a)
-    low = np.maximum(before, 0)
-    high = np.minimum(before + b.shape, a.shape)
-    return int(np.prod(np.maximum(high - low, 0), dtype=object))

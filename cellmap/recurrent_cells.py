@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, Kind, sort_key
-from .basins import Basins, find_basins
+from .basin_finding import find_basins
+from .basins import Basins
+from .cell_images import centres_of
 from .coordinates import Coordinate
-from .grid import CellGrid, grid_points
+from .grid import CellGrid
 from .pointmap import Cost, PointMap
 from .settling import DIVERGED, ESCAPED
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
 _LATEST = 2**31 - 1
-
-
-def centres_of(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the centres of some cells, shape (n, dimension)."""
-    return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)
 
 
 def polished_sets(
