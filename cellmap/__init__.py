@@ -19,11 +19,11 @@ from .certification import Certificate as Certificate
 from .certification import Evidence as Evidence
 from .certification import certify as certify
 from .cost_model import Option as Option
-from .cell_chain import CellChain as CellChain
-from .cell_chain import CellClass as CellClass
-from .cell_chain import generalized_cell_mapping as generalized_cell_mapping
-from .cell_mapping import CellMapping as CellMapping
-from .cell_mapping import simple_cell_mapping as simple_cell_mapping
+from .cells import CellChain as CellChain
+from .cells import CellClass as CellClass
+from .cells import generalized_cell_mapping as generalized_cell_mapping
+from .cells import CellMapping as CellMapping
+from .cells import simple_cell_mapping as simple_cell_mapping
 from .crossings import Crossing as Crossing
 from .curves import BoundaryCurve as BoundaryCurve
 from .cascade import Cascade as Cascade

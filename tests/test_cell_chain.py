@@ -20,14 +20,14 @@ from cellmap import (
     find_basins,
     generalized_cell_mapping,
     load_basins,
-    markov,
     save_basins,
     set_threads,
     simple_cell_mapping,
     stroboscopic_map,
 )
+from cellmap.cells import markov
+from cellmap.cells.markov import components_of, invariant_measure, periods_of, solve_transient
 from cellmap.kernels.cells import tally
-from cellmap.markov import components_of, invariant_measure, periods_of, solve_transient
 
 
 def random_chain(n, seed, degree=3):

@@ -11,10 +11,10 @@ from .boundary_objects import plot_boundary_distance as plot_boundary_distance
 from .boundary_objects import plot_chaotic_saddle as plot_chaotic_saddle
 from .boundary_objects import plot_edge_orbit as plot_edge_orbit
 from .boundary_objects import plot_manifolds as plot_manifolds
-from .certificate import plot_certificate as plot_certificate
 from .cell_mappings import plot_absorption as plot_absorption
 from .cell_mappings import plot_cell_mapping as plot_cell_mapping
 from .cell_mappings import plot_invariant_measure as plot_invariant_measure
+from .certificate import plot_certificate as plot_certificate
 from .diagram import plot_bifurcation_diagram as plot_bifurcation_diagram
 from .dimensions import plot_generalized_dimensions as plot_generalized_dimensions
 from .dimensions import plot_kaplan_yorke as plot_kaplan_yorke

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize, to_rgb
 from numpy.typing import NDArray
 
-from ..cell_chain import CellChain
-from ..cell_mapping import CellMapping
+from ..cells import CellChain, CellMapping
 from ..checks import whole_number
 from ..coordinates import Coordinate
 from ..grid import CellGrid

@@ -17,8 +17,8 @@ from cellmap import (
     stroboscopic_map,
     thread_count,
 )
+from cellmap.cells.markov import components_of
 from cellmap.kernels.cells import unravel
-from cellmap.markov import components_of
 from systems import dimensionless_pendulum, two_well_duffing
 
 MILLION = (1000, 1000)

@@ -10,16 +10,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor
-from .basins import Basins
-from .cell_images import DIVERGED, LEFT, check_map_and_grid, warn_of_inaccurate
-from .cell_transitions import Noise, checked_noise, checked_samples, transitions
-from .checks import claim_memory, finite_number, whole_number
-from .grid import CellGrid
+from ..attractor import Attractor
+from ..basins import Basins
+from ..checks import claim_memory, finite_number, whole_number
+from ..grid import CellGrid
+from ..pointmap import Cost, PointMap
+from ..settling import UNDECIDED
+from .images import DIVERGED, LEFT, check_map_and_grid, warn_of_inaccurate
 from .markov import Components, Sparse, components_of, invariant_measure, periods_of, solve_transient
-from .pointmap import Cost, PointMap
-from .recurrent_cells import adjacent_sets, basins_from_cells, polished_sets
-from .settling import UNDECIDED
+from .recurrent import adjacent_sets, basins_from_cells, polished_sets
+from .transitions import Noise, checked_noise, checked_samples, transitions
 
 _POSSIBLE = 1e-9
 """Probability above which a cell counts as one that can come to a class."""

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor, Kind, sort_key
-from .basin_finding import find_basins
-from .basins import Basins
-from .cell_images import centres_of
-from .coordinates import Coordinate
-from .grid import CellGrid
-from .pointmap import Cost, PointMap
-from .settling import DIVERGED, ESCAPED
+from ..attractor import Attractor, Kind, sort_key
+from ..basin_finding import find_basins
+from ..basins import Basins
+from ..coordinates import Coordinate
+from ..grid import CellGrid
+from ..pointmap import Cost, PointMap
+from ..settling import DIVERGED, ESCAPED
+from .images import centres_of
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
 _LATEST = 2**31 - 1

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .coordinates import turns_of, wrap
-from .grid import CellGrid, grid_points
-from .pointmap import Orbits, PointMap, Status, ToleranceWarning
+from ..coordinates import turns_of, wrap
+from ..grid import CellGrid, grid_points
+from ..pointmap import Orbits, PointMap, Status, ToleranceWarning
 
 LEFT, DIVERGED = -1, -2
 """Cells in the place of an image outside the window, and of one that does not exist; they are sinks."""

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor
-from .basins import Basins
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
-from .cell_windows import overlap, places_in
-from .checks import claim_memory, whole_number
-from .grid import CellGrid
-from .kernels.cells import unravel
-from .pointmap import CHUNK, Cost, Orbits, PointMap, Status
-from .recurrent_cells import adjacent_sets, basins_from_cells, polished_sets
-from .threads import run_over, slices
+from ..attractor import Attractor
+from ..basins import Basins
+from ..checks import claim_memory, whole_number
+from ..grid import CellGrid
+from ..kernels.cells import unravel
+from ..pointmap import CHUNK, Cost, Orbits, PointMap, Status
+from ..threads import run_over, slices
+from .images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .recurrent import adjacent_sets, basins_from_cells, polished_sets
+from .windows import overlap, places_in
 
 _UNKNOWN = -3
 

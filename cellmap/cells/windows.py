@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .grid import CellGrid
+from ..grid import CellGrid
 
 
 def offsets(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.chains import (
+from ..kernels.chains import (
     balance,
     component_period,
     describe_components,

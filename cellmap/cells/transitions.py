@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of
-from .checks import claim_memory, finite_number, whole_number
-from .grid import CellGrid
-from .kernels.cells import tally
+from ..checks import claim_memory, finite_number, whole_number
+from ..grid import CellGrid
+from ..kernels.cells import tally
+from ..pointmap import CHUNK, PointMap, Status
+from ..threads import run_over, slices
+from .images import DIVERGED, LEFT, cells_of, centres_of, images_of
 from .markov import Sparse
-from .pointmap import CHUNK, PointMap, Status
-from .threads import run_over, slices
 
 Noise = Callable[[np.random.Generator, int], NDArray[np.float64]]
 """Returns what is added to a number of points, shape (n, dimension), drawn from a generator."""
