@@ -12,9 +12,18 @@ from .attractor import Kind as Kind
 from .basin_continuation import BasinContinuation as BasinContinuation
 from .basin_continuation import ContinuationInterrupt as ContinuationInterrupt
 from .basins import Basins as Basins
-from .basins import find_basins as find_basins
+from .basin_finding import find_basins as find_basins
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
+from .certification import Certificate as Certificate
+from .certification import Evidence as Evidence
+from .certification import certify as certify
+from .cost_model import Option as Option
+from .cells import CellChain as CellChain
+from .cells import CellClass as CellClass
+from .cells import generalized_cell_mapping as generalized_cell_mapping
+from .cells import CellMapping as CellMapping
+from .cells import simple_cell_mapping as simple_cell_mapping
 from .crossings import Crossing as Crossing
 from .curves import BoundaryCurve as BoundaryCurve
 from .cascade import Cascade as Cascade
@@ -40,6 +49,10 @@ from .orbit import PeriodicOrbit as PeriodicOrbit
 from .orbit import jury_margins as jury_margins
 from .periodic_search import find_periodic_orbits as find_periodic_orbits
 from .periodic_search import periodic_orbit as periodic_orbit
+from .planning import AccuracyWarning as AccuracyWarning
+from .planning import Outcome as Outcome
+from .planning import Plan as Plan
+from .planning import plan as plan
 from .pointmap import Iterate as Iterate
 from .pointmap import PointMap as PointMap
 from .pointmap import Status as Status
@@ -128,6 +141,8 @@ if TYPE_CHECKING:
     from .plot import animate as animate
     from .plot import plot_basin_continuation as plot_basin_continuation
     from .plot import plot_basins as plot_basins
+    from .plot import plot_certificate as plot_certificate
+    from .plot import plot_plan as plot_plan
     from .plot import plot_basin_stability as plot_basin_stability
     from .plot import plot_settling_times as plot_settling_times
     from .plot import plot_fatal_shock as plot_fatal_shock
@@ -173,6 +188,9 @@ if TYPE_CHECKING:
     from .sets import Cycle as Cycle
     from .sets import TransferOperator as TransferOperator
     from .sets import transfer_operator as transfer_operator
+    from .plot import plot_cell_mapping as plot_cell_mapping
+    from .plot import plot_absorption as plot_absorption
+    from .plot import plot_invariant_measure as plot_invariant_measure
     from .store import StoreError as StoreError
     from .store import load_basins as load_basins
     from .store import save_basins as save_basins
@@ -247,7 +265,20 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "Attractor",
     "Kind",
     "find_basins",
+    "certify",
+    "Certificate",
+    "Evidence",
     "Basins",
+    "plan",
+    "Plan",
+    "Option",
+    "Outcome",
+    "AccuracyWarning",
+    "simple_cell_mapping",
+    "CellMapping",
+    "generalized_cell_mapping",
+    "CellChain",
+    "CellClass",
     "bifurcation_diagram",
     "BifurcationDiagram",
     "continue_basins",
@@ -319,6 +350,8 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "fit_line",
     "Fit",
     "plot_basins",
+    "plot_certificate",
+    "plot_plan",
     "plot_bifurcation_diagram",
     "plot_basin_continuation",
     "plot_generalized_dimensions",
@@ -356,6 +389,9 @@ __all__ = [  # noqa: RUF022 (in the order of use)
     "plot_lyapunov_spectrum",
     "plot_exponent_field",
     "plot_chaos_test",
+    "plot_cell_mapping",
+    "plot_absorption",
+    "plot_invariant_measure",
     "animate",
     "plot_boxes",
     "plot_morse_graph",

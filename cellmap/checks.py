@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
+import shutil
 from collections.abc import Mapping
 from keyword import iskeyword
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -107,6 +110,14 @@ def claim_memory(what: str, needed: int, remedy: str) -> None:
     free = memory_available()
     if free is not None and needed > free:
         raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
+
+
+def claim_disk(what: str, needed: int, path: Path, remedy: str) -> None:
+    """Say on the logger "cellmap" what a file will need; raise OSError where that is more than is free on its disk."""
+    logging.getLogger("cellmap").info("%s: %s on the disk", what, in_bytes(needed))
+    free = shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise OSError(errno.ENOSPC, f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
 
 
 def in_bytes(count: float) -> str:

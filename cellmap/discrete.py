@@ -16,7 +16,7 @@ from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .pointmap import Family, Orbits, PointMap, Status
+from .pointmap import Family, Orbits, Origin, PointMap, Status
 from .sweep import swept_axes, swept_function
 
 _BOUND = 1e100
@@ -103,6 +103,7 @@ def discrete_map(
         recipe={"kind": "discrete"},
         tangent=derivative,
         family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
+        origin=Origin(discrete_map, (function, values, axes, name), advance),
     )
 
 
@@ -126,6 +127,7 @@ def _apply(kernel: Any, parameters: NDArray[np.float64], orbits: Orbits) -> None
     ratios = np.empty(n)
     pack(orbits.points, members, blocks)
     kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, parameters, errors)
+    orbits.work.evaluations += n
     unpack(blocks, errors, members, orbits.points, ratios, np.full(d, np.inf), 1.0, 1.0)
     with np.errstate(invalid="ignore"):
         inside = np.abs(orbits.points) < _BOUND

@@ -148,6 +148,7 @@ class Flow:
         members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
         # One step of a sixteenth of the time tells how many steps the whole of it will take.
         self._integrate(starts, members, self.kernel.trial, self.length / _PROBE, images, ratios)
+        done = n
         ratios *= _PROBE
         first = True
         while len(members):
@@ -170,7 +171,9 @@ class Flow:
             for steps, end in zip(ladder.tolist(), ends.tolist(), strict=True):
                 if end > begin:
                     self._integrate(starts, members[begin:end], steps, self.length, images, ratios)
+                    done += steps * (end - begin)
                     begin = end
+        orbits.work.evaluations += done * self.kernel.stages
 
     def _integrate(
         self,

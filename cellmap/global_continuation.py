@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, Kind
 from .basin_continuation import BasinContinuation, ContinuationInterrupt, number_of_starts
-from .basins import LABEL_NAMES, Basins, basins_memory, find_basins
+from .basin_finding import find_basins
+from .basins import LABEL_NAMES, Basins, basins_memory
 from .checks import claim_memory, finite_number, finite_points, monotone_values, whole_number
 from .coordinates import wrap
 from .grid import CellGrid

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import claim_memory, finite_number, one_of
+from .checks import claim_memory, finite_number, one_of, whole_number
 from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
+from .files import as_target
 from .grid import CellGrid, grid_points
 from .kernels.contraction import WIDTH, basis_polynomials
-from .pointmap import CHUNK, CellTable, Cost, Family, Orbits, PointMap, Status
+from .pointmap import CellTable, Cost, Family, Orbits, Origin, PointMap, Status
+from .table_tiles import TableTiles, table_checkpoint
 from .threads import run_over, slices
+from .tiles import check_client
 
 ORDERS = (1, 3, 5)
 _PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
-_ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
+ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
+_LEAP = 0.01  # of that difference, for tables of several periods
+_SLAB = 8192  # numbers that are filtered at a time, at least; fewer cost more than they take
 _FARTHEST = 100.0  # an image so many windows away counts as none
+_HERE = TableTiles()
 
 
 def interpolated_map(
@@ -31,6 +40,9 @@ def interpolated_map(
     outside: str = "escape",
     tolerance: float | None = None,
     progress: bool = False,
+    leap: int = 1,
+    client: Any = None,
+    checkpoint: str | os.PathLike[str] | None = None,
 ) -> PointMap:
     """Return the interpolated cell map of a point map.
 
@@ -56,6 +68,15 @@ def interpolated_map(
         width in each coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
+    leap : int, optional
+        Most periods that one look-up may make, a power of two.  Tables of 2, 4, ..., `leap` periods are made from that
+        of one; each cell takes the longest leap at whose centre it differs from single periods by no more than
+        `tolerance`, or a hundredth of the default.  The map itself stays that of one period.
+    client : distributed.Client, optional
+        Dask cluster that computes the exact images; by default the threads of this process do.
+    checkpoint : path-like, optional
+        File in which exact images are kept as they are found.  A call that was interrupted or killed is taken up by the
+        same call, with the same result; after the end the same call reads the table from there.
 
     Returns
     -------
@@ -65,9 +86,13 @@ def interpolated_map(
     Raises
     ------
     ValueError
-        For arguments out of range or a grid that does not fit the coordinates.
+        For arguments out of range, a grid that does not fit the coordinates, or a checkpoint of another table.
     MemoryError
         Where the table does not fit into memory.
+    OSError
+        Where a checkpoint does not fit on the disk.
+    StoreError
+        For a checkpoint that is damaged, or a file of another kind.
 
     References
     ----------
@@ -94,13 +119,23 @@ def interpolated_map(
     one_of("outside", outside, ("escape", "integrate"))
     if tolerance is not None:
         tolerance = finite_number("tolerance", tolerance, above=0.0)
+    leap = whole_number("leap", leap, at_least=1)
+    if leap & (leap - 1):
+        raise ValueError(f"leap={leap}: give a power of two")
+    check_client(client)
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
-    claim_memory(f"a table of {grid}", table_memory(grid, order), "take fewer cells or a lower order")
-    coefficients, spoilt = _coefficients(exact, grid, order, progress)
-    allowed = grid.widths * _ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
+    claim_memory(f"a table of {grid}", table_memory(grid, order, leap), "take fewer cells or a lower order")
+    file = None
+    if checkpoint is not None:
+        settings = {"order": order, "tolerance": tolerance}
+        path = as_target("checkpoint", checkpoint)
+        file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
+    tiles = TableTiles(client, file)
+    coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
+    allowed = _allowed(grid, order, tolerance)
     smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-    indicator, rough = _centre_errors(exact, smooth, allowed, progress)
+    indicator, rough = _centre_errors(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
     share = float(rough.mean())
     if share > 0.5:
@@ -109,12 +144,41 @@ def interpolated_map(
             "smooth; take more cells, or iterate the exact map itself",
             stacklevel=2,
         )
+    cost = Cost(
+        seconds=time.perf_counter() - began,
+        steps=tabulated_nodes(grid, order) + grid.size,
+        evaluations=tiles.work.evaluations,
+    )
     table = CellTable(grid, order, coefficients, indicator, rough)
+    return _with_table(exact, table, outside, tolerance, leap, cost, progress)
+
+
+def _made_again(
+    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost
+) -> PointMap:
+    """Return the map of a table that comes from another process."""
+    table = replace(table, coefficients=_with_spare_doubles(table.coefficients))
+    return _with_table(exact, table, outside, tolerance, leap, cost, False)
+
+
+def _with_table(
+    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost, progress: bool
+) -> PointMap:
+    """Return the map of a finished table; the tables of several periods follow from it."""
+    grid, order = table.grid, table.order
+    allowed = _allowed(grid, order, tolerance)
+    began = time.perf_counter()
+    tables = [table]
+    while 2 ** len(tables) <= leap:
+        tables.append(_leap_table(exact, tables, outside, allowed * (_LEAP if tolerance is None else 1.0), progress))
+    advance = LookUps(exact, tables, outside)
+    kept = replace(table, coefficients=advance.coefficients)
+    seconds = cost.seconds + time.perf_counter() - began
     return PointMap(
         name=exact.name,
         coordinates=exact.coordinates,
         params=exact.params,
-        advance=_Advance(exact, table, outside),
+        advance=advance,
         recipe={
             "kind": "interpolated",
             "order": order,
@@ -124,18 +188,27 @@ def interpolated_map(
             "upper": grid.upper,
             "shape": grid.shape,
             "exact": dict(exact.recipe),
+            **({"leap": leap} if leap > 1 else {}),
         },
         period=exact.period,
         tolerance=exact.tolerance,
         exact=exact,
-        table=table,
-        family=Family(lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance)),
-        cost=Cost(seconds=time.perf_counter() - began, steps=_tabulated(grid, order) + grid.size),
+        table=kept,
+        family=Family(
+            lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance, leap=leap)
+        ),
+        origin=Origin(_made_again, (exact, kept, outside, tolerance, leap, cost), advance),
+        cost=replace(cost, seconds=seconds, tabulation=seconds),
     )
 
 
-def table_memory(grid: CellGrid, order: int) -> int:
-    """Return the bytes that a table and the making of it need.
+def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
+    """Return the largest difference at a cell's centre, for each coordinate."""
+    return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
+
+
+def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
+    """Return the bytes that tables of up to `leap` periods and the making of them need.
 
     Examples
     --------
@@ -143,10 +216,10 @@ def table_memory(grid: CellGrid, order: int) -> int:
     518
     """
     d = grid.dimension
-    return 16 * d * _tabulated(grid, order) + 5 * grid.size
+    return (16 * d * tabulated_nodes(grid, order) + 5 * grid.size) * leap.bit_length()
 
 
-def _tabulated(grid: CellGrid, order: int) -> int:
+def tabulated_nodes(grid: CellGrid, order: int) -> int:
     """Count the nodes of a table, those past the ends of intervals included."""
     past = 1 + 2 * _PADDING[order]
     return int(
@@ -165,10 +238,10 @@ def _nodes(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
 
 
 def _coefficients(
-    exact: PointMap, grid: CellGrid, order: int, progress: bool
+    exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles = _HERE
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
-    values = _displacements(exact, _nodes(grid, order), progress)
+    values = _displacements(exact, _nodes(grid, order), progress, tiles)
     extent = np.array(grid.upper) - np.array(grid.lower)
     with np.errstate(invalid="ignore"):
         failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
@@ -176,25 +249,28 @@ def _coefficients(
         _fill_from_neighbours(values, failed)
     for j in range(grid.dimension):
         values = _filtered(values, j, order, grid.wraps[j])
-    # The look-up reads whole vectors, so that it may read past the last coefficient.
+    return _with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
+
+
+def _with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return coefficients with memory behind them: look-ups read whole vectors, and so past the last coefficient."""
     flat = np.zeros(values.size + WIDTH)
     flat[: values.size] = values.ravel()
-    return flat[: values.size].reshape(values.shape), _cells_with_failed_corner(failed, grid, order)
+    return flat[: values.size].reshape(values.shape)
 
 
-def _displacements(exact: PointMap, axes: list[NDArray[np.float64]], progress: bool) -> NDArray[np.float64]:
+def _displacements(
+    exact: PointMap, axes: list[NDArray[np.float64]], progress: bool, tiles: TableTiles = _HERE
+) -> NDArray[np.float64]:
     """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
     shape = tuple(map(len, axes))
     moved = np.empty((int(np.prod(shape)), len(axes)))
-    turn = turns_of(exact.coordinates)[1]
 
-    def tabulate(part: slice) -> None:
-        nodes = grid_points(axes, part)
-        orbits = Orbits.starting(nodes.copy())
-        exact.advance(orbits, 1)
-        moved[part] = orbits.points + orbits.turns * turn - nodes
+    def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        arrays["displacement"][part] = images - grid_points(axes, part)
 
-    run_over(slices(len(moved), CHUNK), tabulate, f"tabulating {exact.name}" if progress else None)
+    bar = f"tabulating {exact.name}" if progress else None
+    tiles.images(exact, axes, {"displacement": moved}, subtract, bar)
     return moved.reshape(*shape, len(axes))
 
 
@@ -227,7 +303,8 @@ def _filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -
     result = np.empty(shape)
     # In slabs across another axis: little memory besides the result, and work for all threads.
     across = 0 if axis else values.ndim - 1 if values.ndim == 2 else 1
-    size = max(1, shape[across] // 32)
+    numbers = values.size // shape[across]
+    size = max(1, shape[across] // 32, _SLAB // max(numbers, 1))
 
     def filter_slab(part: slice) -> None:
         slab = (slice(None),) * across + (part,)
@@ -281,44 +358,82 @@ def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[n
 
 
 def _centre_errors(
-    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool
+    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles = _HERE
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Compare both images of every cell's centre."""
     grid = table.grid
     indicator = np.empty(grid.size, np.float32)
     rough = np.empty(grid.size, bool)
     turn = turns_of(exact.coordinates)[1]
-    interpolated = _Advance(exact, table, "escape")
+    interpolated = LookUps(exact, [table], "escape")
     axes = [grid.axis(j) for j in range(grid.dimension)]
 
-    def compare(part: slice) -> None:
-        centres = grid_points(axes, part)
-        images = []
-        for advance in (exact.advance, interpolated):
-            orbits = Orbits.starting(centres.copy())
-            advance(orbits, 1)
-            images.append(orbits.points + orbits.turns * turn)
-        error = np.abs(images[0] - images[1])
+    def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        orbits = Orbits.starting(grid_points(axes, part))
+        interpolated(orbits, 1)
+        error = np.abs(images - (orbits.points + orbits.turns * turn))
         with np.errstate(invalid="ignore", over="ignore"):
             worst = (error / grid.widths).max(axis=-1)
-            indicator[part] = np.where(np.isfinite(worst), worst, np.inf)
-            rough[part] = ~(error <= allowed).all(axis=-1)
+            arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
+            arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
 
-    run_over(slices(grid.size, CHUNK), compare, f"checking the table of {exact.name}" if progress else None)
+    bar = f"checking the table of {exact.name}" if progress else None
+    tiles.images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
     return indicator.reshape(grid.shape), rough.reshape(grid.shape)
 
 
-class _Advance:
-    """Iteration of a table, with the exact map where the table does not serve."""
+def _leap_table(
+    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
+) -> CellTable:
+    """Tabulate twice as many periods as the last table has, by look-ups of the table of one period."""
+    grid, order = tables[0].grid, tables[0].order
+    periods = 2 ** len(tables)
+    # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
+    carried = _several(exact, LookUps(exact, tables[:1], "integrate"), periods)
+    coefficients, spoilt = _coefficients(carried, grid, order, progress)
+    smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
+    single = _several(exact, LookUps(exact, tables[:1], outside), periods)
+    indicator, rough = _centre_errors(single, smooth, allowed, progress)
+    if outside == "escape":
+        ended = np.isnan(_displacements(single, _nodes(grid, order), progress)[..., 0])  # an end takes all coordinates
+        spoilt |= _cells_with_failed_corner(ended, grid, order)
+        # Where no corner of the cells around leaves the window on its way, no point of the cell does.
+        for j in range(grid.dimension):
+            spoilt |= np.roll(spoilt, 1, axis=j) | np.roll(spoilt, -1, axis=j)
+    return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
 
-    def __init__(self, exact: PointMap, table: CellTable, outside: str) -> None:
-        grid, coefficients = table.grid, table.coefficients
+
+def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
+    """Return the map whose step is several periods of a table."""
+
+    def make(orbits: Orbits, steps: int) -> None:
+        advance(orbits, steps * periods)
+
+    recipe = {"kind": "several", "periods": periods, "of": dict(exact.recipe)}
+    return replace(exact, advance=make, recipe=recipe, tangent=None, family=None)
+
+
+class LookUps:
+    """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
+
+    `coefficients` are those of the first table, in the memory that all of them share.
+    """
+
+    def __init__(self, exact: PointMap, tables: Sequence[CellTable], outside: str) -> None:
+        grid, coefficients = tables[0].grid, tables[0].coefficients
         self._exact, self._integrate, self._grid = exact, outside == "integrate", grid
-        self._look_up = lookup_kernel(grid.dimension, table.order)
+        self._look_up = lookup_kernel(grid.dimension, tables[0].order)
         lower, turn = turns_of(exact.coordinates)
-        strides = np.array(coefficients.strides[:-1]) // coefficients.itemsize
-        flat = np.lib.stride_tricks.as_strided(coefficients, (coefficients.size + WIDTH,), (coefficients.itemsize,))
-        rough = table.rough.ravel() if table.rough.any() else np.zeros(0, bool)
+        strides = np.array([*coefficients.strides[:-1], coefficients.nbytes]) // coefficients.itemsize
+        if len(tables) == 1:
+            # Tables come with the spare doubles that the look-up reads behind them.
+            flat = np.lib.stride_tricks.as_strided(coefficients, (coefficients.size + WIDTH,), (coefficients.itemsize,))
+        else:
+            flat = np.concatenate([*(t.coefficients.ravel() for t in tables), np.zeros(WIDTH)])
+        self.coefficients = flat[: coefficients.size].reshape(coefficients.shape)
+        reach = np.zeros(0, np.uint8)
+        if len(tables) > 1 or tables[0].rough.any():
+            reach = np.sum([~t.rough.ravel() for t in tables], axis=0, dtype=np.uint8)
         circle = np.where(grid.wraps, np.array(grid.shape, float), turn / grid.widths)
         self._description = (
             flat,
@@ -327,12 +442,13 @@ class _Advance:
             1.0 / grid.widths,
             np.array(grid.shape),
             circle,
-            np.ascontiguousarray(rough),
+            reach,
             lower,
             turn,
         )
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
+        """Move a batch on, in place."""
         for now in orbits.living():
             left = np.full(len(now), periods, np.int64)
             for part in self._moving(now, left):
@@ -350,11 +466,12 @@ class _Advance:
         part = everyone
         while len(part):
             if part is everyone:
-                self._look_up(orbits.points, orbits.turns, left, *self._description)
+                made = self._look_up(orbits.points, orbits.turns, left, *self._description)
             else:
                 some, remaining = orbits[part], left[part]
-                self._look_up(some.points, some.turns, remaining, *self._description)
+                made = self._look_up(some.points, some.turns, remaining, *self._description)
                 orbits[part], left[part] = some, remaining
+            orbits.work.look_ups += made
             part = part[left[part] > 0]
             if len(part):
                 yield part

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of
 from .kernels.blocks import wrap_rows
 from .threads import progress_bar, run_over, slices
+from .tiles import check_client, run_tiles
 
 if TYPE_CHECKING:
     from .grid import CellGrid
@@ -57,22 +58,65 @@ class Cost:
         Wall time.
     steps : int
         Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
+    tabulation : float
+        Wall time of making the table; for basins that of their map, which `seconds` leaves out.
+    iteration : float
+        Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
+    evaluations : int
+        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, with
+        those of steps that were repeated; applications of a discrete map.
+    look_ups : int
+        Look-ups in the table that these steps took; one with a leap stands for several periods.
     """
 
     seconds: float = 0.0
     steps: int = 0
+    tabulation: float = 0.0
+    iteration: float = 0.0
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+@dataclass(eq=False)
+class Work:
+    """What was done for a batch of orbits; maps count.  See :class:`Cost`."""
+
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+class Tally(NamedTuple):
+    """What labelling some starts took.
+
+    ``steps``: periods made by all of them; ``inaccurate``: starts on whose way the integrator missed its tolerance;
+    ``evaluations``, ``look_ups``: see :class:`Cost`.
+    """
+
+    steps: int = 0
+    inaccurate: int = 0
+    evaluations: int = 0
+    look_ups: int = 0
+
+    def plus(self, other: Iterable[int]) -> Tally:
+        """Return the sum of two."""
+        return Tally(*(int(a + b) for a, b in zip(self, other, strict=True)))
+
+
+NOTHING = Tally()
 
 
 @dataclass(eq=False)
 class Orbits:
     """Working state of a batch of orbits; kernels change it in place.
 
-    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8.
+    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8; ``work``
+    is shared by all parts of a batch.
     """
 
     points: NDArray[np.float64]
     turns: NDArray[np.int64]
     status: NDArray[np.uint8]
+    work: Work = field(default_factory=Work)
 
     @classmethod
     def starting(cls, points: NDArray[np.float64]) -> Orbits:
@@ -82,10 +126,11 @@ class Orbits:
     @classmethod
     def joined(cls, parts: Sequence[Orbits]) -> Orbits:
         """Put batches one behind the other."""
-        return cls(*(np.concatenate([getattr(o, name) for o in parts]) for name in ("points", "turns", "status")))
+        points, turns, status = (np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "turns", "status"))
+        return cls(points, turns, status)
 
     def __getitem__(self, part: Any) -> Orbits:
-        return Orbits(self.points[part], self.turns[part], self.status[part])
+        return Orbits(self.points[part], self.turns[part], self.status[part], self.work)
 
     def __setitem__(self, part: Any, other: Orbits) -> None:
         self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status
@@ -215,6 +260,25 @@ class Family:
 
 
 @dataclass(frozen=True, eq=False)
+class Origin:
+    """The call that made a map: as this it travels to other processes, where it is made again.
+
+    Parameters
+    ----------
+    make : callable
+        Function of a module that returns the map.
+    arguments : tuple
+        Its arguments; they can be pickled.
+    advance : callable
+        `advance` of the map that was made, by which a map that has been changed since is told from it.
+    """
+
+    make: Callable[..., PointMap]
+    arguments: tuple[Any, ...]
+    advance: Callable[[Orbits, int], None]
+
+
+@dataclass(frozen=True, eq=False)
 class PointMap:
     """A map of phase space to itself: stroboscopic, interpolated or discrete, all of one type.
 
@@ -245,6 +309,8 @@ class PointMap:
         ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
     family : Family or None
         How the map changes with its parameters.
+    origin : Origin or None
+        The call that made the map, for use in other processes.
     cost : Cost
         What making the map has cost.
     """
@@ -260,11 +326,20 @@ class PointMap:
     table: CellTable | None = None
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
     family: Family | None = field(default=None, repr=False)
+    origin: Origin | None = field(default=None, repr=False)
     cost: Cost = Cost()
 
     def __repr__(self) -> str:
         values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
         return f"PointMap({self.recipe.get('kind', 'map')} of {self.name}: {values})"
+
+    def __reduce__(self) -> tuple[Callable[..., PointMap], tuple[Any, ...]]:
+        if self.origin is None or self.origin.advance is not self.advance:
+            raise TypeError(
+                f"{self!r} cannot be pickled, and so not be used by other processes: give its PointMap an origin, the "
+                "call that makes it"
+            )
+        return self.origin.make, self.origin.arguments
 
     @property
     def dimension(self) -> int:
@@ -292,7 +367,7 @@ class PointMap:
         warn_of_tolerance(images.status, self)
         return images.points
 
-    def iterate(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+    def iterate(self, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
         """Return the images of points after a number of periods.
 
         Parameters
@@ -303,6 +378,8 @@ class PointMap:
             Steps of the map.
         progress : bool, optional
             Show a bar on a terminal for work of more than two seconds.
+        client : distributed.Client, optional
+            Dask cluster that does the work; by default the threads of this process do.
 
         Returns
         -------
@@ -314,7 +391,7 @@ class PointMap:
         ToleranceWarning
             Where the tolerance of the integrator was not met; those images have the status INACCURATE.
         """
-        images = follow(self, points, periods, progress)
+        images = follow(self, points, periods, progress, client)
         warn_of_tolerance(images.status, self)
         return images
 
@@ -393,19 +470,38 @@ class PointMap:
         return MapError(median, high, largest, errors.size)
 
 
-def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
     """Iterate points as :meth:`PointMap.iterate` does, without a warning of missed tolerances."""
     starts = finite_points("points", points, point_map.dimension)
     periods = whole_number("periods", periods)
+    check_client(client)
     claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
     orbits = Orbits.starting(starts.reshape(-1, point_map.dimension))
     lower, turn = turns_of(point_map.coordinates)
     wrap_rows(orbits.points, orbits.turns, lower, turn)
     orbits.turns[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
-    run_over(slices(len(orbits), CHUNK), lambda part: point_map.advance(orbits[part], periods), label)
+    parts = slices(len(orbits), CHUNK)
+
+    def deliver(number: int, images: Orbits) -> None:
+        orbits[parts[number]] = images
+
+    run_tiles(range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), deliver, client, label)
     shape = starts.shape
     return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates)
+
+
+@dataclass(frozen=True, eq=False)
+class _Advanced:
+    """Work of a tile: orbits moved on by some periods."""
+
+    point_map: PointMap
+    periods: int
+
+    def __call__(self, orbits: Orbits) -> Orbits:
+        images = Orbits.joined([orbits])
+        self.point_map.advance(images, self.periods)
+        return images
 
 
 def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .basins import Basins, find_basins
+from .basin_finding import find_basins
+from .basins import Basins
 from .grid import CellGrid
 from .interpolated import interpolated_map
 from .pointmap import PointMap
@@ -52,6 +53,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
                 order=int(recipe["order"]),
                 outside=recipe["outside"],
                 tolerance=recipe["tolerance"],
+                leap=recipe.get("leap", 1),
             )
         case "stroboscopic", ForcedSystem():
             if source.length != recipe["period"]:

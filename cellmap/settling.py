@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Cover
 from .coordinates import turns_of
 from .kernels.capture import capture
-from .pointmap import Orbits, PointMap, Status
+from .pointmap import Orbits, PointMap, Status, Tally, Work
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
@@ -81,15 +81,13 @@ class Settled:
 
     ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED, NO_RETURN; ``times`` (n,): period in
     which the start was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of
-    the undecided;
-    ``inaccurate``: starts on whose way the integrator missed its tolerance; ``steps``: periods made by all starts.
+    the undecided; ``tally``: what it took.
     """
 
     labels: NDArray[np.int16]
     times: NDArray[np.int32]
     orbits: Orbits
-    inaccurate: int
-    steps: int
+    tally: Tally
 
     @property
     def undecided(self) -> NDArray[np.int64]:
@@ -99,7 +97,57 @@ class Settled:
 
 def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
+    leap = point_map.recipe.get("leap", 1)
+    # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
+    if leap == 1 or leap > periods or catalogue.covers:
+        return _settle_singly(point_map, orbits, catalogue, periods, age)
+    return _settle_leaping(point_map, orbits, catalogue, periods, age, leap)
+
+
+def _settle_leaping(
+    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int, leap: int
+) -> Settled:
+    """Settle orbits by leaps: their neighbourhoods hold them, so that those captured within a leap show at its end."""
+    n, end = len(orbits), age + periods
+    work, past = orbits.work, replace(orbits.work)
+    labels = np.full(n, UNDECIDED, np.int16)
+    times = np.full(n, -1, np.int32)
+    members, now = np.arange(n), orbits
+    entered, since = np.empty_like(orbits.points), np.full(n, -1)
+    inaccurate = steps = 0
+    for k in range(age, end, leap):
+        stride = min(leap, end - k)
+        before = now.points.copy()
+        point_map.advance(now, stride)
+        steps += stride * len(now)
+        found = catalogue.owners_of(now.points)
+        over = (found >= 0) | ~now.alive
+        if not over.any():
+            continue
+        done, keep = np.flatnonzero(over), np.flatnonzero(~over)
+        rows, status, owners = members[done], now.status[done], found[done]
+        labels[rows] = np.where(owners >= 0, owners, _CODES[status])
+        times[rows] = np.where(owners >= 0, k + stride, -1)
+        entered[rows], since[rows] = before[done], k
+        inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
+        members, now = members[keep], now[keep]
+        if not len(members):
+            break
+    # The last leap of all starts together once more, by single periods, for the period in which it happened.
+    rows = np.flatnonzero(since >= 0)
+    again = _settle_singly(point_map, Orbits.starting(entered[rows]), catalogue, leap, 0)
+    told = again.labels != UNDECIDED
+    rows = rows[told]
+    labels[rows] = again.labels[told]
+    times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
+    inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
+    tally = Tally(steps, inaccurate, *_since(past, work)).plus(again.tally._replace(inaccurate=0))
+    return Settled(labels, times, now, tally)
+
+
+def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int) -> Settled:
     n = len(orbits)
+    work, past = orbits.work, replace(orbits.work)
     labels = np.full(n, UNDECIDED, np.int16)
     times = np.full(n, -1, np.int32)
     members = np.arange(n)
@@ -121,11 +169,11 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
         last = k == age + periods
         over = (found >= 0) | ~now.alive
         if last or np.count_nonzero(over) * 4 > len(over):
-            rows = members[over]
-            inaccurate += int(np.count_nonzero(now.status[over] == Status.INACCURATE))
-            labels[rows] = np.where(found[over] >= 0, found[over], _CODES[now.status[over]])
-            times[rows] = np.where(found[over] >= 0, when[over], -1)
-            keep = ~over
+            done, keep = np.flatnonzero(over), np.flatnonzero(~over)  # numpy gathers by numbers faster than by marks
+            rows, status, owners = members[done], now.status[done], found[done]
+            inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
+            labels[rows] = np.where(owners >= 0, owners, _CODES[status])
+            times[rows] = np.where(owners >= 0, when[done], -1)
             members, now, found, when = members[keep], now[keep], found[keep], when[keep]
             residence = residence[:, keep]
         if last or not len(members):
@@ -134,7 +182,12 @@ def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: i
         before = now.points.copy() if catalogue.covers else before
         point_map.advance(now, 1)
     inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
-    return Settled(labels, times, now, inaccurate, steps)
+    return Settled(labels, times, now, Tally(steps, inaccurate, *_since(past, work)))
+
+
+def _since(past: Work, now: Work) -> tuple[int, int]:
+    """Return what was counted in between."""
+    return now.evaluations - past.evaluations, now.look_ups - past.look_ups
 
 
 def inside_cover(

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import os
 import platform
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -16,10 +14,14 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from .attractor import Attractor, Cover, Kind, Neighbourhood
 from .basins import LABEL_NAMES, Basins
+from .checkpoint import Checkpoint, add_unwritten, digest_of, plain, reserve
 from .coordinates import Coordinate
+from .files import StoreError as StoreError
+from .files import as_path, as_target, written_whole
 from .grid import CellGrid
 from .pointmap import Cost
 
@@ -29,10 +31,6 @@ SCHEMA = 1
 
 
 _ONLY = "basins"  # name of a picture that is alone in its file
-
-
-class StoreError(OSError):
-    """A file that is not what it should be."""
 
 
 def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
@@ -70,7 +68,7 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     >>> bool((same.labels == halves.labels).all())
     True
     """
-    path = _as_path(path)
+    path = as_path("path", path)
     pictures = basins if isinstance(basins, Mapping) else {_ONLY: basins}
     for picture in pictures.values():
         if not isinstance(picture, Basins):
@@ -81,27 +79,74 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
         raise ValueError(
             f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
         )
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"path={str(path)!r}: there is no folder {str(path.parent)!r}; make it first")
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        with h5py.File(temporary, "w") as file:
-            file.attrs.update(format=FORMAT, schema=SCHEMA, written=datetime.now(UTC).isoformat(timespec="seconds"))
-            file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
-            file.attrs["machine"] = platform.machine()
-            for key, picture in pictures.items():
-                _write(file.create_group(key), picture)
-            file.attrs["digest"] = _digest(file)
-        with temporary.open("rb") as stream:
-            os.fsync(stream.fileno())
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with written_whole(as_target("path", path)) as temporary, h5py.File(temporary, "w") as file:
+        for key, picture in pictures.items():
+            _write(file.create_group(key), picture)
+        _describe(file)
     return path
+
+
+def write_picture(
+    path: Path,
+    shape: tuple[int, ...],
+    fill: Callable[[Checkpoint, NDArray[np.int16], NDArray[np.int32]], Basins],
+    belongs: Mapping[str, Any],
+) -> Basins:
+    """Write basins whose labels need not fit into memory, and return them with labels that stay in the file.
+
+    ``fill(file, labels, times)`` fills flat arrays of a file, and returns the basins that are made of them; `belongs`
+    says which run they come from.
+    """
+    with written_whole(path) as temporary:
+        with h5py.File(temporary, "w") as file:
+            group = file.create_group(_ONLY)
+            add_unwritten(group, "labels", shape, np.int16)
+            add_unwritten(group, "settling_time", shape, np.int32)
+        reserve(temporary)
+        arrays = Checkpoint(temporary)
+        basins = fill(arrays, *(arrays[f"{_ONLY}/{name}"].reshape(-1) for name in ("labels", "settling_time")))
+        with h5py.File(temporary, "r+") as file:
+            _write(file[_ONLY], basins)
+            file[_ONLY].attrs["belongs"] = json.dumps(plain(belongs))
+            _describe(file)
+        arrays.release()
+    return _with_arrays_of(path, basins)
+
+
+def is_picture(path: Path) -> bool:
+    """Tell whether there is a file of basins."""
+    try:
+        with h5py.File(path, "r") as file:
+            return file.attrs.get("format") == FORMAT
+    except OSError:
+        return False
+
+
+def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
+    """Read what :func:`write_picture` wrote, with labels that stay in the file; also return which run it comes from."""
+    belongs: dict[str, Any] = {}
+
+    def read(group: h5py.Group) -> Basins:
+        belongs.update(json.loads(group.attrs["belongs"]) if "belongs" in group.attrs else {})
+        return _read(group, np.zeros(0, np.int16), np.zeros(0, np.int32))
+
+    basins = _checked(path, None, read)
+    return (_with_arrays_of(path, basins), belongs) if belongs else (basins, belongs)
+
+
+def _with_arrays_of(path: Path, basins: Basins) -> Basins:
+    """Return basins whose arrays are those of a file; changes of them are not written there."""
+    arrays = Checkpoint(path, "c")
+    labels, times = (arrays[f"{_ONLY}/{name}"] for name in ("labels", "settling_time"))
+    return dataclasses.replace(basins, labels=labels, settling_time=times)
+
+
+def _describe(file: h5py.File) -> None:
+    """Say what a file is that holds its pictures already."""
+    file.attrs.update(format=FORMAT, schema=SCHEMA, written=datetime.now(UTC).isoformat(timespec="seconds"))
+    file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
+    file.attrs["machine"] = platform.machine()
+    file.attrs["digest"] = digest_of(file)
 
 
 def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins:
@@ -128,7 +173,11 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
     StoreError
         For a file that is truncated or damaged, that something else wrote, or that a newer cellmap wrote.
     """
-    path = _as_path(path)
+    return _checked(as_path("path", path), name, _read)
+
+
+def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins]) -> Basins:
+    """Read a picture of a file whose contents are those that were written."""
     if not path.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
     try:
@@ -139,43 +188,19 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
                 raise StoreError(
                     f"{str(path)!r} has layout {file.attrs['schema']} and this cellmap knows {SCHEMA}: update cellmap"
                 )
-            if file.attrs["digest"] != _digest(file):
+            if file.attrs["digest"] != digest_of(file):
                 raise StoreError(
                     f"{str(path)!r} is damaged: its contents are not those that were written; write it again"
                 )
             names = list(file)
             chosen = names[0] if name is None and len(names) == 1 else name
             if chosen in names:
-                return _read(file[chosen])
+                return read(file[chosen])
     except StoreError:
         raise
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeDecodeError) as error:
         raise StoreError(f"{str(path)!r} is truncated, damaged or no HDF5 file: write it again ({error})") from error
     raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
-
-
-def _as_path(path: Any) -> Path:
-    try:
-        return Path(path)
-    except TypeError:
-        raise TypeError(f"path={path!r}: give the name of a file") from None
-
-
-def _digest(file: h5py.File) -> str:
-    """Hash of all that a file holds: names, attributes and arrays."""
-    digest = hashlib.sha256()
-
-    def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
-        digest.update(name.encode())
-        for key in sorted(set(item.attrs) - {"digest"}):
-            digest.update(f"{key}={np.asarray(item.attrs[key]).tolist()!r}".encode())
-        if isinstance(item, h5py.Dataset):
-            values = np.asarray(item[()])
-            digest.update(f"{values.dtype.str}{values.shape}".encode() + values.tobytes())
-
-    add("/", file)
-    file.visititems(add)
-    return digest.hexdigest()
 
 
 def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
@@ -184,22 +209,19 @@ def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
     return group.create_dataset(name, data=values, **packed)
 
 
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current
-
-
 def _write(file: h5py.Group, basins: Basins) -> None:
     file.attrs["system"] = basins.name
     file.attrs["params"] = json.dumps(dict(basins.params))
-    file.attrs["settings"] = json.dumps(_plain(basins.settings))
+    file.attrs["settings"] = json.dumps(plain(basins.settings))
     file.attrs["coordinates"] = json.dumps([dataclasses.asdict(c) for c in basins.coordinates])
     file.attrs["inaccurate"] = basins.inaccurate
     file.attrs["cost"] = json.dumps(dataclasses.asdict(basins.cost))
-    labels = _add_array(file, "labels", basins.labels)
-    labels.attrs["meaning"] = json.dumps({str(k): basins.label_name(k) for k in basins.fractions} | _codes())
-    _add_array(file, "settling_time", basins.settling_time).attrs["unit"] = "periods"
+    for name in ("labels", "settling_time"):
+        if name not in file:
+            _add_array(file, name, getattr(basins, name))
+    names = {str(k): basins.label_name(k) for k in range(len(basins.attractors))}
+    file["labels"].attrs["meaning"] = json.dumps(names | _codes())
+    file["settling_time"].attrs["unit"] = "periods"
     if basins.grid is not None:
         grid = file.create_group("grid")
         grid.attrs.update(
@@ -207,9 +229,18 @@ def _write(file: h5py.Group, basins: Basins) -> None:
         )
     if basins.starts is not None:
         _add_array(file, "starts", basins.starts)
-    group = file.create_group("attractors")
-    for k, attractor in enumerate(basins.attractors):
+    write_attractors(file.create_group("attractors"), basins.attractors)
+
+
+def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None:
+    """Write attractors under their numbers."""
+    for k, attractor in enumerate(attractors):
         _write_attractor(group.create_group(str(k)), attractor)
+
+
+def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> tuple[Attractor, ...]:
+    """Read what :func:`write_attractors` wrote."""
+    return tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group)))
 
 
 def _codes() -> dict[str, str]:
@@ -228,17 +259,17 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
                     group[f"{part}/{field.name}"] = value
 
 
-def _read(file: h5py.Group) -> Basins:
+def _read(file: h5py.Group, labels: NDArray[np.int16] | None = None, times: NDArray[np.int32] | None = None) -> Basins:
+    """Read a picture, and its arrays if they are not given."""
     coordinates = tuple(Coordinate(**c) for c in json.loads(file.attrs["coordinates"]))
     grid = None
     if "grid" in file:
         g = file["grid"].attrs
         grid = CellGrid(*(tuple(g[n].tolist()) for n in ("lower", "upper", "shape", "wraps")))
-    group = file["attractors"]
     return Basins(
-        labels=file["labels"][()],
-        attractors=tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group))),
-        settling_time=file["settling_time"][()],
+        labels=file["labels"][()] if labels is None else labels,
+        attractors=read_attractors(file["attractors"], coordinates),
+        settling_time=file["settling_time"][()] if times is None else times,
         grid=grid,
         starts=file["starts"][()] if "starts" in file else None,
         name=str(file.attrs["system"]),
@@ -265,12 +296,3 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         coordinates=coordinates,
         **parts,
     )
-
-
-def _plain(value: Any) -> Any:
-    """Turn settings into what JSON holds."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value

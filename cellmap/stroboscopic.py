@@ -13,7 +13,7 @@ from .coordinates import turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
-from .pointmap import Family, Orbits, PointMap
+from .pointmap import Family, Orbits, Origin, PointMap
 from .sweep import swept_system
 from .system import ForcedSystem
 
@@ -133,4 +133,5 @@ def stroboscopic_map(
         tolerance=(rtol, atol),
         tangent=tangent,
         family=Family(at=lambda params: again(system.with_params(**params)), swept=swept),
+        origin=Origin(stroboscopic_map, (system, phase, rtol, atol, method, max_steps), advance),
     )

@@ -15,7 +15,7 @@ import numpy as np
 from .codegen.kernel import traced_switching, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate
-from .pointmap import Orbits, PointMap
+from .pointmap import Orbits, Origin, PointMap
 from .system import ForcedSystem
 
 
@@ -156,7 +156,7 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
             mine = np.flatnonzero((rows.ravel() == k) & orbits.alive)
             if len(mine):
                 part = orbits[mine]
-                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status)
+                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status, part.work)
                 at({**exact.params, **dict(zip(names, value.tolist(), strict=True))}).advance(inner, periods)
                 part.points[:, :d], part.turns[:, :d], part.status = inner.points, inner.turns, inner.status
                 part.points[~part.alive] = np.nan
@@ -170,4 +170,5 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
         recipe={"kind": "swept", "names": list(names), "exact": dict(exact.recipe)},
         period=exact.period,
         tolerance=exact.tolerance,
+        origin=Origin(_row_by_row, (exact, names), advance),
     )

@@ -44,6 +44,7 @@ html_theme_options = {"show_prev_next": True, "secondary_sidebar_items": ["page-
 
 EXPORTS = "<!-- everything that cellmap exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
+WORK_PRECISION = "<!-- what accuracy costs -->"
 GALLERY = "<!-- what the studies draw and print -->"
 
 ROOT = Path(__file__).parents[1]
@@ -112,6 +113,13 @@ def hard_case_results() -> str:
     return (results("hard_cases") / "hard_cases.md").read_text(encoding="utf-8")
 
 
+def work_precision_results() -> str:
+    """Return the tables and pictures of time against error."""
+    folder = results("work_precision")
+    text = (folder / "work_precision.md").read_text(encoding="utf-8")
+    return text.replace("](", f"]({folder.relative_to(GENERATED.parent).as_posix()}/")
+
+
 def gallery() -> str:
     """Return all studies that draw: what each is about, its pictures, and what it prints."""
     parts = []
@@ -149,15 +157,20 @@ def computed(text: Callable[[], str]) -> Callable[[], str]:
 
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
-    pages = ((EXPORTS, exports), (HARD_CASES, computed(hard_case_results)), (GALLERY, computed(gallery)))
-    for marker, text in pages:
+    pages = {
+        EXPORTS: exports,
+        HARD_CASES: computed(hard_case_results),
+        WORK_PRECISION: computed(work_precision_results),
+        GALLERY: computed(gallery),
+    }
+    for marker, text in pages.items():
         if marker in source[0]:
             source[0] = source[0].replace(marker, text())
 
 
 def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     """Name the pages that change with the code, whether or not their own text has."""
-    return ["gallery", "hard-cases", "reference"]
+    return ["accuracy-and-cost", "gallery", "hard-cases", "reference"]
 
 
 def setup(app: Sphinx) -> None:

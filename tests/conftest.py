@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     # The kernels of the suite are kept with pytest's own cache: nothing is left in the user's.
-    if "CELLMAP_CACHE_DIR" not in os.environ and config.cache is not None:
+    if "CELLMAP_CACHE_DIR" not in os.environ and getattr(config, "cache", None) is not None:
         os.environ["CELLMAP_CACHE_DIR"] = str(config.cache.mkdir("kernels"))
 
 

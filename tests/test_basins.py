@@ -540,9 +540,10 @@ def test_verify_counts_exactly_what_is_planted():
 @pytest.mark.parametrize(("n", "wrong"), [(10, 0), (10, 10), (200, 3), (400, 200), (1, 0)])
 def test_interval_of_the_share(n, wrong):
     """Wilson's interval is where abs(share - p) = 1.96 sqrt(p (1 - p) / n)."""
-    from cellmap.basins import _wilson
+    from cellmap.basins import Verification
 
-    low, high = _wilson(wrong, n)
+    found = Verification.of(wrong, n)
+    low, high = found.low, found.high
     assert 0 <= low <= wrong / n <= high <= 1
     for p in (low, high):
         if 0 < p < 1:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+import re
+from math import ceil, cos, pi, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from scipy.interpolate import BSpline, NdBSpline
 from scipy.ndimage import map_coordinates
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
-from cellmap.codegen.lookup import BLOCK, lookup_kernel
+from cellmap.codegen.lookup import BLOCK, lookup_kernel, lookup_text
+from cellmap.codegen.module import module_in_memory
 from cellmap.kernels.contraction import WIDTH, basis_polynomials
 
 ORDERS = (1, 3, 5)
@@ -136,9 +139,71 @@ def test_rows_stop_where_the_table_ends_and_keep_their_periods():
     look_up = lookup_kernel(1, 1)
     table = np.concatenate([np.ones(5), np.zeros(WIDTH)])
     points, turns, left = np.array([[0.5], [3.5], [-0.5], [np.nan], [1.0]]), np.zeros((5, 1), np.int64), np.full(5, 3)
-    rough = np.array([False, False, True, False])
+    reach = np.array([1, 1, 0, 1], np.uint8)
     window = (np.zeros(1), np.ones(1), np.array([4]), np.zeros(1))
     line = (np.array([-np.inf]), np.zeros(1))
-    look_up(points, turns, left, table, np.ones(1, np.int64), *window, rough, *line)
+    look_up(points, turns, left, table, np.array([1, 5]), *window, reach, *line)
     assert points[:, 0] == pytest.approx([2.5, 4.5, -0.5, np.nan, 2.0], nan_ok=True)
     assert left.tolist() == [1, 2, 3, 3, 2]
+
+
+def test_a_row_that_stops_leaves_its_lane_to_another():
+    """More rows than a block has, each with its own number of periods, and some that leave at once."""
+    look_up = lookup_kernel(1, 1)
+    n = 5 * BLOCK + 3
+    rng = np.random.default_rng(2)
+    starts, periods = rng.uniform(-1.0, 9.0, n), rng.integers(0, 12, n)
+    points, turns, left = starts[:, None].copy(), np.zeros((n, 1), np.int64), periods.copy()
+    table = np.concatenate([np.ones(11), np.zeros(WIDTH)])
+    window = (np.zeros(1), np.ones(1), np.array([10]), np.zeros(1))
+    line = (np.array([-np.inf]), np.zeros(1))
+    look_up(points, turns, left, table, np.array([1, 11]), *window, np.zeros(0, np.uint8), *line)
+    made = np.where(starts < 0.0, 0, np.minimum(periods, np.floor(11.0 - starts)))
+    assert left.tolist() == (periods - made).tolist()
+    assert points[:, 0] == pytest.approx(starts + made, abs=1e-14)
+
+
+# --- tables of several periods
+
+STEPS = np.array([1e-6, 1e-3, 1.0])  # what the tables of 1, 2 and 4 periods add here, to tell them apart
+
+
+def leaps_made(periods: int, reach: int) -> list[int]:
+    """Count the look-ups in each of three tables that a row makes where its cell allows `reach` of them."""
+    table = np.concatenate([*(np.full(1001, step) for step in STEPS), np.zeros(WIDTH)])
+    points, turns, left = np.zeros((1, 1)), np.zeros((1, 1), np.int64), np.array([periods])
+    window = (np.zeros(1), np.ones(1), np.array([1000]), np.zeros(1))
+    line = (np.array([-np.inf]), np.zeros(1))
+    allowed = np.full(1000, reach, np.uint8)
+    lookup_kernel(1, 1)(points, turns, left, table, np.array([1, 1001]), *window, allowed, *line)
+    assert left[0] == 0
+    made = round(points[0, 0] / STEPS[0])
+    return [made % 1000, made // 1000 % 1000, made // 1_000_000]
+
+
+@pytest.mark.parametrize("periods", range(12))
+def test_a_row_takes_the_longest_leap_that_its_cell_and_its_periods_allow(periods):
+    assert leaps_made(periods, 1) == [periods, 0, 0]
+    assert leaps_made(periods, 2) == [periods % 2, periods // 2, 0]
+    assert leaps_made(periods, 3) == [periods % 2, periods % 4 // 2, periods // 4]
+
+
+# --- the compiled kernel
+
+PACKED_FLOOR = re.compile(r"\b(v?roundpd|vrndscalepd)\b|\bfrintm\s+v\d+\.2d")
+PACKED_SUM = re.compile(r"\b(v?(add|mul|fmadd\d+)pd)\b|\bf(add|mul|mla)(\.2d)?\s+v\d+\.2d")
+
+
+def assembly_of(order: int) -> str:
+    text = lookup_text(2, order).replace("**KERNEL)", "**{**KERNEL, 'cache': False})")
+    look_up: Any = module_in_memory(text, "structure").look_up
+    (assembly,) = look_up.inspect_asm().values()
+    return str(assembly)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_places_turns_and_sums_are_vector_code(order):
+    """Two floors bring places into the circle, two find cells and two whole turns; each row takes so many products."""
+    assembly = assembly_of(order)
+    assert len(PACKED_FLOOR.findall(assembly)) >= 6
+    assert len(PACKED_SUM.findall(assembly)) >= (order + 1) * ceil((order + 1) * 2 / WIDTH)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..basins import Basins, find_basins
+from ..basin_finding import find_basins
+from ..basins import Basins
 from ..checks import whole_number
 from ..coordinates import wrap
 from ..grid import CellGrid

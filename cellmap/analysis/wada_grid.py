@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..basins import find_basins
+from ..basin_finding import find_basins
 from ..basins import Basins
 from ..checks import finite_number, whole_number
 from ..grid import CellGrid, grid_points

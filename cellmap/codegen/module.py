@@ -14,14 +14,14 @@ import importlib.util
 import linecache
 import os
 import sys
-import tempfile
 import types
 from pathlib import Path
 from typing import Any
 
 import numba
 
-from ..kernels import borrow, options, simd_math, sums, switching
+from ..files import written_whole
+from ..kernels import borrow, contraction, options, simd_math, sums, switching
 
 
 def cache_folder() -> Path | None:
@@ -36,7 +36,8 @@ def cache_folder() -> Path | None:
 @functools.cache
 def _inlined_text() -> str:
     return "".join(
-        Path(str(m.__file__)).read_text(encoding="utf-8") for m in (borrow, options, simd_math, sums, switching)
+        Path(str(m.__file__)).read_text(encoding="utf-8")
+        for m in (borrow, contraction, options, simd_math, sums, switching)
     )
 
 
@@ -86,10 +87,8 @@ def _write_whole(name: str, text: str) -> Path | None:
         if path.exists() and path.read_text(encoding="utf-8") == text:
             return path
         folder.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        Path(temporary).replace(path)
+        with written_whole(path, durable=False) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     except OSError:
         return None
     return path

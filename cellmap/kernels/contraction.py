@@ -63,15 +63,21 @@ def _multiply_add(builder: Any, a: Any, b: Any, c: Any) -> Any:
     return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
 
 
-def _weights(builder: Any, fraction: Any, columns: Sequence[int], order: int) -> Any:
-    """Vector of the weights of the listed B-splines (-1: zero) at a place in the cell, by Horner's rule."""
+def _weights(builder: Any, fraction: Any, order: int) -> Any:
+    """Vector of the weights of the B-splines of a cell at a place in it, by Horner's rule."""
     basis = basis_polynomials(order)
-    powers = [[basis[k][m] if k >= 0 else 0.0 for k in columns] for m in range(order + 1)]
-    place = _splat(builder, fraction, len(columns))
-    value: Any = _constant(powers[order])
+    powers = [_constant([row[m] for row in basis]) for m in range(order + 1)]
+    place = _splat(builder, fraction, order + 1)
+    value: Any = powers[order]
     for m in range(order - 1, -1, -1):
-        value = _multiply_add(builder, value, place, _constant(powers[m]))
+        value = _multiply_add(builder, value, place, powers[m])
     return value
+
+
+def _spread(builder: Any, weights: Any, columns: Sequence[int]) -> Any:
+    """Vector of the listed weights; zero for a number past the last of them."""
+    chosen = ir.Constant(ir.VectorType(ir.IntType(32), len(columns)), list(columns))
+    return builder.shuffle_vector(weights, ir.Constant(weights.type, None), chosen)
 
 
 @functools.cache
@@ -84,7 +90,7 @@ def contraction(axes: int, order: int, components: int) -> Any:
     """
     row = (order + 1) * components
     vectors = -(-row // WIDTH)
-    columns = [j // components if j < row else -1 for j in range(vectors * WIDTH)]
+    columns = [min(j // components, order + 1) for j in range(vectors * WIDTH)]
 
     @intrinsic
     def contract(_context: Any, table: Any, offset: Any, stride: Any, fractions: Any) -> Any:
@@ -103,7 +109,7 @@ def contraction(axes: int, order: int, components: int) -> Any:
             if axes == 1:
                 sums = [load(start, v) for v in range(vectors)]
             else:
-                outer = _weights(builder, place[0], range(order + 1), order)
+                outer = _weights(builder, place[0], order)
                 sums = [None] * vectors
                 position = start
                 for a in range(order + 1):
@@ -113,8 +119,9 @@ def contraction(axes: int, order: int, components: int) -> Any:
                         first = sums[v] is None
                         sums[v] = builder.fmul(weight, term) if first else _multiply_add(builder, weight, term, sums[v])
                     position = builder.add(position, step)
+            inner = _weights(builder, place[-1], order)
             total = [
-                builder.fmul(sums[v], _weights(builder, place[-1], columns[v * WIDTH : (v + 1) * WIDTH], order))
+                builder.fmul(sums[v], _spread(builder, inner, columns[v * WIDTH : (v + 1) * WIDTH]))
                 for v in range(vectors)
             ]
             return cgutils.pack_array(builder, _fold(builder, total, components))

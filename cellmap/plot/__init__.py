@@ -11,6 +11,10 @@ from .boundary_objects import plot_boundary_distance as plot_boundary_distance
 from .boundary_objects import plot_chaotic_saddle as plot_chaotic_saddle
 from .boundary_objects import plot_edge_orbit as plot_edge_orbit
 from .boundary_objects import plot_manifolds as plot_manifolds
+from .cell_mappings import plot_absorption as plot_absorption
+from .cell_mappings import plot_cell_mapping as plot_cell_mapping
+from .cell_mappings import plot_invariant_measure as plot_invariant_measure
+from .certificate import plot_certificate as plot_certificate
 from .diagram import plot_bifurcation_diagram as plot_bifurcation_diagram
 from .dimensions import plot_generalized_dimensions as plot_generalized_dimensions
 from .dimensions import plot_kaplan_yorke as plot_kaplan_yorke
@@ -22,6 +26,7 @@ from .fits import plot_fit as plot_fit
 from .global_continuation import plot_basin_continuation as plot_basin_continuation
 from .motion import plot_phase_portrait as plot_phase_portrait
 from .motion import plot_time_series as plot_time_series
+from .planning import plot_plan as plot_plan
 from .resilience import plot_ball as plot_ball
 from .resilience import plot_basin_stability as plot_basin_stability
 from .resilience import plot_fatal_shock as plot_fatal_shock

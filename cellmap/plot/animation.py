@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, overload
@@ -17,6 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..checks import claim_memory, finite_number, whole_number
+from ..files import written_whole
 from ..trajectory import Trajectory
 from .colours import colour_of
 
@@ -114,10 +114,8 @@ def animate(
     film = FuncAnimation(figure, draw, moments, interval=interval, blit=False, cache_frame_data=False)
     if target is None:
         return film
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-        part = Path(folder) / target.name
+    with written_whole(target) as part:
         film.save(part, writer=writer, dpi=_DOTS_PER_INCH)
-        part.replace(target)
     return None
 
 

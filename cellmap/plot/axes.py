@@ -13,6 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
+from ..basins import Basins
 from ..checks import whole_number
 from ..coordinates import Coordinate, turns_of
 
@@ -20,6 +21,16 @@ from ..coordinates import Coordinate, turns_of
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
     """Return the axes that are given, or those of a new figure of a size in inches."""
     return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
+
+
+def picture_axes(basins: Basins) -> tuple[int, int, tuple[float, float, float, float]]:
+    """Return which coordinates of basins run across and up, and the edges of the picture (left, right, bottom, top)."""
+    grid = basins.grid
+    wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
+    if grid is None or len(wide) != 2:
+        raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
+    columns, rows = wide
+    return columns, rows, (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
 
 
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..attractor import Kind, distinct_names
 from ..basins import Basins
-from .axes import axes_or_new, label_axis
+from .axes import axes_or_new, label_axis, picture_axes
 from .colours import label_colours
 
 
@@ -60,18 +60,13 @@ def plot_basins(
     >>> plot_basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
     'x'
     """
-    grid = basins.grid
-    wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
-    if grid is None or len(wide) != 2:
-        raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
+    columns, rows, extent = picture_axes(basins)
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
     image = _painted(basins, palette, shade)
-    rows, columns = wide[1], wide[0]
-    extent = (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
     ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
-    for axis, j in ((ax.xaxis, columns), (ax.yaxis, rows)):
-        label_axis(axis, basins.coordinates[j], grid.upper[j] - grid.lower[j])
+    label_axis(ax.xaxis, basins.coordinates[columns], extent[1] - extent[0])
+    label_axis(ax.yaxis, basins.coordinates[rows], extent[3] - extent[2])
     if points:
         _mark_attractors(ax, basins, columns, rows)
     if legend:

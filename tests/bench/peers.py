@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cellmap
-from cellmap.codegen.rebind import rebind
+from studies.work_precision.peers import Map, diffrax, heyoka
+from studies.work_precision.peers import scipy_stacked as stacked
 
 Points = NDArray[np.float64]
 PERIOD = 2 * pi
@@ -72,88 +73,26 @@ def ours(tolerance: float, method: str = "auto") -> Callable[[Points], Points]:
     return lambda starts: exact.iterate(starts, 1).unwrapped
 
 
-def heyoka_batches(tolerance: float, periods: int = 1, equation: Sequence[float] = (0.08, 0.545, 0.1)) -> Any:
-    """Return heyoka's batch mode, batch after batch of starts; several periods a call leave no call overhead."""
-    import heyoka
-
+def heyoka_batches(tolerance: float, periods: int = 1, equation: Sequence[float] = (0.08, 0.545, 0.1)) -> Map:
+    """Return heyoka's batch mode for the pendulum with other coefficients."""
     damping, drive, pull = equation
-    theta, v = heyoka.make_vars("theta", "v")
-    field = -damping * v - (drive * heyoka.cos(heyoka.time) + pull) * heyoka.sin(theta)
-    size = heyoka.recommended_simd_size()
-    integrator = heyoka.taylor_adaptive_batch([(theta, v), (v, field)], np.zeros((2, size)), tol=tolerance)
-    return batch_after_batch(integrator, size, periods * PERIOD)
+    return heyoka(pendulum().with_params(damping=damping, drive=drive, pull=pull), tolerance, periods)
 
 
-def heyoka_system(
-    rhs: Callable[..., Any], system: cellmap.ForcedSystem, tolerance: float, periods: int = 1
-) -> Callable[[Points], Points]:
-    """Return heyoka's batch mode for a right-hand side written with :mod:`math`, with the parameters of a system."""
-    import heyoka
-
-    states = heyoka.make_vars(*[f"x{j}" for j in range(system.dimension)])
-    field = rebind(rhs, {"sin": heyoka.sin, "cos": heyoka.cos})(heyoka.time, states, system.parameters)
-    size = heyoka.recommended_simd_size()
-    equations = list(zip(states, field, strict=True))
-    integrator = heyoka.taylor_adaptive_batch(equations, np.zeros((len(states), size)), tol=tolerance)
-    return batch_after_batch(integrator, size, periods * system.length)
+def heyoka_system(rhs: Callable[..., Any], system: cellmap.ForcedSystem, tolerance: float, periods: int = 1) -> Map:
+    """Return heyoka's batch mode for another right-hand side with the parameters of a system."""
+    other = cellmap.ForcedSystem(rhs, system.params, system.period, system.coordinates, name=system.name)
+    return heyoka(other, tolerance, periods)
 
 
-def batch_after_batch(integrator: Any, size: int, length: float) -> Callable[[Points], Points]:
-    """Return a function that integrates starts with an integrator of heyoka for a time."""
-
-    def run(starts: Points) -> Points:
-        images = np.empty_like(starts)
-        for i in range(0, len(starts), size):
-            integrator.set_time(np.zeros(size))
-            integrator.state[:] = starts[i : i + size].T
-            integrator.propagate_until(np.full(size, length))
-            images[i : i + size] = integrator.state.T
-        return images
-
-    return run
-
-
-def scipy_stacked(tolerance: float) -> Callable[[Points], Points]:
+def scipy_stacked(tolerance: float) -> Map:
     """Return SciPy's DOP853 with all starts stacked into one system."""
-    from scipy.integrate import solve_ivp
-
-    def run(starts: Points) -> Points:
-        n = len(starts)
-
-        def fun(t: float, y: Points) -> Points:
-            theta, v = y[:n], y[n:]
-            return np.concatenate([v, -0.08 * v - (0.545 * np.cos(t) + 0.1) * np.sin(theta)])
-
-        done = solve_ivp(fun, (0.0, PERIOD), starts.T.ravel(), method="DOP853", rtol=tolerance, atol=tolerance)
-        return np.asarray(done.y[:, -1].reshape(2, n).T)
-
-    return run
+    return stacked(pendulum(), tolerance)
 
 
-def diffrax_vmap(tolerance: float) -> Callable[[Points], Points]:
+def diffrax_vmap(tolerance: float) -> Map:
     """Return diffrax's Dopri8 under vmap and jit."""
-    import diffrax
-    import jax
-    import jax.numpy as jnp
-
-    jax.config.update("jax_enable_x64", True)
-
-    def field(t: Any, y: Any, _: Any) -> Any:
-        return jnp.stack([y[1], -0.08 * y[1] - (0.545 * jnp.cos(t) + 0.1) * jnp.sin(y[0])])
-
-    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-
-    def one(y: Any) -> Any:
-        term, solver = diffrax.ODETerm(field), diffrax.Dopri8()
-        done = diffrax.diffeqsolve(term, solver, 0.0, PERIOD, 0.1, y, stepsize_controller=controller, max_steps=4096)
-        return done.ys[-1]
-
-    every = jax.jit(jax.vmap(one))
-
-    def run(starts: Points) -> Points:
-        return np.asarray(every(jnp.asarray(starts)).block_until_ready())
-
-    return run
+    return diffrax(pendulum(), tolerance)
 
 
 def pynamicalsys_loop(tolerance: float) -> Callable[[Points], Points]:

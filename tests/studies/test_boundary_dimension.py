@@ -21,7 +21,7 @@ def test_a_smooth_boundary_is_counted_in_a_picture() -> None:
     basins = find_basins(
         stroboscopic_map(two_well_duffing(damping=0.3, forcing=0.0)), CellGrid((-1.5, -1.0), (1.5, 1.0), (20, 20))
     )
-    boxes = box_counts(basins, lines=4, cells=2**10, side=200)
+    boxes = box_counts(basins, lines=4, cells=2**10, side=400)
     assert not boxes.by_lines
     assert boxes.dimension == pytest.approx(1.0, abs=0.03)
 

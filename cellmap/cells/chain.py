@@ -1,0 +1,350 @@
+"""Generalized cell mapping: each cell goes to several cells, with probabilities (Hsu 1981)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attractor import Attractor
+from ..basins import Basins
+from ..checks import claim_memory, finite_number, whole_number
+from ..grid import CellGrid
+from ..pointmap import Cost, PointMap
+from ..settling import UNDECIDED
+from .images import DIVERGED, LEFT, check_map_and_grid, warn_of_inaccurate
+from .markov import Components, Sparse, components_of, invariant_measure, periods_of, solve_transient
+from .recurrent import adjacent_sets, basins_from_cells, polished_sets
+from .transitions import Noise, checked_noise, checked_samples, transitions
+
+_POSSIBLE = 1e-9
+"""Probability above which a cell counts as one that can come to a class."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellClass:
+    """Cells that lead to one another.
+
+    Parameters
+    ----------
+    cells : ndarray of int64, shape (n,)
+        Their flat numbers, sorted.
+    period : int
+        Steps of the chain by multiples of which a cell comes back to itself: the greatest common divisor of all ways.
+    closed : bool
+        Whether no step leaves them: then they hold attractors, otherwise saddles and what else is transient.
+    """
+
+    cells: NDArray[np.int64]
+    period: int
+    closed: bool
+
+    def __repr__(self) -> str:
+        return f"CellClass({'closed' if self.closed else 'transient'}, {len(self.cells):,} cells, period {self.period})"
+
+
+@dataclass(frozen=True, eq=False)
+class CellChain:
+    """The Markov chain of a map on cells.
+
+    Parameters
+    ----------
+    matrix : scipy.sparse.csr_array, shape (cells + 2, cells + 2)
+        Probability to go from the cell of the row to that of the column.  The last two states are sinks: ``-1`` is
+        outside the window, ``-2`` is where orbits diverge.
+    grid : CellGrid
+        The cells.
+    point_map : PointMap
+        The map.
+    samples : tuple of int or int
+        Points in each cell: regular, so many along each axis, or so many at random.
+    periods : int
+        Steps of the map in one step of the chain.
+    noisy : bool
+        Whether noise acts.
+    components : Components
+        Strongly connected components of the chain.
+    inaccurate : int
+        Samples on whose way the integrator missed its tolerance.
+    cost : Cost
+        Wall time and number of steps of the map.
+    """
+
+    matrix: Sparse = field(repr=False)
+    grid: CellGrid
+    point_map: PointMap = field(repr=False)
+    samples: tuple[int, ...] | int
+    periods: int
+    noisy: bool
+    components: Components = field(repr=False)
+    inaccurate: int = 0
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        return (
+            f"CellChain({self.point_map.name}, {self.grid.size:,} cells, {self.matrix.nnz:,} transitions, "
+            f"{len(self.closed)} closed classes)"
+        )
+
+    @cached_property
+    def closed(self) -> tuple[CellClass, ...]:
+        """Classes of cells that no step leaves, in the order of their first cells: they hold the attractors."""
+        return self._classes(self.components.closed)
+
+    @cached_property
+    def transient(self) -> tuple[CellClass, ...]:
+        """Classes of cells that come back but leave in the end, in the order of their first cells: saddles."""
+        return self._classes(~self.components.closed & self.components.recurs)
+
+    @property
+    def classes(self) -> tuple[CellClass, ...]:
+        """Closed classes, then transient ones."""
+        return self.closed + self.transient
+
+    def _classes(self, chosen: NDArray[np.bool_]) -> tuple[CellClass, ...]:
+        numbers = np.flatnonzero(chosen)
+        # The sinks are classes of their own.
+        numbers = numbers[self.components.order[self.components.begin[numbers]] < self.grid.size]
+        periods = periods_of(self.matrix, self.components, numbers)
+        found = [
+            CellClass(self.components.states(int(c)), int(p), bool(self.components.closed[c]))
+            for c, p in zip(numbers, periods, strict=True)
+        ]
+        return tuple(sorted(found, key=lambda one: one.cells[0]))
+
+    @cached_property
+    def measures(self) -> tuple[NDArray[np.float64], ...]:
+        """Invariant probabilities of the cells of each closed class."""
+        return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
+
+    def density(self, number: int = 0) -> NDArray[np.float64]:
+        """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
+        number = whole_number("number", number, at_most=len(self.closed) - 1)
+        density = np.zeros(self.grid.size)
+        density[self.closed[number].cells] = self.measures[number] / np.prod(self.grid.widths)
+        return density.reshape(self.grid.shape)
+
+    @cached_property
+    def absorption(self) -> NDArray[np.float64]:
+        """Probability with which each cell ends in each closed class, shape (*grid, classes + 2).
+
+        The last two columns are -2, where orbits diverge, and -1, outside the window.
+        """
+        return self._probabilities(np.arange(len(self.closed)), len(self.closed))
+
+    @cached_property
+    def domiciles(self) -> NDArray[np.int64]:
+        """Number of closed classes in which each cell may end, the outside among them, shape of the grid.
+
+        Cells with 1 are of single domicile (Hsu); those with more lie along the boundaries of basins.
+        """
+        return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
+
+    @cached_property
+    def expected_times(self) -> NDArray[np.float64]:
+        """Expected steps of the map until a cell is in a closed class or outside, shape of the grid."""
+        values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
+        return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
+
+    def probabilities(
+        self,
+        polish: bool | None = None,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> tuple[tuple[Attractor, ...], NDArray[np.float64]]:
+        """Return attractors, and the probability with which each cell ends on each of them.
+
+        Parameters
+        ----------
+        polish : bool, optional
+            Follow each closed class by the exact map and label it with the attractor that it comes to, so that classes
+            that stand for one attractor are merged.  Otherwise classes are attractors, and those with cells side by
+            side are one; so it is by default where noise acts.
+        max_periods, max_period, attractors : optional
+            As in :func:`find_basins`, for this following.
+
+        Returns
+        -------
+        tuple
+            Attractors, and probabilities of the shape (*grid, attractors + 3): the last columns are -3, undecided, -2,
+            diverged, and -1, outside the window.
+
+        Raises
+        ------
+        ValueError
+            For `polish` where noise acts.
+        """
+        if polish and self.noisy:
+            raise ValueError(f"polish={polish!r}: orbits with noise settle on no point; leave polish out")
+        cells = np.concatenate([np.empty(0, np.int64), *(one.cells for one in self.closed)])
+        owners = np.repeat(np.arange(len(self.closed)), [len(one.cells) for one in self.closed])
+        if polish is None:
+            polish = not self.noisy
+        if polish:
+            limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
+            found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
+        else:
+            weights = np.concatenate([np.empty(0), *self.measures])
+            periods = np.array([one.period for one in self.closed], np.int64)
+            likeliest = _likeliest(self.matrix, cells)
+            found, labels = adjacent_sets(
+                self.grid, self.point_map.coordinates, cells, owners, likeliest, weights, periods
+            )
+        return found, self._probabilities(labels % (len(found) + 3), len(found) + 1)
+
+    def basins(
+        self,
+        polish: bool | None = None,
+        at_least: float = 0.0,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> Basins:
+        """Return basins: each cell has the label of the attractor on which it ends most likely.
+
+        Parameters
+        ----------
+        polish, max_periods, max_period, attractors : optional
+            As in :meth:`probabilities`.
+        at_least : float, optional
+            Cells whose largest probability is smaller are undecided.
+
+        Returns
+        -------
+        Basins
+            With settling times as expected steps to a closed class, rounded.
+        """
+        at_least = finite_number("at_least", at_least, at_least=0.0, at_most=1.0)
+        began = time.perf_counter()
+        found, chances = self.probabilities(polish, max_periods, max_period, attractors)
+        columns = chances.shape[-1]
+        chances = chances.reshape(-1, columns)
+        labels = chances.argmax(axis=1)
+        likely = np.take_along_axis(chances, labels[:, None], axis=1)[:, 0]
+        labels = np.where(labels < len(found), labels, labels - columns)
+        verifiable = not self.noisy and polish is not False
+        settings = {"max_periods": max_periods, "max_period": max_period, "method": "generalized cell mapping"}
+        return basins_from_cells(
+            self.point_map if verifiable else None,
+            self.grid,
+            np.where(likely >= at_least, labels, UNDECIDED),
+            found,
+            np.round(self.expected_times.ravel()),
+            self.point_map,
+            {**settings, "samples": self.samples, "periods": self.periods, "at_least": at_least},
+            self.inaccurate,
+            Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
+        )
+
+    def _probabilities(self, columns: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """Return the probabilities to end in closed classes, those of one column together, and in the sinks."""
+        n = self.grid.size
+        claim_memory(
+            f"probabilities of {n:,} cells to end in {count:,} classes",
+            8 * (n + 2) * (count + 2),
+            "take fewer cells, or polish, so that classes are merged",
+        )
+        values = np.zeros((n + 2, count + 2))
+        for one, column in zip(self.closed, columns, strict=True):
+            values[one.cells, column] = 1.0
+        values[LEFT, LEFT] = values[DIVERGED, DIVERGED] = 1.0
+        return self._solved(values, np.zeros(count + 2))[:n].reshape(*self.grid.shape, count + 2)
+
+    def _solved(self, values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.float64]:
+        solve_transient(self.matrix, self.components, values, gain)
+        return values
+
+
+def generalized_cell_mapping(
+    point_map: PointMap,
+    grid: CellGrid,
+    samples: Sequence[int] | int | None = None,
+    periods: int = 1,
+    noise: float | Sequence[float] | Noise | None = None,
+    seed: int = 0,
+    progress: bool = False,
+) -> CellChain:
+    """Map cells to cells with probabilities: the shares of sample points of a cell that come to each other cell.
+
+    The cells of a window become the states of a Markov chain.  Its closed classes hold the attractors, other classes
+    the saddles; cells that can end in several closed classes lie along the boundaries of basins, and the probabilities
+    with which they do tell how near.  The chain knows more than a simple cell mapping and blurs more: a step spreads
+    every cell over others, so that small attractors are lost unless a step takes several periods.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Exact, interpolated or discrete map.
+    grid : CellGrid
+        Cells of a window.  An axis that covers one turn of an angle wraps.
+    samples : sequence of int, or int, optional
+        Points in each cell: regular ones, as many along each axis as the sequence says, or a number of random ones.  By
+        default 5 along each axis.
+    periods : int, optional
+        Steps of the map in one step of the chain.
+    noise : float, sequence of float, or callable, optional
+        What acts after each step of the map: normal numbers of this standard deviation, one for all coordinates or one
+        for each; or what ``noise(rng, n)`` returns, of the shape (n, dimension).
+    seed : int, optional
+        Seed of random samples and noise.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    CellChain
+        The chain; its classes, measures, probabilities, times and basins are computed when they are asked for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    MemoryError
+        Where the chain does not fit into memory.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance on the way of some samples.
+
+    References
+    ----------
+    Hsu, Journal of Applied Mechanics 48 (1981) 634; Hsu, Guttalu, Zhu, the same 49 (1982) 885; Hsu, *Cell-to-Cell
+    Mapping* (1987), chapters 10 to 13.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
+    >>> chain = generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,)))
+    >>> chain.closed
+    (CellClass(closed, 1 cells, period 1), CellClass(closed, 1 cells, period 1))
+    >>> [f.share for f in chain.basins().fractions.values()]
+    [0.467, 0.467, 0.0667]
+    """
+    grid = check_map_and_grid(point_map, grid)
+    samples = checked_samples((5,) * grid.dimension if samples is None else samples, grid)
+    periods = whole_number("periods", periods, at_least=1)
+    kick = checked_noise(noise, grid)
+    seed = whole_number("seed", seed)
+    began = time.perf_counter()
+    matrix, inaccurate, taken = transitions(point_map, grid, samples, periods, kick, seed, progress)
+    warn_of_inaccurate(inaccurate, taken)
+    components = components_of(matrix)
+    cost = Cost(time.perf_counter() - began, taken * periods)
+    return CellChain(matrix, grid, point_map, samples, periods, kick is not None, components, inaccurate, cost)
+
+
+def _likeliest(matrix: Sparse, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the state to which each of some states goes most likely, the first of them if they are several."""
+    rows = matrix[cells]
+    highest = np.maximum.reduceat(rows.data, rows.indptr[:-1]) if len(cells) else rows.data
+    places = np.flatnonzero(rows.data == np.repeat(highest, np.diff(rows.indptr)))
+    owners = np.searchsorted(rows.indptr, places, side="right") - 1
+    first = np.unique(owners, return_index=True)[1]
+    return np.asarray(rows.indices[places[first]], dtype=np.int64)

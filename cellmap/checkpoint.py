@@ -1,0 +1,224 @@
+"""Checkpoints: arrays of a run in an HDF5 file that is valid at every moment, and that tells which tiles are done.
+
+HDF5 keeps what it knows about a file partly in memory: a process that dies while it writes may leave a file that
+nobody can read.  So the file is made whole at first, with all its arrays in their full size; after that only the
+contents of the arrays change, through a map of the file into memory.  What a process has written there survives its
+death.  A tile counts as done once its entry holds the checksum of its contents, so that one that was torn is not taken
+for one that is whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mmap
+import os
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from .files import StoreError, discard_parts, written_whole
+
+FORMAT = "cellmap checkpoint"
+SCHEMA = 1
+
+TILE = np.dtype([("tally", "<i8", (4,)), ("checksum", "<u4"), ("done", "<u4")])
+"""Entry of a tile: two numbers of the run's own, and the checksum of these and of its contents."""
+
+Arrays = Mapping[str, tuple[tuple[int, ...], DTypeLike]]
+"""Arrays of a file by name: their shapes and types."""
+
+Read = TypeVar("Read")
+
+_DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError)  # what reading damaged files raises
+_DENSEST = 2000  # compression squeezes zeros by half of this
+_RELEASE = 64  # tiles after which pages of the file are given back to the system
+
+
+class Checkpoint:
+    """A file of arrays that is mapped into memory.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file with contiguous arrays.
+    mode : {"r+", "c"}, optional
+        Write through to the file, or keep changes to this process.
+    """
+
+    def __init__(self, path: Path, mode: str = "r+") -> None:
+        with h5py.File(path, "r") as file:
+            places = {n: (d.id.get_offset(), d.shape, d.dtype) for n, d in _datasets(file).items()}
+        self._maps = {
+            name: np.memmap(path, dtype, mode, offset, shape)  # type: ignore[call-overload]
+            for name, (offset, shape, dtype) in places.items()
+            if offset is not None and np.prod(shape, dtype=object)
+        }
+        self._written = 0
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._maps[name].view(np.ndarray)
+
+    def finish(self, tiles: str, number: int, tally: tuple[int, ...], contents: list[NDArray[Any]]) -> None:
+        """Enter a tile whose contents are in their arrays."""
+        entry = self[tiles]
+        entry["tally"][number] = tally
+        entry["checksum"][number] = _checksum(tally, contents)
+        entry["done"][number] = 1
+        self._written += 1
+        if self._written % _RELEASE == 0:
+            self.release()
+
+    def is_done(self, tiles: str, number: int, contents: list[NDArray[Any]]) -> bool:
+        """Tell whether a tile is entered with the checksum of its present contents."""
+        entry = self[tiles][number]
+        return bool(entry["done"] == 1) and int(entry["checksum"]) == _checksum(entry["tally"], contents)
+
+    def release(self) -> None:
+        """Give pages of the file back to the system, which keeps their contents: files may be larger than memory."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            for mapped in self._maps.values():
+                mapped._mmap.madvise(mmap.MADV_DONTNEED)
+
+
+@contextmanager
+def made(
+    path: Path,
+    belongs: Mapping[str, Any],
+    arrays: Arrays,
+    write: Callable[[h5py.File], None] = lambda file: None,
+) -> Iterator[Checkpoint]:
+    """Make a file with arrays of zeros and what `write` adds; yield it, to be filled before it takes its place."""
+    with written_whole(path) as temporary:
+        with h5py.File(temporary, "w") as file:
+            file.attrs.update(format=FORMAT, schema=SCHEMA, belongs=json.dumps(plain(belongs)))
+            file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
+            for name, (shape, dtype) in arrays.items():
+                add_unwritten(file, name, shape, dtype)
+            write(file)
+        reserve(temporary)
+        yield Checkpoint(temporary)
+
+
+def add_unwritten(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+    """Add an array that has its place in the file at once, and is filled through a map of the file."""
+    how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    how.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    how.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    space = h5py.h5s.create_simple(shape)
+    h5py.h5d.create(group.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, how).close()
+
+
+def reserve(path: Path) -> None:
+    """Take the room of a file on the disk, for a full disk would kill a process that writes through a map."""
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as stream:
+            os.posix_fallocate(stream.fileno(), 0, path.stat().st_size)
+
+
+def resumed(
+    path: Path, belongs: Mapping[str, Any], arrays: Callable[[Read], Arrays], read: Callable[[h5py.File], Read]
+) -> tuple[Checkpoint, Read] | None:
+    """Open a file to resume from, and return it with what `read` reads of it; None where there is none.
+
+    One that is damaged or foreign, that belongs to another run or has other arrays than these is refused.
+    """
+    discard_parts(path)
+    if not path.exists():
+        return None
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != FORMAT:
+                raise StoreError(f"checkpoint={str(path)!r} is no checkpoint of this kind: give the name of a new file")
+            if int(file.attrs["schema"]) > SCHEMA:
+                raise StoreError(f"checkpoint={str(path)!r} was written by a newer cellmap: update, or delete the file")
+            theirs = json.loads(file.attrs["belongs"])
+    except StoreError:
+        raise
+    except _DAMAGE as error:
+        raise damaged(path, error) from error
+    check_belongs(path, theirs, belongs)
+    try:
+        with h5py.File(path, "r") as file:
+            found = read(file)
+        opened = Checkpoint(path)
+        expected = arrays(found)
+        if any((opened[n].shape, opened[n].dtype) != (shape, np.dtype(t)) for n, (shape, t) in expected.items()):
+            raise ValueError("its arrays are of other shapes")
+    except _DAMAGE as error:
+        raise damaged(path, error) from error
+    return opened, found
+
+
+def damaged(path: Path, error: object) -> StoreError:
+    """Return the error for a file that cannot be used."""
+    return StoreError(f"checkpoint={str(path)!r} is damaged or no HDF5 file: delete it, or give another name ({error})")
+
+
+def check_belongs(path: Path, theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> None:
+    """Refuse a file of another run, naming what differs."""
+    now = json.loads(json.dumps(plain(ours)))
+    for name in {**now, **theirs}:
+        one, other = theirs.get(name), now.get(name)
+        if one != other:
+            raise ValueError(
+                f"checkpoint={str(path)!r} belongs to another run, with {name}={one!r}, and this one has {other!r}: "
+                "give another file, or delete this one"
+            )
+
+
+def digest_of(group: h5py.Group) -> str:
+    """Hash of all that a group holds: names, attributes and arrays."""
+    digest = hashlib.sha256()
+
+    def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        digest.update(name.encode())
+        for key in sorted(set(item.attrs) - {"digest"}):
+            digest.update(f"{key}={np.asarray(item.attrs[key]).tolist()!r}".encode())
+        if isinstance(item, h5py.Dataset):
+            digest.update(f"{item.dtype.str}{item.shape}".encode())
+            for part in _rows_of(item):
+                digest.update(np.ascontiguousarray(part).tobytes())
+
+    add("/", group)
+    group.visititems(add)
+    return digest.hexdigest()
+
+
+def _rows_of(item: h5py.Dataset) -> list[Any] | Any:
+    """Yield an array a few rows at a time, so that no large one is in memory as a whole."""
+    if not item.shape:
+        return [np.asarray(item[()])]
+    if item.dtype.itemsize * item.size > _DENSEST * (item.file.id.get_filesize() + 2**20):
+        raise ValueError(f"{item.name} is larger than its file can hold")
+    many = max(1, 2**24 // max(1, item.dtype.itemsize * int(np.prod(item.shape[1:], dtype=object))))
+    return (item[k : k + many] for k in range(0, item.shape[0], many))
+
+
+def plain(value: Any) -> Any:
+    """Turn settings into what JSON holds."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _checksum(tally: Any, contents: list[NDArray[Any]]) -> int:
+    code = zlib.crc32(np.array(tally, np.int64).tobytes())
+    for part in contents:
+        code = zlib.crc32(np.ascontiguousarray(part).tobytes(), code)
+    return code
+
+
+def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+    found: dict[str, h5py.Dataset] = {}
+    file.visititems(lambda name, item: found.update({name: item}) if isinstance(item, h5py.Dataset) else None)
+    return found

@@ -1,0 +1,76 @@
+"""Maps of cells to cells: groups of a simple cell mapping, rows of a generalized one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .options import KERNEL
+
+_NEW = -3
+_UNDER_WAY = -4
+
+
+@njit(**KERNEL)
+def unravel(images, groups, steps, periods):
+    """Write the group of each cell, the steps that it takes to a periodic cell, and the period of each group.
+
+    ``images`` (n,) are the cells to which cells go, or -1 and -2 for two sinks, which are groups of these numbers.  All
+    arrays have the length n; returns the number of groups (Hsu 1980).
+    """
+    n = len(images)
+    path = np.empty(n, np.int64)
+    found = 0
+    groups[:] = _NEW
+    for start in range(n):
+        length = 0
+        cell = start
+        while cell >= 0 and groups[cell] == _NEW:
+            groups[cell] = _UNDER_WAY
+            steps[cell] = length
+            path[length] = cell
+            length += 1
+            cell = images[cell]
+        if length == 0:
+            continue
+        tail = length
+        if cell < 0:
+            group, ahead = cell, 0
+        elif groups[cell] == _UNDER_WAY:
+            group, ahead, tail = found, 0, steps[cell]
+            periods[found] = length - tail
+            found += 1
+            for k in range(tail, length):
+                groups[path[k]], steps[path[k]] = group, 0
+        else:
+            group, ahead = groups[cell], steps[cell]
+        for k in range(tail):
+            groups[path[k]], steps[path[k]] = group, ahead + tail - k
+    return found
+
+
+@njit(**KERNEL)
+def tally(cells, states, first, indices, shares):
+    """Write the states and the shares of each row of ``cells`` (n, samples), which are sorted; negative ones last.
+
+    The sink of the code -k is the state ``states - k``.  ``first`` (n + 1,) receives where the rows begin.
+    """
+    n, samples = cells.shape
+    count = 0
+    first[0] = 0
+    for i in range(n):
+        j = 0
+        while j < samples and cells[i, j] < 0:
+            j += 1
+        sinks = j
+        for part in range(2):
+            j, end = (sinks, samples) if part == 0 else (0, sinks)
+            while j < end:
+                cell = cells[i, j]
+                begin = j
+                while j < end and cells[i, j] == cell:
+                    j += 1
+                indices[count] = cell if cell >= 0 else states + cell
+                shares[count] = (j - begin) / samples
+                count += 1
+        first[i + 1] = count

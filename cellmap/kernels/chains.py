@@ -1,0 +1,242 @@
+"""Markov chains as sparse matrices: components, sweeps, eliminations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .options import KERNEL
+
+_FIRST_LOOK = 8  # sweeps before their number is foreseen
+
+
+@njit(**KERNEL)
+def strong_components(first, targets, component, order):
+    """Write the strongly connected component of each state, and the states component by component.
+
+    Components are numbered so that each is after all others that it leads to (Tarjan 1972); returns their number.
+    """
+    n = len(component)
+    number = np.zeros(n, np.int64)  # order of discovery from 1 on
+    low = np.empty(n, np.int64)
+    edge = np.empty(n, np.int64)
+    waiting = np.empty(n, np.int64)
+    trail = np.empty(n, np.int64)
+    component[:] = -1
+    discovered = found = on_hold = written = 0
+    for root in range(n):
+        if number[root]:
+            continue
+        depth = 0
+        trail[0] = root
+        fresh = True
+        while depth >= 0:
+            state = trail[depth]
+            if fresh:
+                discovered += 1
+                number[state] = low[state] = discovered
+                edge[state] = first[state]
+                waiting[on_hold] = state
+                on_hold += 1
+                fresh = False
+            while edge[state] < first[state + 1]:
+                target = targets[edge[state]]
+                edge[state] += 1
+                if number[target] == 0:
+                    depth += 1
+                    trail[depth] = target
+                    fresh = True
+                    break
+                if component[target] < 0:
+                    low[state] = min(low[state], number[target])
+            if fresh:
+                continue
+            if low[state] == number[state]:
+                while True:
+                    on_hold -= 1
+                    member = waiting[on_hold]
+                    component[member] = found
+                    order[written] = member
+                    written += 1
+                    if member == state:
+                        break
+                found += 1
+            depth -= 1
+            if depth >= 0:
+                low[trail[depth]] = min(low[trail[depth]], low[state])
+    return found
+
+
+@njit(**KERNEL)
+def describe_components(first, targets, component, leaves, returns):
+    """Write for each component whether a step leads out of it, and whether one leads from it to itself."""
+    leaves[:] = False
+    returns[:] = False
+    for state in range(len(component)):
+        own = component[state]
+        for e in range(first[state], first[state + 1]):
+            if component[targets[e]] == own:
+                returns[own] = True
+            else:
+                leaves[own] = True
+
+
+@njit(**KERNEL)
+def component_period(first, targets, component, root, level, queue):
+    """Return the greatest common divisor of the lengths of all cycles in the component of a state.
+
+    ``level`` (n,) is -1 in the component before, and holds the distance from the root afterwards.
+    """
+    own = component[root]
+    level[root] = 0
+    queue[0] = root
+    begin, end, divisor = 0, 1, 0
+    while begin < end:
+        state = queue[begin]
+        begin += 1
+        for e in range(first[state], first[state + 1]):
+            target = targets[e]
+            if component[target] != own:
+                continue
+            if level[target] < 0:
+                level[target] = level[state] + 1
+                queue[end] = target
+                end += 1
+            else:
+                a, b = divisor, abs(level[state] + 1 - level[target])
+                while b:
+                    a, b = b, a % b
+                divisor = a
+    return divisor
+
+
+@njit(**KERNEL)
+def _relax_state(first, targets, shares, gain, values, state, sums):
+    """Solve the equation of one state for its values; return the largest relative change."""
+    m = values.shape[1]
+    for k in range(m):
+        sums[k] = gain[k]
+    own = 0.0
+    for e in range(first[state], first[state + 1]):
+        target, share = targets[e], shares[e]
+        if target == state:
+            own += share
+        else:
+            for k in range(m):
+                sums[k] += share * values[target, k]
+    change = 0.0
+    for k in range(m):
+        value = sums[k] / (1.0 - own)
+        if value > 0.0:
+            change = max(change, abs(value - values[state, k]) / value)
+        values[state, k] = value
+    return change
+
+
+@njit(**KERNEL)
+def relax(first, targets, shares, order, begin, closed, gain, values, number, last, patience, tolerance):
+    """Solve ``values = gain + shares @ values`` on components that are not closed, from component `number` on.
+
+    ``order[begin[c]:begin[c + 1]]`` are the states of component c; those that it leads to come before it.  Within a
+    component this is Gauss and Seidel's method, up and down in turns.  Returns the first component, before `last`, for
+    which `patience` sweeps will not do, with its values as far as they have come, or `last`.
+    """
+    sums = np.empty(values.shape[1])
+    for c in range(number, last):
+        if closed[c]:
+            continue
+        low, high = begin[c], begin[c + 1]
+        if high - low == 1:
+            _relax_state(first, targets, shares, gain, values, order[low], sums)
+            continue
+        before = np.inf
+        sweep = 0
+        while True:
+            change = 0.0
+            for i in range(low, high):
+                change = max(change, _relax_state(first, targets, shares, gain, values, order[i], sums))
+            for i in range(high - 1, low - 1, -1):
+                change = max(change, _relax_state(first, targets, shares, gain, values, order[i], sums))
+            sweep += 1
+            rate = change / before if before > 0.0 else 0.0
+            before = change
+            if change == 0.0 or (sweep > 1 and rate < 1.0 and change * rate <= tolerance * (1.0 - rate)):
+                break
+            if sweep >= patience:
+                return c
+            # What is left of the error shrinks by the rate in each sweep.
+            if sweep >= _FIRST_LOOK and (
+                rate >= 1.0 or sweep + np.log(tolerance * (1.0 - rate) / change) / np.log(rate) > patience
+            ):
+                return c
+    return last
+
+
+@njit(**KERNEL)
+def sweep(first, targets, shares, right, out):
+    """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + shares @ out`` from 0."""
+    n = len(right)
+    out[:] = 0.0
+    for step in range(2 * n):
+        i = step if step < n else 2 * n - 1 - step
+        total, own = right[i], 0.0
+        for e in range(first[i], first[i + 1]):
+            if targets[e] == i:
+                own += shares[e]
+            else:
+                total += shares[e] * out[targets[e]]
+        out[i] = total / (1.0 - own)
+
+
+@njit(**KERNEL)
+def eliminate(band, right, leak, pivots):
+    """Take states out of a chain, the last one first, without a subtraction (Grassmann, Taksar, Heyman 1985).
+
+    ``band[i, j - i + b]`` is the share that goes from state i to state j no farther than b away, ``leak`` (n,) what
+    goes elsewhere, ``right`` (n, m) what the equations ``x = right + shares @ x`` add.  All are changed, and ``pivots``
+    (n,) receive what leaves each state for those before it and for elsewhere.
+    """
+    n, m = right.shape
+    b = band.shape[1] // 2
+    for k in range(n - 1, -1, -1):
+        low = max(0, k - b)
+        total = leak[k]
+        for j in range(low, k):
+            total += band[k, j - k + b]
+        total = max(total, 1e-300)
+        pivots[k] = total
+        for i in range(low, k):
+            factor = band[i, k - i + b] / total
+            if factor == 0.0:
+                continue
+            for j in range(low, k):
+                band[i, j - i + b] += factor * band[k, j - k + b]
+            for c in range(m):
+                right[i, c] += factor * right[k, c]
+            leak[i] += factor * leak[k]
+
+
+@njit(**KERNEL)
+def substitute(band, right, pivots):
+    """Write the solution into ``right``, after the elimination."""
+    n, m = right.shape
+    b = band.shape[1] // 2
+    for k in range(n):
+        for j in range(max(0, k - b), k):
+            share = band[k, j - k + b]
+            for c in range(m):
+                right[k, c] += share * right[j, c]
+        for c in range(m):
+            right[k, c] /= pivots[k]
+
+
+@njit(**KERNEL)
+def balance(band, pivots, measure):
+    """Write the invariant measure of a chain without leaks, after the elimination, up to a factor."""
+    b = band.shape[1] // 2
+    measure[0] = 1.0
+    for k in range(1, len(measure)):
+        total = 0.0
+        for j in range(max(0, k - b), k):
+            total += measure[j] * band[j, k - j + b]
+        measure[k] = total / pivots[k]

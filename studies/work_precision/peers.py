@@ -1,0 +1,148 @@
+"""The same map by other programs, those that are installed: functions from starts (n, d) to unwrapped images (n, d).
+
+All of them run on one thread.  What they compile is compiled when the function is returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cellmap import ForcedSystem
+from cellmap.codegen.rebind import rebind
+
+Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def scipy_each(system: ForcedSystem, tolerance: float) -> Map:
+    """Return SciPy's DOP853, one start at a time."""
+    from scipy.integrate import solve_ivp
+
+    p = system.parameters
+
+    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        span = (0.0, system.length)
+        return np.array(
+            [
+                solve_ivp(
+                    lambda t, x: system.rhs(t, tuple(x), p), span, s, method="DOP853", rtol=tolerance, atol=tolerance
+                ).y[:, -1]
+                for s in starts
+            ]
+        )
+
+    return run
+
+
+def scipy_stacked(system: ForcedSystem, tolerance: float) -> Map:
+    """Return SciPy's DOP853 with all starts stacked into one system."""
+    from scipy.integrate import solve_ivp
+
+    rhs: Any = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
+    p, d = system.parameters, system.dimension
+
+    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        n = len(starts)
+
+        def fun(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.concatenate([np.broadcast_to(f, n) for f in rhs(t, tuple(y.reshape(d, n)), p)])
+
+        done = solve_ivp(fun, (0.0, system.length), starts.T.ravel(), method="DOP853", rtol=tolerance, atol=tolerance)
+        return np.asarray(done.y[:, -1].reshape(d, n).T)
+
+    return run
+
+
+def numbalsoda(system: ForcedSystem, tolerance: float) -> Map:
+    """Return numbalsoda's dop853, one start at a time."""
+    import numba
+    from numbalsoda import dop853, lsoda_sig
+
+    d, p, rhs = system.dimension, system.parameters, numba.njit(rebind(system.rhs, {}, numba.njit))
+
+    @numba.cfunc(lsoda_sig)
+    def field(t: float, u: Any, du: Any, _: Any) -> None:
+        y = numba.carray(u, (d,))
+        state = (y[0], y[1]) if d == 2 else (y[0], y[1], y[2], y[3])
+        slope = rhs(t, state, p)
+        for j in range(d):
+            du[j] = slope[j]
+
+    address, times, nothing = field.address, np.array([0.0, system.length]), np.zeros(1)
+
+    @numba.njit
+    def every(starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        images = np.empty_like(starts)
+        for i in range(len(starts)):
+            images[i] = dop853(address, starts[i], times, nothing, rtol=tolerance, atol=tolerance)[0][-1]
+        return images
+
+    every(np.zeros((1, d)))
+    return every
+
+
+def heyoka(system: ForcedSystem, tolerance: float, periods: int = 1) -> Map:
+    """Return heyoka's Taylor method in batch mode; several periods a call leave little overhead of calls."""
+    import heyoka as hy
+
+    states = hy.make_vars(*[f"x{j}" for j in range(system.dimension)])
+    field: Any = rebind(system.rhs, {"sin": hy.sin, "cos": hy.cos})(hy.time, states, system.parameters)
+    size = hy.recommended_simd_size()
+    equations = list(zip(states, field, strict=True))
+    integrator = hy.taylor_adaptive_batch(equations, np.zeros((len(states), size)), tol=tolerance)
+
+    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        images = np.empty_like(starts)
+        for i in range(0, len(starts), size):
+            batch = starts[np.minimum(np.arange(i, i + size), len(starts) - 1)]
+            integrator.set_time(np.zeros(size))
+            integrator.state[:] = batch.T
+            integrator.propagate_until(np.full(size, periods * system.length))
+            images[i : i + size] = integrator.state.T[: len(starts) - i]
+        return images
+
+    return run
+
+
+def diffrax(system: ForcedSystem, tolerance: float) -> Map:
+    """Return diffrax's Dopri8 under vmap and jit."""
+    import diffrax as dfx
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    rhs: Any = rebind(system.rhs, {"sin": jnp.sin, "cos": jnp.cos})
+    p = system.parameters
+
+    def field(t: Any, y: Any, _: Any) -> Any:
+        return jnp.stack([jnp.asarray(f) for f in rhs(t, tuple(y), p)])
+
+    controller = dfx.PIDController(rtol=tolerance, atol=tolerance)
+
+    def one(y: Any) -> Any:
+        term = dfx.ODETerm(field)
+        return dfx.diffeqsolve(
+            term, dfx.Dopri8(), 0.0, system.length, None, y, stepsize_controller=controller, max_steps=4096
+        ).ys[-1]
+
+    every = jax.jit(jax.vmap(one))
+    return lambda starts: np.asarray(every(jnp.asarray(starts)).block_until_ready())
+
+
+PEERS: dict[str, tuple[Callable[[ForcedSystem, float], Map], str, int]] = {
+    "SciPy DOP853, each start": (scipy_each, "scipy", 16),
+    "SciPy DOP853, stacked": (scipy_stacked, "scipy", 4096),
+    "numbalsoda dop853": (numbalsoda, "numbalsoda", 1024),
+    "diffrax Dopri8": (diffrax, "diffrax", 4096),
+    "heyoka, batches": (heyoka, "heyoka", 4096),
+}
+"""Programs by name: the function that returns their map, the package, and the starts that are timed."""
+
+
+def installed() -> list[str]:
+    """Return the names of the programs that are installed."""
+    return [name for name, (_, package, _) in PEERS.items() if find_spec(package) is not None]

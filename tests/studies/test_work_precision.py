@@ -1,0 +1,59 @@
+"""The frozen images are those of the problems, and every part of the study returns what it says."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cellmap import stroboscopic_map
+from studies.work_precision import measures, pictures
+from studies.work_precision.chart import Chart, Run
+from studies.work_precision.peers import PEERS, installed
+from studies.work_precision.problems import PROBLEMS, TABLE
+
+FROZEN = json.loads(TABLE.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
+def test_frozen_images(problem):
+    frozen = FROZEN[problem.name]
+    assert frozen["params"] == dict(problem.system.params)
+    assert frozen["period"] == problem.system.length
+    exact = stroboscopic_map(problem.system, rtol=1e-13, atol=1e-13)
+    errors = np.abs(exact.iterate(problem.starts, 1).unwrapped - problem.images)
+    # Rounding, magnified by the double pendulum, is as large as the tolerance.
+    assert (errors / (1.0 + np.abs(problem.images))).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", installed())
+def test_other_programs_compute_the_same_map(name):
+    make, _, most = PEERS[name]
+    for problem in PROBLEMS[:2]:
+        images = make(problem.system, 1e-10)(problem.starts[: min(most, 50)])
+        np.testing.assert_allclose(images, problem.images[: min(most, 50)], atol=1e-7)
+
+
+def test_labels_are_compared_by_attractors():
+    from cellmap import find_basins
+
+    scene = pictures.scenes(12)[1]
+    exact = stroboscopic_map(scene.system)
+    reference = find_basins(exact, scene.grid)
+    same = pictures._run("direct", "", 1.0, reference, reference)
+    assert same.error == 0.0
+    assert "2 of 2 attractors" in same.more
+
+
+def test_tables_and_charts():
+    chart = Chart("title", "seconds", "error", (Run("a", "x", 1.5, 1e-3), Run("b", "y", 0.25, 0.0, "more")))
+    assert chart.table().splitlines()[2:] == ["| a | x | 1.5 | 0.001 |  |", "| b | y | 0.25 | 0 | more |"]
+
+
+@pytest.mark.slow
+def test_known_values_come_out():
+    for chart in measures.compare(quick=True):
+        last = chart.runs[-1]
+        assert last.error < 0.1
+        assert "exactly" in last.more

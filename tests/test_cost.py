@@ -1,0 +1,77 @@
+"""What maps and pictures say of their cost, counted in other ways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cellmap
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from systems import two_well_duffing
+
+TABLE = CellGrid((-3.0, -3.0), (3.0, 3.0), (40, 40))
+STARTS = CellGrid((-1.5, -1.5), (1.5, 1.5), (30, 30))
+
+
+def counted(calls):
+    """Return a contraction whose applications to single points are counted."""
+    exact = discrete_map(lambda x, p: (0.5 * x[0] - 0.1 * x[0] ** 3, 0.4 * x[1]), {}, ("x", "y"))
+
+    def advance(orbits, periods):
+        calls.append(int(orbits.alive.sum()) * periods)
+        exact.advance(orbits, periods)
+
+    return replace(exact, advance=advance)
+
+
+def test_table_counts_exact_images():
+    calls = []
+    icm = interpolated_map(counted(calls), TABLE)
+    assert icm.cost.evaluations == icm.cost.steps == sum(calls)
+    assert 0 < icm.cost.tabulation == icm.cost.seconds
+    assert icm.cost.look_ups == 0
+
+
+def test_every_step_of_a_picture_is_a_look_up_or_an_image():
+    calls = []
+    exact = counted(calls)
+    direct = find_basins(exact, STARTS)
+    assert direct.cost.evaluations == direct.cost.steps > 0
+    icm = interpolated_map(exact, TABLE, order=1, outside="integrate")  # coarse: some cells are left to the map
+    basins = find_basins(icm, CellGrid((-3.6, -3.6), (3.6, 3.6), (50, 50)))
+    assert basins.cost.look_ups > 0
+    assert basins.cost.evaluations > 0
+    assert basins.cost.look_ups + basins.cost.evaluations == basins.cost.steps
+    assert basins.cost.tabulation == icm.cost.tabulation
+    assert 0 < basins.cost.iteration < basins.cost.seconds
+
+
+@pytest.mark.parametrize(("method", "stages"), [("RK45", 7), ("DOP853", 12), ("Taylor", 1)])
+def test_right_hand_sides_of_methods(method, stages):
+    exact = stroboscopic_map(two_well_duffing(), method=method)
+    basins = find_basins(exact, CellGrid((-1.5, -1.5), (1.5, 1.5), (12, 12)))
+    cost = basins.cost
+    assert cost.evaluations % stages == 0
+    assert cost.evaluations > 4 * stages * cost.steps
+    assert cost.look_ups == cost.tabulation == 0
+
+
+def test_leaps_take_fewer_look_ups():
+    exact = discrete_map(lambda x, p: (0.995 * x[0] - 0.001 * x[0] ** 3, 0.99 * x[1]), {}, ("x", "y"))
+    costs = [find_basins(interpolated_map(exact, TABLE, leap=leap), STARTS).cost for leap in (1, 8)]
+    assert costs[1].look_ups < costs[0].look_ups
+
+
+def test_counts_do_not_depend_on_threads():
+    icm = interpolated_map(
+        stroboscopic_map(two_well_duffing()), CellGrid((-3, -3), (3, 3), (300, 300)), outside="integrate"
+    )
+    costs = []
+    for threads in (1, 3):
+        cellmap.set_threads(threads)
+        costs.append(find_basins(icm, CellGrid((-2, -2), (2, 2), (200, 200))).cost)
+    first, second = (replace(c, seconds=0.0, iteration=0.0) for c in costs)
+    assert vars(first) == vars(second)
+    assert np.isfinite(costs[0].seconds)
