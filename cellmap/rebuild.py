@@ -87,6 +87,10 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     ValueError
         For a source whose parameters are not those of the basins.
     """
+    if "method" in basins.settings:
+        raise ValueError(
+            f"basins are from a {basins.settings['method']}, not from find_basins: make that mapping again"
+        )
     if dict(source.params) != dict(basins.params):
         raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
     axes = source.axes if isinstance(source, ForcedSystem) else source.coordinates

@@ -19,6 +19,7 @@ from cellmap import (
     rebuild_map,
     recompute_basins,
     save_basins,
+    simple_cell_mapping,
     stroboscopic_map,
 )
 
@@ -145,3 +146,10 @@ def test_discrete_map_of_another_dimension_is_refused():
     line = discrete_map(lambda x, p: (p.a * x[0] + p.b,), {"a": 1.4, "b": 0.3}, ("x",))
     with pytest.raises(ValueError, match=r"coordinates|dimension|state variables"):
         recompute_basins(basins, line)
+
+
+def test_basins_of_other_methods_are_not_found_again():
+    contraction = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    basins = simple_cell_mapping(contraction, CellGrid((-1,), (1,), (9,))).basins()
+    with pytest.raises(ValueError, match="simple cell mapping"):
+        recompute_basins(basins, contraction)
