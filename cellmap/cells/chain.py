@@ -130,7 +130,7 @@ class CellChain:
 
     @cached_property
     def absorption(self) -> NDArray[np.float64]:
-        """Probability with which each cell ends in each closed class, shape (*grid, classes + 2).
+        """Probability with which each cell ends in each closed class, shape ``(*grid, classes + 2)``.
 
         The last two columns are -2, where orbits diverge, and -1, outside the window.
         """
@@ -171,7 +171,7 @@ class CellChain:
         Returns
         -------
         tuple
-            Attractors, and probabilities of the shape (*grid, attractors + 3): the last columns are -3, undecided, -2,
+            Attractors, and probabilities of the shape ``(*grid, attractors + 3)``: the last columns are -3, undecided, -2,
             diverged, and -1, outside the window.
 
         Raises
