@@ -171,8 +171,8 @@ class CellChain:
         Returns
         -------
         tuple
-            Attractors, and probabilities of the shape ``(*grid, attractors + 3)``: the last columns are -3, undecided, -2,
-            diverged, and -1, outside the window.
+            Attractors, and probabilities of the shape ``(*grid, attractors + 3)``: the last columns are -3, undecided,
+            -2, diverged, and -1, outside the window.
 
         Raises
         ------
