@@ -17,7 +17,7 @@ from .coordinates import turns_of, wrap
 from .grid import CellGrid, grid_points
 from .kernels.certainty import NONE, carry_rows, claim_within, judge, reach_ends, widening
 from .pointmap import CHUNK, NOTHING, Cost, Orbits, PointMap, Status, Tally
-from .settling import ESCAPED, Catalogue, inside_cover, settle
+from .settling import ESCAPED, UNDECIDED, Catalogue, inside_cover, settle
 from .starts import Starts
 from .threads import run_over, slices
 
@@ -27,6 +27,7 @@ _STEP = 1e-4  # smallest step where the table has no derivatives
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _FARTHEST = 1e15
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
+_GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
 _UNKNOWN = 1 << 62  # an end of paths over cells: where they lead is not known
 
 
@@ -40,7 +41,7 @@ class Evidence(IntEnum):
     EXACT = 2
     """The table leaves it open; the exact map does not, whatever its tolerance adds."""
     OPEN = 3
-    """The label of the exact map, which errors of the size of its tolerance could change."""
+    """The label of the exact map, which errors of the size of its tolerance could change, or its limit of periods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +203,7 @@ class _Bounds:
         return 8 * grid.size * (d * d + 3 * d + 6)
 
     @classmethod
+    @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
     def of(cls, point_map: PointMap, safety: float, progress: bool) -> _Bounds:
         """Measure derivatives at the centres of all cells, and take errors from the check of the table."""
         table, exact = point_map.table, point_map.exact
@@ -275,6 +277,7 @@ def _images(point_map: PointMap, points: NDArray[np.float64]) -> NDArray[np.floa
     return np.asarray(orbits.points + orbits.turns * turns_of(point_map.coordinates)[1] + (points - wrapped))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
 def _slopes(
     point_map: PointMap, points: NDArray[np.float64], widths: NDArray[np.float64], steps: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -313,6 +316,26 @@ def _from_edge(
         return np.asarray(np.where(turn > 0.0, values - turn * np.floor((values - lower) / around), values))
 
 
+def _around(dimension: int, step: float) -> NDArray[np.float64]:
+    """Return the corners of a cube around 0."""
+    return step * (2.0 * np.array(list(np.ndindex((2,) * dimension))) - 1.0)
+
+
+def _slow(basins: Basins) -> NDArray[np.bool_]:
+    """Tell which starts come to no end with half of the periods to spare: another map may take longer than allowed."""
+    late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
+    return np.asarray(late | (basins.labels.ravel() == UNDECIDED))
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """Starts whose label is not certain, and where they are at an age in periods."""
+
+    rows: NDArray[np.int64]
+    orbits: Orbits
+    age: int
+
+
 class _Run:
     """Labels and the evidence for them, found in several ways one after the other."""
 
@@ -330,6 +353,10 @@ class _Run:
         circle = np.where(table.grid.wraps, cells, self.catalogue.turn / table.grid.widths)
         self.place = (np.array(table.grid.lower), 1.0 / table.grid.widths, cells, circle)
         self.neighbourhoods = (self.catalogue.centres, self.catalogue.metrics, self.catalogue.owners)
+        self.overhangs = self._overhangs()
+        self.slow = _slow(basins)
+        times = basins.settling_time.ravel()
+        self.patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
         self.bounds = _Bounds.of(point_map, safety, progress)
         self.owners = self._owners_of_cells()
         self.labels = basins.labels.ravel().copy()
@@ -342,11 +369,7 @@ class _Run:
         held = np.full(self.grid.size, NONE, np.int16)
         claim_within(held, self.place, self.neighbourhoods, self.catalogue.turn)
         first, last, known = self._boxes_of_images(held)
-        chaotic = np.zeros(self.grid.size, np.int64)
-        for number, cover, _ in self.catalogue.covers:
-            if cover.certain is None:
-                chaotic[self._cells_on(cover)] |= _bit(number)
-        ends = np.where(held == NONE, chaotic, _bit(held))
+        ends = np.where(held == NONE, self._ends_within(), _bit(held))
         ends[~known & (held == NONE)] |= _UNKNOWN
         beyond = int(_bit(ESCAPED)) if self.escapes else _UNKNOWN
         reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
@@ -355,6 +378,43 @@ class _Run:
             if _bit(number) != _UNKNOWN:
                 owners[ends == _bit(number)] = number
         return owners
+
+    def _ends_within(self) -> NDArray[np.int64]:
+        """Return for each cell the bits of what orbits may come to within it for ever.
+
+        These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never:
+        paths lead out of these too, so that the starts that tell of them have to make them ends.
+        """
+        ends = np.zeros(self.grid.size, np.int64)
+        for number, cover, _ in self.catalogue.covers:
+            ends[self._cells_on(cover)] |= _bit(number)
+        for centre, number in zip(self.catalogue.centres, self.catalogue.owners, strict=True):
+            ends[self._cells_of(centre + self.grid.widths * _around(self.grid.dimension, _STEP))] |= _bit(number)
+        for part in slices(len(self.slow), CHUNK):
+            rows = np.flatnonzero(self.slow[part]) + part.start
+            ends[self._cells_of(self.starts.wrapped(rows, self.direct))] |= _UNKNOWN
+        return ends
+
+    def _cells_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the cells of those points that have one, flat."""
+        places = self.grid.locate(_from_edge(points, np.array(self.grid.lower), self.catalogue.turn))
+        return places[places >= 0]
+
+    def _overhangs(self) -> NDArray[np.int64]:
+        """Return boxes of cells, first and last, that hold the attractors which reach out of the table's window.
+
+        An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
+        """
+        grid, catalogue = self.grid, self.catalogue
+        reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.metrics)))
+        corners = [catalogue.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
+        sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
+        low = _from_edge(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
+        high = low + np.concatenate(sizes)
+        out = (((low < grid.lower) | (high > grid.upper)) & ~np.array(grid.wraps)).any(axis=1)
+        ends = np.floor((np.stack([low, high], axis=1)[out] - grid.lower) / grid.widths)
+        everywhere = np.multiply.outer((-_FARTHEST, _FARTHEST), np.ones(grid.dimension))
+        return np.where(catalogue.turn > 0.0, everywhere, ends).astype(np.int64)
 
     def _boxes_of_images(
         self, held: NDArray[np.int16]
@@ -368,14 +428,21 @@ class _Run:
         reach += (0.25 * self.grid.dimension * bounds.bends[:, 0] + bounds.errors)[:, None]
         middle = bounds.images.copy()
         rough = np.flatnonzero(np.isinf(bounds.errors) & (held == NONE))
-        for part in slices(len(rough), CHUNK // 3**self.grid.dimension + 1):
-            cells = rough[part]
-            middle[cells], reach[cells], held[cells] = self._sampled(cells)
+        for chunk in slices(len(rough), CHUNK // 3**self.grid.dimension + 1):
+            some = rough[chunk]
+            middle[some], reach[some], held[some] = self._sampled(some)
         middle = _from_edge(middle, np.zeros(len(circle)), circle)
         known = (np.abs(middle) + reach < _FARTHEST).all(axis=1)
         known &= np.prod(np.where(known[:, None], 2.0 * reach, 0.0) + 1.0, axis=1) < _MOST_CELLS
+        # Part of a turn is outside of the window, and the window comes again behind it.
+        cells, part = self.place[2], (circle > 0.0) & (circle != self.place[2])
+        known &= ~(part & ((middle + reach >= circle) | (middle - reach <= cells - circle))).any(axis=1)
         first, last = (np.where(known[:, None], middle + way * reach, 0.0) for way in (-1.0, 1.0))
-        return np.floor(first).astype(np.int64), np.floor(last).astype(np.int64), known
+        first, last = np.floor(first).astype(np.int64), np.floor(last).astype(np.int64)
+        leaves = (((first < 0) | (last >= cells)) & ~np.array(self.grid.wraps)).any(axis=1)
+        for begin, end in self.overhangs:
+            known &= ~(leaves & (first <= end).all(axis=1) & (last >= begin).all(axis=1))
+        return first, last, known
 
     def _sampled(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int16]]:
         """Return middles and reaches of the images of some cells, and labels that a period settles, from samples."""
@@ -392,18 +459,14 @@ class _Run:
         reach = (0.5 + 0.25) * (high - low) + self.bounds.tolerances[cells, None]
         return 0.5 * (low + high), reach, np.where(agreed, labels[:, 0], NONE).astype(np.int16)
 
-    def _cells_on(self, cover: Cover) -> NDArray[np.bool_]:
-        """Tell which cells touch boxes of a chaotic attractor."""
-        grid, turn = self.grid, self.catalogue.turn
+    def _cells_on(self, cover: Cover) -> NDArray[np.int64]:
+        """Return the cells that touch boxes of a cover, some of them often."""
+        grid = self.grid
         # A point for each box of half a cell at most, and some at its edges.
         parts = np.maximum(np.ceil(2.0 * cover.widths / grid.widths), 1.0).astype(int)
         offsets = np.array(list(np.ndindex(*(parts + 1)))) / parts
         corners = cover.lower + cover.boxes * cover.widths
-        points = (corners[:, None, :] + offsets * cover.widths).reshape(-1, grid.dimension)
-        touched = grid.locate(_from_edge(points, np.array(grid.lower), turn))
-        found = np.zeros(grid.size, bool)
-        found[touched[touched >= 0]] = True
-        return found
+        return self._cells_of((corners[:, None, :] + offsets * cover.widths).reshape(-1, grid.dimension))
 
     def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
         """Follow starts with their errors, and label those that a region holds with all of it.
@@ -415,30 +478,37 @@ class _Run:
 
         def work(number: int) -> None:
             mine = rows[parts[number]]
-            left, orbits, tally = self._follow(point_map, mine, errors, mark)
-            if mark is Evidence.EXACT and len(left):
-                settled = settle(point_map, orbits, self.catalogue, self.periods)
-                self.labels[left] = settled.labels
-                tally = tally.plus(settled.tally)
+            left, tally = self._follow(point_map, mine, errors, mark)
+            for part in left if mark is Evidence.EXACT else ():
+                tally = tally.plus(self._settle(part))
             tallies[number] = tally
 
         run_over(range(len(parts)), work, f"certifying {self.basins.name}" if self.progress else None)
         self.tally = self.tally.plus(tallies.sum(axis=0))
 
+    def _settle(self, left: _Left) -> Tally:
+        """Label starts by the exact map, from the beginning where an attractor may have had them before."""
+        orbits, age = left.orbits, left.age
+        if self.catalogue.covers or len(self.overhangs):
+            orbits, age = Orbits.starting(self.starts.wrapped(left.rows, self.exact)), 0
+        settled = settle(self.exact, orbits, self.catalogue, self.periods - age, age)
+        self.labels[left.rows] = settled.labels
+        return settled.tally
+
     @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
     def _follow(
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
-    ) -> tuple[NDArray[np.int64], Orbits, Tally]:
-        """Follow starts until their label is certain; return those that stay open, their states, and the work."""
+    ) -> tuple[list[_Left], Tally]:
+        """Follow starts until their label is certain; return those that stay open, and the work."""
         orbits = Orbits.starting(self.starts.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
-        left: list[tuple[NDArray[np.int64], Orbits]] = []
-        pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+        left: list[_Left] = []
+        pending, settled = ~self.slow[rows], np.zeros(len(rows), bool)
         steps = 0
         for k in range(self.periods + 1):
             found = np.empty(len(rows), np.int64)
             judge(
-                orbits.points, spread, self.owners, self.place, self.escapes, ESCAPED,
+                orbits.points, spread, self.owners, self.place, self.escapes, ESCAPED, self.overhangs,
                 self.neighbourhoods, self.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)
@@ -447,11 +517,11 @@ class _Run:
             self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
             settled |= held
             reach = sum(spread[:, j, j] for j in range(point_map.dimension))
-            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < self.periods)
+            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < self.patience[rows])
             remaining = int(np.count_nonzero(pending))
             if remaining * 4 < len(rows) * 3 or k == self.periods:
                 lost, on = np.flatnonzero(~pending & ~settled), np.flatnonzero(pending)
-                left.append((rows[lost], orbits[lost]))
+                left.append(_Left(rows[lost], orbits[lost], k))
                 rows, orbits, spread = rows[on], orbits[on], spread[on]
                 pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
             if not len(rows):
@@ -459,8 +529,7 @@ class _Run:
             self._widen(orbits.points, spread, errors)
             point_map.advance(orbits, 1)
             steps += len(rows)
-        tally = Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
-        return np.concatenate([r for r, _ in left]), Orbits.joined([o for _, o in left]), tally
+        return left, Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
 
     def _stopped(self, orbits: Orbits, spread: NDArray[np.float64], found: NDArray[np.int64]) -> None:
         """Find orbits that rest at equilibria, and write those with all of whose errors they would soon rest there too.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -14,13 +14,17 @@ from cellmap import (
     CellGrid,
     Certificate,
     Evidence,
+    angle,
     certify,
     discrete_map,
     find_basins,
     interpolated_map,
     stroboscopic_map,
 )
+from cellmap.certification import _within
 from cellmap.kernels.certainty import carry_rows, reach_ends
+from cellmap.pointmap import Orbits
+from cellmap.settling import UNDECIDED, Catalogue, settle
 from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
 
 EDGE = 0.1234567  # of the basins of the map below
@@ -114,6 +118,60 @@ def test_orbits_that_leave_the_window():
     np.testing.assert_array_equal(certificate.basins.labels, np.where(inside, 0, -1))
     assert 0 < (certificate.basins.labels == -1).sum() < window.size
     assert (certificate.evidence[certificate.basins.labels == -1] <= Evidence.ORBIT).any()
+
+
+def labels_within(basins):
+    """Labels of the exact map with the window of the table, by iteration alone."""
+    exact, starts = basins.point_map.exact, basins.grid.centres().reshape(-1, basins.grid.dimension)
+    windowed = _within(basins.point_map.table.grid, exact)
+    catalogue = Catalogue.of(basins.attractors, exact)
+    settled = settle(windowed, Orbits.starting(starts), catalogue, basins.settings["max_periods"])
+    return settled.labels.reshape(basins.labels.shape)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 0.05])
+def test_attractors_that_hold_no_cell_as_a_whole(gap):
+    """Paths of cells lead past these attractors and out of the window; orbits stay, or cross the gap to its other side.
+
+    One period takes the angle as far as across the gap, so that it may come to either edge of the window.
+    """
+    exact = discrete_map(
+        lambda x, p: (0.5 * x[0] + 3.0 * sin(x[0]), 0.4 * x[1] + 0.3 * sin(x[0])), {}, (angle("theta"), "y")
+    )
+    icm = interpolated_map(exact, CellGrid((-pi, -2.0), (pi - gap, 2.0), (60, 40)), order=3, tolerance=0.2)
+    basins = find_basins(icm, CellGrid((-pi, -2.0), (pi, 2.0), (40, 40)), max_periods=300)
+    assert len(basins.attractors) > 0
+    certificate = certify(basins, audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.2, 1.1])
+def test_attractors_across_the_edge_of_the_window(gap):
+    exact = discrete_map(lambda x, p: (x[0] + 0.2 * sin(3.0 * x[0]) + 0.1,), {}, (angle("theta"),))
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi - gap,), (40,)), order=1, tolerance=0.2)
+    basins = find_basins(icm, CellGrid((-pi,), (pi,), (1000,)))
+    certificate = certify(basins, audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+
+
+@pytest.mark.parametrize("contraction", [0.9, 0.98])
+def test_starts_that_settle_late_or_never(contraction):
+    """Cells around a weak attractor touch others that lead out of the window.
+
+    Labels are those after the periods that the picture was given.
+    """
+
+    def henon(x, p):
+        y = x[1] - x[0] * x[0]
+        return p.c * (0.3 * x[0] - 0.954 * y), p.c * (0.954 * x[0] + 0.3 * y)
+
+    exact = discrete_map(henon, {"c": contraction}, ("x", "y"))
+    icm = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)))
+    basins = find_basins(icm, CellGrid((-1.2, -1.2), (1.2, 1.2), (40, 40)), max_periods=20)
+    certificate = certify(basins, audit=50)
+    assert (certificate.basins.labels == UNDECIDED).any()
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+    assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
 
 
 def test_kinks_of_dry_friction():

@@ -29,8 +29,24 @@ def place_of(x, origin, inverse, circle):
 
 
 @njit(**KERNEL)
-def owner_of_box(owners, first, last, cells, circle, escapes, outside):
-    """Return the owner that all cells of a box share, else NONE; LOST where it lies across an edge that ends orbits."""
+def touches(first, last, boxes):
+    """Tell whether a box of cells shares one with any of others, whose first and last cells are given (n, 2, d)."""
+    for m in range(len(boxes)):
+        shared = True
+        for j in range(len(first)):
+            shared = shared and first[j] <= boxes[m, 1, j] and last[j] >= boxes[m, 0, j]
+        if shared:
+            return True
+    return False
+
+
+@njit(**KERNEL)
+def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs):
+    """Return the owner that all cells of a box share, else NONE; LOST where it lies across an edge that ends orbits.
+
+    ``outside`` is the owner of boxes beyond such an edge, except where they touch one of the boxes ``overhangs``
+    (n, 2, d) of attractors that lie across it.
+    """
     d = len(cells)
     here = np.empty(d, np.int64)
     leaves = False
@@ -38,8 +54,12 @@ def owner_of_box(owners, first, last, cells, circle, escapes, outside):
         if circle[j] == cells[j]:
             if last[j] - first[j] >= cells[j]:
                 first[j], last[j] = 0, cells[j] - 1
+        elif circle[j] > 0.0 and (last[j] + 1 > circle[j] or first[j] < cells[j] - circle[j]):
+            return LOST if escapes else NONE  # across the rest of the turn, to where the window comes again
         elif last[j] < 0 or first[j] >= cells[j]:
-            return outside if escapes else NONE
+            if not escapes:
+                return NONE
+            return LOST if touches(first, last, overhangs) else outside
         elif first[j] < 0 or last[j] >= cells[j]:
             leaves = True
         here[j] = first[j]
@@ -147,7 +167,7 @@ def reach_ends(ends, fixed, first, last, cells, circle, beyond):
 
 
 @njit(**KERNEL)
-def judge(points, spread, cell_owners, table, escapes, outside, neighbourhoods, turn, found):
+def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neighbourhoods, turn, found):
     """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
 
     Regions are cells with an owner and ellipsoids around attractors; ``table`` is (origin, inverse, cells, circle),
@@ -179,7 +199,7 @@ def judge(points, spread, cell_owners, table, escapes, outside, neighbourhoods, 
         if single:
             found[i] = cell_owners[flat]
         else:
-            found[i] = owner_of_box(cell_owners, first, last, cells, circle, escapes, outside)
+            found[i] = owner_of_box(cell_owners, first, last, cells, circle, escapes, outside, overhangs)
         if found[i] != NONE:
             continue
         for m in range(len(owners)):
