@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .basin_finding import find_basins
@@ -10,6 +11,7 @@ from .basins import Basins
 from .grid import CellGrid
 from .interpolated import interpolated_map
 from .pointmap import PointMap
+from .section import section_map
 from .stroboscopic import stroboscopic_map
 from .system import ForcedSystem
 
@@ -58,10 +60,15 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
         case "stroboscopic", ForcedSystem():
             if source.length != recipe["period"]:
                 raise ValueError(
-                    f"source has the period {source.length!r}, not {recipe['period']!r}: give the same parameters"
+                    f"source has the period {source.length!r}, not {recipe['period']!r}: give the same parameters, "
+                    "or for a map of flow_map the system with that period"
                 )
             settings = {name: recipe[name] for name in ("phase", "rtol", "atol", "method", "max_steps")}
             return stroboscopic_map(source, **settings)
+        case "section", ForcedSystem():
+            section = recipe["coordinate"], recipe["value"], recipe["direction"]
+            settings = {name: recipe[name] for name in ("max_time", "rtol", "atol", "max_steps")}
+            return section_map(replace(source, period=recipe["period"]), section, **settings)
         case "discrete", PointMap():
             return source
     raise ValueError(f"recipe of kind {kind!r} cannot be made from {source!r}: give the system it was made from")
@@ -94,11 +101,14 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     if dict(source.params) != dict(basins.params):
         raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
     axes = source.axes if isinstance(source, ForcedSystem) else source.coordinates
+    recipe = basins.settings["map"]
+    across = recipe.get("exact", recipe).get("coordinate")  # of a section, on which it is not a coordinate
+    axes = tuple(c for c in axes if c.name != across)
     if axes != basins.coordinates:
         theirs, ours = (", ".join(map(repr, c)) for c in (axes, basins.coordinates))
         raise ValueError(f"source has the coordinates ({theirs}) and the basins ({ours})")
     starts = basins.grid if basins.grid is not None else basins.starts
     assert starts is not None
-    point_map = rebuild_map(source, basins.settings["map"])
+    point_map = rebuild_map(source, recipe)
     limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
     return find_basins(point_map, starts, **limits)

@@ -17,7 +17,7 @@ from .coordinates import Coordinate, turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
-from .pointmap import CHUNK, Family, Orbits, PointMap, Status
+from .pointmap import CHUNK, Family, Orbits, Origin, PointMap, Status
 from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
 from .system import ForcedSystem
 from .threads import run_over, slices
@@ -25,6 +25,7 @@ from .threads import run_over, slices
 _STRETCHES = 100  # periods of the system within which an orbit has to return by default
 _LAST = 1e-9  # share of a stretch before its end in which an arrival is left to the next one
 _TANGENT_TOLERANCE = 1e-12
+_AT_REST = 1e-13  # largest move in a stretch, relative to 1 or to the point, of an orbit that rests
 _ORDER_FOR = (
     1e-9  # tolerance for which the order of the series is chosen: finer ones take more steps, not more compiling
 )
@@ -257,6 +258,9 @@ def section_map(
         tolerance=(rtol, atol),
         tangent=tangent,
         family=Family(at=again),
+        origin=Origin(
+            section_map, (system, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps), advance
+        ),
         section=(system.axes[place].name, value, direction),
         first_returns=first_returns,
     )
@@ -349,8 +353,9 @@ class _Trip:
         times, status = np.zeros(n), np.zeros(n, np.uint8)
         carries = self.motion.largest.size > size
         total = np.broadcast_to(np.eye(size), (n, size, size)).copy() if carries else None
-        self._begin(states)
-        pending = np.arange(n)
+        resting = self._begin(states)
+        status[resting] = Status.NO_RETURN
+        pending = np.flatnonzero(~resting)
         while len(pending):
             states[pending, d] = 0.0
             moved = self._move(states[pending], status, pending, total)
@@ -359,13 +364,15 @@ class _Trip:
             pending, moved = pending[alive], moved[alive]
             times[pending] += moved[:, d]
             stopped = moved[:, d] < self.stretch * (1.0 - _LAST)
-            wanted = (self.direction == 0) | (moved[:, d + 1] == -self.direction)
+            across = self._across(moved)
+            wanted = (self.direction == 0) | (across == self.direction)
             lost = ~(stopped & wanted) & (times[pending] >= self.longest * (1.0 - _LAST))
             lost |= stopped & (times[pending] == 0.0)
             status[pending[lost]] = Status.NO_RETURN
-            passed = pending[stopped & ~wanted & ~lost]
+            onwards = stopped & ~wanted & ~lost
+            passed = pending[onwards]
             again = states[passed]
-            self._begin(again, -again[:, d + 1])
+            self._put(again, across[onwards])
             states[passed] = again
             pending = pending[~lost & ~(stopped & wanted)]
         ended = status >= Status.ESCAPED
@@ -376,18 +383,32 @@ class _Trip:
         images[ended], times[ended] = np.nan, np.nan
         return images, times, status, None if total is None else total[:, others][:, :, others]
 
-    def _begin(self, states: NDArray[np.float64], side: NDArray[np.float64] | None = None) -> None:
-        """Put states exactly on the section, on the side to which they go."""
+    def _begin(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Put states on the section, on the side to which they go; tell which of them rest there."""
+        system, d = self.system, self.system.dimension
+        states[:, self.place] = self.value
+        with np.errstate(all="ignore"):
+            speeds = over_arrays(system.rhs)(0.0, tuple(states[:, :d].T), system.parameters)
+        rates = np.stack([np.broadcast_to(v, len(states)) for v in speeds], axis=-1)
+        self._put(states, np.where(rates[:, self.place] < 0.0, -1.0, 1.0))
+        moves = np.abs(rates) * self.stretch
+        return np.asarray((moves <= _AT_REST * np.maximum(1.0, np.abs(states[:, :d]))).all(axis=1))
+
+    def _put(self, states: NDArray[np.float64], side: NDArray[np.float64]) -> None:
+        """Put states exactly on the section, on one of its sides."""
         d = self.system.dimension
         states[:, self.place] = states[:, d + 2] = self.value
-        states[:, d + 1] = self._sides(states[:, :d]) if side is None else side
+        states[:, d + 1] = side
 
-    def _sides(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sign of the speed across the section."""
-        system = self.system
-        with np.errstate(all="ignore"):
-            speeds = over_arrays(system.rhs)(0.0, tuple(states.T), system.parameters)[self.place]
-        return np.where(np.broadcast_to(speeds, len(states)) < 0.0, -1.0, 1.0)
+    def _across(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the direction in which states cross the section at which they have stopped.
+
+        They come back from the side on which they were, except after a whole turn of an angle.
+        """
+        d, turn = self.system.dimension, self.system.axes[self.place].turn
+        round_ = np.inf if turn is None else 0.5 * turn
+        back = np.abs(states[:, self.place] - states[:, d + 2]) < round_
+        return np.where(back, -states[:, d + 1], states[:, d + 1])
 
     def _move(
         self,

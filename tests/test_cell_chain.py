@@ -436,6 +436,10 @@ def test_bad_input():
         generalized_cell_mapping(halves, grid, noise=(1.0, 1.0))
     with pytest.raises(ValueError, match=r"noise returned the shape \(25,\)"):
         generalized_cell_mapping(halves, grid, noise=lambda rng, n: rng.normal(size=n))
+    with pytest.raises(ValueError, match="noise returned nan: return finite numbers"):
+        generalized_cell_mapping(halves, grid, noise=lambda rng, n: np.full((n, 1), np.nan))
+    with pytest.raises(ValueError, match=r"0 closed classes.*no density"):
+        generalized_cell_mapping(discrete_map(lambda x, p: (x[0] + 9,), {}, ("x",)), grid).density()
     with pytest.raises(ValueError, match="periods=0"):
         generalized_cell_mapping(halves, grid, periods=0)
     with pytest.raises(MemoryError, match="take fewer"):

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import pickle
 from math import exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, flow_map, jacobian, section_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Status,
+    angle,
+    find_basins,
+    flow_map,
+    generalized_cell_mapping,
+    jacobian,
+    load_basins,
+    recompute_basins,
+    save_basins,
+    section_map,
+    simple_cell_mapping,
+)
 from systems import magnetic_pendulum, two_well_duffing
 
 
@@ -26,6 +41,9 @@ SPIRAL = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}
 TORQUE = ForcedSystem(
     lambda t, x, p: (x[1], p.torque - sin(x[0]) - 0.2 * x[1]), {"torque": 1.5}, 2.0, (angle("theta"), "v")
 )
+TURNING = ForcedSystem(lambda t, x, p: (p.w, sin(x[0]) - x[1]), {"w": 1.0}, 2.0, (angle("theta"), "v"))
+PENDULUM = ForcedSystem(lambda t, x, p: (x[1], -sin(x[0]) - p.d * x[1]), {"d": 0.02}, 2.0, (angle("theta"), "v"))
+CENTRED = ForcedSystem(lambda t, x, p: (x[1], p.c - x[0] - 0.4 * x[1]), {"c": 0.0}, 6.0, ("q", "v"))
 
 
 def by_events(system, place, value, direction, start, time=60.0):
@@ -92,6 +110,67 @@ def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
     # Of the rotation the multiplier is exp(-damping * time): Liouville.
     point = basins.attractors[0].points
     assert basins.attractors[0].multipliers[0].real == pytest.approx(exp(-0.2 * back.returns(point).times[0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("value", [0.4, pi, 7.0])
+def test_an_angle_that_only_grows_never_falls_through_its_section(value):
+    """theta' = w: a turn takes 2 pi / w, in the direction of w alone."""
+    for w in (1.0, -1.0):
+        for direction in (-1, 0, 1):
+            back = section_map(TURNING.with_params(w=w), ("theta", value, direction), max_time=20.0)
+            time = back.returns([[0.3]]).times[0]
+            assert np.isnan(time) if direction == -w else time == pytest.approx(2 * pi, rel=1e-12)
+
+
+def test_pendulum_swings_through_both_ways_and_rotates_through_one():
+    """Energy is kept: it comes back as fast as it went, on the way asked for."""
+    pendulum = PENDULUM.with_params(d=0.0)
+    starts = [[1.0], [-1.0], [3.0], [-3.0]]
+    for direction, expected in ((1, [1, 1, 3, np.nan]), (-1, [-1, -1, np.nan, -3]), (0, [-1, 1, 3, -3])):
+        images = section_map(pendulum, ("theta", 0.0, direction)).returns(starts)
+        np.testing.assert_allclose(images.points[:, 0], expected, rtol=1e-7)
+
+
+@pytest.mark.parametrize("value", [0.0, 5.0])
+def test_orbits_that_come_to_rest_on_the_section_do_not_return(value):
+    """A spiral around a point of the section: no speed is left to go through it."""
+    back = section_map(CENTRED.with_params(c=value), ("q", value, 1))
+    assert back.iterate([[0.0], [1.0]], 100).status.tolist() == [Status.NO_RETURN, Status.NO_RETURN]
+    assert (find_basins(back, CellGrid((-1.0,), (1.0,), (4,))).labels == -4).all()
+
+
+def test_cells_of_a_section_whose_orbits_do_not_return(tmp_path):
+    """A pendulum with friction passes the top some times, and then no more."""
+    top = section_map(TORQUE.with_params(torque=0.0), ("theta", pi, 1), max_time=50.0)
+    grid = CellGrid((0.05,), (5.0,), (4,))
+    mapping, chain = simple_cell_mapping(top, grid), generalized_cell_mapping(top, grid)
+    direct = find_basins(top, grid).labels
+    assert (direct == -4).all()
+    for basins in (mapping.basins(), chain.basins()):
+        np.testing.assert_array_equal(basins.labels, direct)
+        assert basins.verify(100).wrong == 0
+        np.testing.assert_array_equal(load_basins(save_basins(basins, tmp_path / "cells.h5")).labels, direct)
+
+
+def test_groups_of_cells_whose_orbits_do_not_return():
+    """Coarse cells keep what a little damping takes away: each is a group, and the exact map sees through it."""
+    mapping = simple_cell_mapping(
+        section_map(PENDULUM, ("theta", pi, 1), max_time=60.0), CellGrid((0.05,), (5.0,), (4,))
+    )
+    assert (mapping.groups >= 0).all()
+    assert (mapping.basins().labels == -4).all()
+
+
+def test_maps_travel_and_are_made_again(tmp_path):
+    back = section_map(LORENZ, ("z", 27.0, -1), max_time=20.0)
+    starts = [[-10.0, -12.0], [6.0, 2.0]]
+    same = pickle.loads(pickle.dumps(back))
+    np.testing.assert_array_equal(same(starts), back(starts))
+    np.testing.assert_array_equal(same.returns(starts).times, back.returns(starts).times)
+    turning = section_map(TORQUE, ("theta", 1.0, 1))
+    basins = find_basins(turning, CellGrid((3.0,), (9.0,), (10,)))
+    again = recompute_basins(load_basins(save_basins(basins, tmp_path / "turning.h5")), TORQUE)
+    np.testing.assert_array_equal(again.labels, basins.labels)
 
 
 def test_orbits_that_do_not_return_say_so():

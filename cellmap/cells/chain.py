@@ -55,7 +55,8 @@ class CellChain:
     ----------
     matrix : scipy.sparse.csr_array, shape (cells + 2, cells + 2)
         Probability to go from the cell of the row to that of the column.  The last two states are sinks: ``-1`` is
-        outside the window, ``-2`` is where orbits diverge.
+        outside the window, ``-2`` is where orbits diverge, or do not come back to the
+        section of a map.
     grid : CellGrid
         The cells.
     point_map : PointMap
@@ -123,6 +124,8 @@ class CellChain:
 
     def density(self, number: int = 0) -> NDArray[np.float64]:
         """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
+        if not self.closed:
+            raise ValueError(f"{self!r}, and so no density: take a window that orbits do not leave, or less noise")
         number = whole_number("number", number, at_most=len(self.closed) - 1)
         density = np.zeros(self.grid.size)
         density[self.closed[number].cells] = self.measures[number] / np.prod(self.grid.widths)

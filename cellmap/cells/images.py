@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from ..coordinates import turns_of, wrap
 from ..grid import CellGrid, grid_points
 from ..pointmap import Orbits, PointMap, Status, ToleranceWarning
+from ..settling import NO_RETURN
 
 LEFT, DIVERGED = -1, -2
-"""Cells in the place of an image outside the window, and of one that does not exist; they are sinks."""
+"""Cells in the place of an image outside the window, and of one that does not exist; they are sinks.
+
+An image does not exist where the orbit diverges, or does not come back to the section of a map.
+"""
 
 Kick = Callable[[int], NDArray[np.float64]]
 """Returns what noise adds to a number of points in one period, shape (n, dimension)."""
@@ -48,7 +52,13 @@ def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, ki
 def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.int64]:
     """Return the flat numbers of the cells in which orbits are, LEFT or DIVERGED for those in none."""
     cells = grid.locate(brought_near(point_map, grid, orbits.points))
-    return np.where(orbits.status == Status.DIVERGED, DIVERGED, cells)
+    return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)
+
+
+def label_of_no_image(point_map: PointMap) -> int:
+    """Return the label of starts whose orbits come to the sink DIVERGED."""
+    exact = point_map.exact or point_map
+    return NO_RETURN if exact.recipe.get("kind") == "section" else DIVERGED
 
 
 def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,7 +31,8 @@ class CellMapping:
     Parameters
     ----------
     images : ndarray of int64, shape of the grid
-        Flat number of the cell to which each cell goes; -1 for outside the window, -2 where the centre diverges.
+        Flat number of the cell to which each cell goes; -1 for outside the window, -2 where the centre diverges,
+        or does not come back to the section of a map.
     groups : ndarray of int, shape of the grid
         Number of the periodic group in which each cell ends; -1 or -2 for those that end outside.
     steps : ndarray of int, shape of the grid

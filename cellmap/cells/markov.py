@@ -93,7 +93,7 @@ def solve_transient(
 
     Components are solved one after the other, so that each has those that it leads to behind it: states alone by
     substitution, others by Gauss and Seidel's method.  Where this converges slowly, as it does where chance leaves a
-    component    late, elimination takes its place, or GMRES for components whose states lead everywhere.
+    component late, elimination takes its place, or GMRES for components whose states lead everywhere.
 
     Parameters
     ----------

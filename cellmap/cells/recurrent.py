@@ -15,8 +15,8 @@ from ..basins import Basins
 from ..coordinates import Coordinate
 from ..grid import CellGrid
 from ..pointmap import Cost, PointMap
-from ..settling import DIVERGED, ESCAPED
-from .images import centres_of
+from ..settling import NO_RETURN
+from .images import DIVERGED, LEFT, centres_of, label_of_no_image
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
 _LATEST = 2**31 - 1
@@ -45,7 +45,8 @@ def polished_sets(
     Returns
     -------
     tuple
-        Attractors and labels; where the cells of a set end on different attractors, that of most of them.
+        Attractors and labels; where the cells of a set end on different attractors, that of most of them.  Sets whose
+        orbits end have the number of a sink.
     """
     if not len(cells):
         return (), np.empty(0, np.int64)
@@ -57,7 +58,8 @@ def polished_sets(
     found = find_basins(point_map.exact or point_map, centres_of(grid, followed), **limits)
     columns = len(found.attractors) + 3  # codes behind the attractors, where their negative numbers lead
     votes = np.zeros((len(sizes), columns), np.int64)
-    np.add.at(votes, (np.arange(len(sizes))[:, None], found.labels[where.reshape(chosen.shape)]), 1)
+    ends = np.where(found.labels == NO_RETURN, DIVERGED, found.labels)
+    np.add.at(votes, (np.arange(len(sizes))[:, None], ends[where.reshape(chosen.shape)]), 1)
     label = votes.argmax(axis=1)
     return found.attractors, np.where(label < len(found.attractors), label, label - columns)
 
@@ -172,7 +174,7 @@ def basins_from_cells(
     """Return labels of cells as basins, without attractors that no cell belongs to."""
     used = np.unique(labels[labels >= 0])
     number = np.full(len(attractors) + 3, -3, np.int64)
-    number[[ESCAPED, DIVERGED]] = ESCAPED, DIVERGED
+    number[[LEFT, DIVERGED]] = LEFT, label_of_no_image(like)
     number[used] = np.arange(len(used))
     final = number[labels].astype(np.int16)
     return Basins(

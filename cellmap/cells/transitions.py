@@ -102,6 +102,8 @@ def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[i
         drawn = np.asarray(noise(rng, n), dtype=float)
         if drawn.shape != (n, dimension):
             raise ValueError(f"noise returned the shape {drawn.shape}: return one of ({n}, {dimension})")
+        if not np.isfinite(drawn).all():
+            raise ValueError(f"noise returned {drawn[~np.isfinite(drawn)][0]}: return finite numbers")
         return drawn
 
     return kick

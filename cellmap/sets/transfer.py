@@ -16,6 +16,7 @@ from ..coordinates import Coordinate
 from ..pointmap import PointMap
 from .boxes import BoxSet
 from .images import box_transitions, points_in
+from .invariant import recurrent_parts
 
 _DENSE = 400  # boxes up to which all eigenvalues are found
 _KRYLOV = 40  # least size of the space in which some are sought
@@ -120,12 +121,16 @@ class TransferOperator:
         Raises
         ------
         ValueError
-            Where there are several, as with several attractors.
+            Where there are several, as with several attractors, or none, as no box leads back to itself.
         """
         if len(self.invariant_measures) > 1:
             raise ValueError(
                 f"{self!r} has {len(self.invariant_measures)} invariant measures: take one of invariant_measures, or "
                 "boxes that hold one attractor"
+            )
+        if not self._recurs:
+            raise ValueError(
+                f"{self!r} has no invariant measure, as all mass leaks out of the boxes: take more of them"
             )
         return self.invariant_measures[0] if self.invariant_measures else self._leading[1]
 
@@ -137,19 +142,27 @@ class TransferOperator:
     @property
     def escape_rate(self) -> float:
         """Minus the logarithm of the largest eigenvalue: the rate, per step, at which mass leaks out of the set."""
-        return 0.0 if self.invariant_measures else float(-np.log(self._leading[0]))
+        if self.invariant_measures:
+            return 0.0
+        return float(-np.log(self._leading[0])) if self._recurs else np.inf
+
+    @functools.cached_property
+    def _recurs(self) -> bool:
+        """Whether there are boxes that lead back to themselves."""
+        return bool((recurrent_parts(self.matrix) >= 0).any())
 
     @functools.cached_property
     def _leading(self) -> tuple[float, NDArray[np.float64]]:
         return _leading(self.matrix)
 
-    def eigenvalues(self, number: int = 6) -> NDArray[np.complex128]:
-        """Return the largest eigenvalues, by modulus; of a conjugate pair the upper one first."""
+    def eigenvalues(self, number: int | None = None) -> NDArray[np.complex128]:
+        """Return the largest eigenvalues, by default six, by modulus; of a conjugate pair the upper one first."""
         return self.eigenvectors(number)[0]
 
-    def eigenvectors(self, number: int = 6) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def eigenvectors(self, number: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the largest eigenvalues (m,) and the measures (n, m) that the map multiplies by them."""
-        number = whole_number("number", number, at_least=1, at_most=len(self.boxes))
+        most = len(self.boxes)
+        number = min(6, most) if number is None else whole_number("number", number, at_least=1, at_most=most)
         return _eigen(csr_array(self.matrix.T), number)
 
     def cycle(self, order: int) -> Cycle:

@@ -100,6 +100,15 @@ def test_escape_rate_of_an_open_tent_map():
     assert operator.density == pytest.approx(1.0, abs=1e-9)
 
 
+def test_nothing_lasts_where_all_boxes_empty_at_once():
+    """A shift by more than the window: no mass is left after a step."""
+    away = transfer_operator(full(4), discrete_map(lambda x, p: (x[0] + 10,), {}, ("x",)))
+    assert away.escape_rate == np.inf
+    np.testing.assert_array_equal(away.eigenvalues(), np.zeros(4))
+    with pytest.raises(ValueError, match="all mass leaks out"):
+        _ = away.invariant_measure
+
+
 def test_what_is_wrong_is_named():
     cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2,), {}, ("x",))
     with pytest.raises(ValueError, match="at least one box"):
