@@ -174,6 +174,7 @@ def test_starts_that_settle_late_or_never(contraction):
     assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
 
 
+@pytest.mark.slow
 def test_kinks_of_dry_friction():
     system = driven_pendulum(friction=20.0, damping=0.0)
     table, window = CellGrid((-pi, -60.0), (pi, 60.0), (96, 96)), CellGrid((-pi, -40.0), (pi, 40.0), (40, 40))

@@ -28,7 +28,15 @@ def close_figures():
     plt.close("all")
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if programs(p)], ids=lambda p: p.name)
+LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "scenes.md"}
+"""Pages whose programs take more than ten seconds."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.slow] if p.name in LONG else []) for p in PAGES if programs(p)],
+    ids=lambda p: p.name,
+)
 def test_programs_run(page, tmp_path, monkeypatch):
     """From top to bottom, as one program, in an empty folder; names of an earlier block serve the later ones."""
     monkeypatch.chdir(tmp_path)

@@ -65,6 +65,7 @@ def test_mirror_images_have_equal_shares(stuck) -> None:
     assert shares[0] == shares[1]
 
 
+@pytest.mark.slow
 def test_without_gravity_all_angles_are_held() -> None:
     """One set, the whole circle, which closes upon itself."""
     system = systems.driven_pendulum(gravity=0.0, amplitude=0.0, damping=0.0, friction=FRICTION)
@@ -79,6 +80,7 @@ def held_in_the_plane(t, x, p, s):
     return x[2], x[3], -x[0] - p.limit * s[0], -2.0 * x[1] - p.limit * s[1]
 
 
+@pytest.mark.slow
 def test_a_set_of_two_dimensions() -> None:
     """Two blocks on springs: held in the rectangle |x| <= limit, |y| <= limit/2."""
     system = ForcedSystem(

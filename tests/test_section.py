@@ -97,6 +97,7 @@ def test_damped_oscillator_in_closed_form(direction):
         np.testing.assert_allclose(half.points, starts * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
     """A pendulum that a torque drives round and round: from theta = 1 to theta = 1 + 2 pi."""
     back = section_map(TORQUE, ("theta", 1.0, 1), rtol=1e-11, atol=1e-11)
@@ -113,6 +114,7 @@ def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
 
 
 @pytest.mark.parametrize("value", [0.4, pi, 7.0])
+@pytest.mark.slow
 def test_an_angle_that_only_grows_never_falls_through_its_section(value):
     """theta' = w: a turn takes 2 pi / w, in the direction of w alone."""
     for w in (1.0, -1.0):
@@ -122,6 +124,7 @@ def test_an_angle_that_only_grows_never_falls_through_its_section(value):
             assert np.isnan(time) if direction == -w else time == pytest.approx(2 * pi, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_pendulum_swings_through_both_ways_and_rotates_through_one():
     """Energy is kept: it comes back as fast as it went, on the way asked for."""
     pendulum = PENDULUM.with_params(d=0.0)
@@ -132,6 +135,7 @@ def test_pendulum_swings_through_both_ways_and_rotates_through_one():
 
 
 @pytest.mark.parametrize("value", [0.0, 5.0])
+@pytest.mark.slow
 def test_orbits_that_come_to_rest_on_the_section_do_not_return(value):
     """A spiral around a point of the section: no speed is left to go through it."""
     back = section_map(CENTRED.with_params(c=value), ("q", value, 1))

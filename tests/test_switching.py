@@ -424,6 +424,7 @@ def test_rest_after_many_half_swings() -> None:
 
 
 @pytest.mark.parametrize(("force", "friction", "frequency"), [(1.0, 0.3, 0.7), (1.0, 0.5, 1.3), (2.0, 0.2, 2.5)])
+@pytest.mark.slow
 def test_den_hartogs_motion_without_stops(force: float, friction: float, frequency: float) -> None:
     """Den Hartog (1931): half a period from the amplitude A to -A, mirrored in the other half.
 
@@ -674,6 +675,7 @@ def test_methods_without_events_are_refused(method: str) -> None:
         stroboscopic_map(table(), method=method)
 
 
+@pytest.mark.slow
 def test_events_without_end_are_reported() -> None:
     """x'' = -sign x - 0.4 sign x' comes to rest at the origin in a finite time, after infinitely many crossings."""
 

@@ -122,6 +122,7 @@ def test_a_missed_tolerance_is_told():
     assert motion.status.tolist() == [Status.INACCURATE, Status.OK]
 
 
+@pytest.mark.slow
 def test_dry_friction_stays_at_rest_between_samples():
     """A block on a table, q'' = -sgn q' from speed 1: at rest from t = 1 on, at q = 1/2; the pull is too weak."""
     system = ForcedSystem(

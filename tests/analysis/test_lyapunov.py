@@ -126,6 +126,7 @@ def test_without_damping_exponents_come_in_pairs() -> None:
     assert found.exponents[0, 0] > 0.1
 
 
+@pytest.mark.slow
 def test_a_hamiltonian_flow_of_two_degrees_has_two_pairs(problems: Any) -> None:
     """Undamped double pendulum: symplectic up to a change of coordinates, so exponents are opposite in the mean."""
     found = lyapunov_spectrum(stroboscopic_map(problems["double pendulum"]), [2.0, 1.0, 0.0, 0.0], 400, 0)
@@ -181,6 +182,7 @@ def test_a_direction_that_vanishes() -> None:
     assert not found.ended
 
 
+@pytest.mark.slow
 def test_stick_slip_motion_loses_a_direction() -> None:
     """States that stick at one place are one state from then on: the derivative is singular."""
     found = lyapunov_spectrum(stroboscopic_map(systems.stick_slip_oscillator()), [[0.3, 0.1], [-0.5, 0.2]], 40, 20)

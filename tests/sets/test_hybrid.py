@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_attractors_by_subdivision, find_basins, flow_map
 from systems import magnetic_pendulum
@@ -32,6 +33,7 @@ def test_attractor_with_a_tiny_basin_is_found():
     assert abs(basins.fractions[label].share - 2 * SIZE / 0.12) < 0.01
 
 
+@pytest.mark.slow
 def test_magnetic_pendulum_in_four_dimensions():
     """Only boxes near what recurs are stored: a share of less than a thousandth of 64^4."""
     point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)

@@ -53,6 +53,7 @@ def test_coulombs_friction_on_a_belt_exactly() -> None:
 
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
+@pytest.mark.slow
 def test_steady_sliding_is_stable_above_the_critical_damping(share: float) -> None:
     """Multipliers exp((a +- i w) T) with 2 a = -mu'(belt_speed) - 2 damping, exactly, and what follows from them."""
     system = stick_slip_oscillator(damping=share * CRITICAL_DAMPING, forcing=0.0)
