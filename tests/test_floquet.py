@@ -173,6 +173,7 @@ def test_a_pair_crosses_where_damping_changes_sign() -> None:
     assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, points=64)] == [first.value]
 
 
+@pytest.mark.slow
 def test_zeros_of_even_order_are_found() -> None:
     """Two equal oscillators lose their stability together: det(M - I) touches zero and keeps its sign."""
 

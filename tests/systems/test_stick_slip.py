@@ -27,6 +27,7 @@ def test_the_friction_falls_from_rest_and_then_grows() -> None:
     assert friction(-0.3, -1.0) == pytest.approx(-friction(0.3, 1.0))
 
 
+@pytest.mark.slow
 def test_coulombs_friction_on_a_belt_exactly() -> None:
     """Stuck, the mass moves with the belt until the spring overcomes the friction; then it is on a circle about mu_s.
 
