@@ -28,7 +28,7 @@ def close_figures():
     plt.close("all")
 
 
-LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "scenes.md"}
+LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "own-system.md", "scenes.md"}
 """Pages whose programs take more than ten seconds."""
 
 
