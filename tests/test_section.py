@@ -78,7 +78,7 @@ def test_returns_are_those_of_an_event_finder(system, section, starts):
         np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("direction", [-1, 0, 1])
+@pytest.mark.parametrize("direction", [*(pytest.param(d, marks=pytest.mark.slow) for d in (-1, 0)), 1])
 def test_damped_oscillator_in_closed_form(direction):
     """Half a turn or a whole one, of the damped frequency."""
     frequency = sqrt(1 - 0.01)
