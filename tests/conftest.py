@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from math import cos, inf, pi, sin
 from pathlib import Path
@@ -35,6 +36,15 @@ def pytest_configure(config: pytest.Config) -> None:
     # The kernels of the suite are kept with pytest's own cache: nothing is left in the user's.
     if "CELLMAP_CACHE_DIR" not in os.environ and getattr(config, "cache", None) is not None:
         os.environ["CELLMAP_CACHE_DIR"] = str(config.cache.mkdir("kernels"))
+    config.pluginmanager.register(ClosedFigures())
+
+
+class ClosedFigures:
+    """Leave no figure to the next test or example; as a plugin, for examples in the packages do not see this folder."""
+
+    def pytest_runtest_teardown(self) -> None:
+        if "matplotlib.pyplot" in sys.modules:
+            sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(autouse=True)

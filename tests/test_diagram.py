@@ -49,12 +49,6 @@ def circle(x, p):
     return (x[0] + 2 * pi * p.rate - 0.95 * sin(x[0]),)
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 # --- exact results
 
 

@@ -22,12 +22,6 @@ def programs(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "own-system.md", "scenes.md"}
 """Pages whose programs take more than ten seconds."""
 

@@ -56,12 +56,6 @@ LINE = CellGrid((-2.0,), (2.0,), (100,))
 SWEEP = np.linspace(-1.0, 1.0, 21)
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 # --- the report's pendulum
 
 

@@ -36,12 +36,6 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 @pytest.fixture(scope="module")
 def pendulum() -> Basins:
     exact = stroboscopic_map(systems.driven_pendulum())

@@ -21,12 +21,6 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 @pytest.fixture(scope="module")
 def wells():
     return stroboscopic_map(systems.two_well_duffing()), CellGrid((-2, -2.5), (2, 2), (40, 45))

@@ -22,12 +22,6 @@ import matplotlib.pyplot as plt
 from studies.known_fractals import cascade, koch
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 def test_a_fit_is_drawn_with_its_window_and_its_slope():
     found = box_dimension(koch(7))
     ax = plot_fit(found)

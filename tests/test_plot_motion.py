@@ -38,12 +38,6 @@ PENDULUM = ForcedSystem(
 OTHER = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",), "other")
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 @pytest.fixture(scope="module")
 def motion():
     """One start swings, the other goes round."""

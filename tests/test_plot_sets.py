@@ -19,18 +19,11 @@ from cellmap import (
 )
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 CUBIC = discrete_map(
     lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2, 1.5 * x[1] - x[1] ** 3 / 2), {}, ("x", "y"), name="two cubics"
 )
 TENT = discrete_map(lambda x, p: (1 - abs(2 * x[0] - 1),), {}, ("x",))
-
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
 
 
 def test_boxes_are_drawn_where_they_are():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import cos, exp, log
 from typing import Any
@@ -28,13 +27,6 @@ from cellmap import (
 from systems import henon_map, logistic_map
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-
-@pytest.fixture(autouse=True)
-def close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 UNIT = CellGrid((0.0,), (1.0,), (1,))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import log, pi
 from typing import Any
@@ -28,13 +27,6 @@ from cellmap import (
 from systems import driven_pendulum, two_well_duffing
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-
-@pytest.fixture(autouse=True)
-def close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 def _wells(x: Any, p: Any) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import pi, sqrt
 from typing import Any
 
@@ -34,13 +33,6 @@ from cellmap.coordinates import wrap
 from systems import driven_pendulum, henon_map, standard_map, stick_slip_oscillator
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-
-@pytest.fixture(autouse=True)
-def close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (1, 1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import atan2, cos, erf, log2, pi, sin, sqrt, tan
 from typing import Any
@@ -41,13 +40,6 @@ from cellmap import (
 from systems import driven_pendulum, logistic_map
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
-
-
-@pytest.fixture(autouse=True)
-def close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 def _cubic(x: Any, p: Any) -> tuple[float, ...]:
