@@ -91,8 +91,15 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
 
     They follow from the harmonics of the right-hand side at two states that move the image by more than the tolerance.
     """
+    fewest = max((steps_of_harmonics(s, tolerance / system.length) for s in _forcing(system)), default=1)
+    return max(1, int(np.ceil(fewest * length / system.length)))
+
+
+@functools.lru_cache(maxsize=16)
+def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
+    """Return the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
     times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
-    fewest = 1
+    found = []
     for size in (0.1, 1.1):
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
@@ -103,8 +110,8 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
-            fewest = max(fewest, steps_of_harmonics(samples, tolerance / system.length))
-    return max(1, int(np.ceil(fewest * length / system.length)))
+            found.append(samples)
+    return found
 
 
 def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
