@@ -1,0 +1,219 @@
+"""The envelope of a free swing: its extremes, one for each half swing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ellipk
+
+from cellmap.checks import finite_number
+
+from .measured import measured_series, noise_level
+
+_CLEAR = 4.0  # standard deviations of the noise beyond rest that tell a swing from it
+_CAP = 0.75  # samples of a half swing above this share of its height go into the fit of its extreme
+_FEWEST_EXTREMES = 4
+_FEWEST_SAMPLES = 4  # of a cap
+_QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
+_WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
+_ROUNDS = 4
+
+
+class _Extreme(NamedTuple):
+    time: float
+    height: float
+    side: int
+    error: float
+    time_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Extremes of a swing about its rest, in the order of time.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Times of the extremes (s).
+    amplitudes : ndarray, shape (n,)
+        Distances from rest (rad), above 0.
+    sides : ndarray of int8, shape (n,)
+        1 for a maximum, -1 for a minimum.
+    standard_errors : ndarray, shape (n,)
+        Of the amplitudes (rad), from the scatter of the samples about the polynomial through each extreme.
+    time_errors : ndarray, shape (n,)
+        Standard errors of the times (s).
+    rest : float
+        Angle about which it swings (rad).
+    noise : float
+        Standard deviation of the noise of a sample (rad).
+    """
+
+    times: NDArray[np.float64]
+    amplitudes: NDArray[np.float64]
+    sides: NDArray[np.int8]
+    standard_errors: NDArray[np.float64]
+    time_errors: NDArray[np.float64]
+    rest: float
+    noise: float
+
+    def __repr__(self) -> str:
+        missing = int(self.half_swings.sum()) - len(self.half_swings)
+        hidden = f", {missing} hidden" if missing else ""
+        return (
+            f"Envelope({len(self.times)} extremes{hidden}, from {self.amplitudes[0]:.4g} to {self.amplitudes[-1]:.4g} "
+            f"rad in {np.ptp(self.times):.4g} s)"
+        )
+
+    @property
+    def half_swings(self) -> NDArray[np.int64]:
+        """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
+        times = np.diff(self.times) / slowing(0.5 * (self.amplitudes[1:] + self.amplitudes[:-1]))
+        odd = np.diff(self.sides) != 0
+        pairs = np.rint((times / np.median(times) - odd) / 2.0).astype(np.int64)
+        return np.where(odd, 2 * np.maximum(pairs, 0) + 1, 2 * np.maximum(pairs, 1))
+
+
+def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = None) -> Envelope:
+    """Find the extremes of a free swing: one for each half swing that is clear of the noise.
+
+    A half swing is what lies between two passages through rest, told apart with a hysteresis of four standard
+    deviations of the noise, so that noise makes no extremes.  A polynomial of degree 4 through the samples near the
+    extreme, or of degree 2 where there are few, gives its time and height with their errors.  Half swings that the
+    series begins or ends with, or whose extreme falls into a gap, are left out.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Times of the samples (s), increasing.
+    angles : array_like, shape (n,)
+        Angles (rad), continuous; NaN marks a gap.
+    rest : float, optional
+        Angle of rest (rad).  By default it is found from the extremes: midway between maxima and minima, each taken at
+        the same time.
+
+    Returns
+    -------
+    Envelope
+        The extremes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a series that is not one, angles that jump by half a turn, swings over the top, too few samples in a swing,
+        and fewer than four extremes.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 5.0, 1001)
+    >>> swing_envelope(t, 0.5 * np.exp(-0.2 * t) * np.cos(12.0 * t))
+    Envelope(18 extremes, from 0.4746 to 0.1949 rad in 4.451 s)
+    """
+    t, x = measured_series(times, angles)
+    jumps = np.abs(np.diff(x))
+    if np.nanmax(jumps, initial=0.0) > pi:
+        raise ValueError(
+            f"angles[{int(np.nanargmax(jumps)) + 1}] is {np.nanmax(jumps):.3g} rad from the angle before: unwrap them"
+        )
+    noise = noise_level(t, x)
+    middle = _middle(t, x, noise) if rest is None else finite_number("rest", rest)
+    found = _extremes(t, x, middle, noise)
+    _check(found, t, x, middle, noise)
+    moments, heights, sides, errors, time_errors = np.array(found).T
+    return Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
+
+
+def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> None:
+    if np.nanmax(np.abs(x - middle)) >= pi:
+        raise ValueError(
+            f"angles go {np.nanmax(np.abs(x - middle)):.3g} rad from rest at {middle:.3g}, over the top: cut the "
+            "series where it begins to swing, or give rest="
+        )
+    if len(found) < _FEWEST_EXTREMES:
+        halves = len(_half_swings(x - middle, _CLEAR * noise))
+        raise ValueError(
+            f"angles have {len(found)} extremes in {halves} half swings clear of the noise of {noise:.2g} rad: "
+            f"give at least {_FEWEST_EXTREMES}, by a longer film, a wider swing or at least 10 samples a half swing"
+        )
+
+
+def _middle(t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float:
+    """Angle midway between maxima and minima; a parabola through three neighbours in turn takes out their decay."""
+    middle = 0.5 * float(np.nanmin(x) + np.nanmax(x))
+    for _ in range(_ROUNDS):
+        found = _extremes(t, x, middle, noise)
+        values = np.array([middle + e.side * e.height for e in found])
+        turns = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
+        if not turns:
+            break
+        middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in turns]))
+    return middle
+
+
+def _half_swings(x: NDArray[np.float64], clear: float) -> list[tuple[int, int, int]]:
+    """Sides, first and last sample of the half swings; a swing begins where it is clear of rest on the other side."""
+    signs = np.where(x > clear, 1, np.where(x < -clear, -1, 0))
+    places = np.flatnonzero(signs)
+    if not places.size:
+        return []
+    turns = np.flatnonzero(np.diff(signs[places])) + 1
+    return [(int(signs[p[0]]), int(p[0]), int(p[-1])) for p in np.split(places, turns)]
+
+
+def _extremes(t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> list[_Extreme]:
+    found = []
+    for side, first, last in _half_swings(x - middle, _CLEAR * noise):
+        heights = side * (x[first : last + 1] - middle)
+        high = first + np.flatnonzero(heights > _CAP * np.nanmax(heights))
+        cap = np.arange(high[0], high[-1] + 1)
+        cap = cap[np.isfinite(x[cap])]
+        if len(cap) >= _FEWEST_SAMPLES and (extreme := _extreme(t, side * (x - middle), cap, noise)) is not None:
+            found.append(extreme._replace(side=side))
+    return found
+
+
+def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.intp], noise: float) -> _Extreme | None:
+    """Time and height of a maximum with their errors, from the samples near it; None where a gap may hide it."""
+    seen = np.flatnonzero(np.isfinite(x))
+    before, after = seen[seen < cap[0]], seen[seen > cap[-1]]
+    if not (before.size and after.size):
+        return None
+    width = t[cap[-1]] - t[cap[0]]
+    if np.diff(t[[before[-1], *cap, after[0]]]).max() > _WIDEST * width:
+        return None
+    centre, scale = 0.5 * (t[cap[0]] + t[cap[-1]]), 0.5 * width
+    s = (t[cap] - centre) / scale
+    degree = 4 if len(cap) >= _QUARTIC else 2
+    powers = np.vander(s, degree + 1, increasing=True)
+    factors, *_ = np.linalg.lstsq(powers, x[cap], rcond=None)
+    curve = np.polynomial.Polynomial(factors)
+    flat = [float(r.real) for r in curve.deriv().roots() if abs(r.imag) < 1e-9 and abs(r.real) <= 1.0]
+    if not flat:
+        return None
+    place = max(flat, key=lambda r: float(curve(r)))
+    bend = float(curve.deriv(2)(place))
+    if bend >= 0.0:
+        return None
+    rest = x[cap] - powers @ factors
+    freedom = len(cap) - degree - 1
+    variance = float(rest @ rest) / freedom if freedom >= _QUARTIC else noise * noise
+    spread = variance * np.linalg.inv(powers.T @ powers)
+    value = place ** np.arange(degree + 1)
+    slope = np.concatenate([[0.0], np.arange(1, degree + 1) * value[:-1]])
+    shift = float(slope @ spread @ slope) / -bend
+    return _Extreme(
+        time=centre + scale * place,
+        height=float(curve(place)) - 0.5 * shift,  # the maximum of a noisy curve is too high by this much
+        side=1,
+        error=float(np.sqrt(value @ spread @ value)),
+        time_error=scale * float(np.sqrt(shift / -bend)),
+    )
+
+
+def slowing(amplitude: ArrayLike) -> NDArray[np.float64]:
+    """Return by what factor the period of a pendulum at an amplitude (rad) exceeds that of small swings: 2 K/pi."""
+    return np.asarray(2.0 / pi * ellipk(np.sin(0.5 * np.asarray(amplitude, dtype=float)) ** 2))

@@ -1,0 +1,109 @@
+"""Measured series: values at increasing times, with NaN where nothing was seen."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_NEIGHBOURS = 5
+_OUTLYING = 4.0
+_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal variable
+
+
+def measured_series(
+    times: ArrayLike, values: ArrayLike, name: str = "angles", fewest: int = 8
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a measured series as new arrays, checked.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Times (s), finite and increasing, not necessarily even.
+    values : array_like, shape (n,)
+        Values; NaN marks a gap.
+    name : str, optional
+        Name of the values in messages.
+    fewest : int, optional
+        Values that must be there.
+
+    Returns
+    -------
+    times, values : ndarray, shape (n,)
+        The series, gaps included.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arrays of other shapes, times that do not increase, infinite values, too few values, or values that are all
+        equal.
+
+    Examples
+    --------
+    >>> times, values = measured_series([0.0, 0.1, 0.2], [1.0, float("nan"), 2.0], fewest=2)
+    >>> values
+    array([ 1., nan,  2.])
+    """
+    t, v = _numbers("times", times), _numbers(name, values)
+    if t.shape != v.shape:
+        raise ValueError(f"times and {name} have the lengths {t.size} and {v.size}: give one time for each value")
+    if not np.isfinite(t).all():
+        raise ValueError(f"times[{int(np.argmin(np.isfinite(t)))}] is not finite: give the time of every sample")
+    steps = np.diff(t)
+    if not (steps > 0.0).all():
+        first = int(np.argmax(steps <= 0.0))
+        raise ValueError(f"times[{first + 1}]={t[first + 1]:g} is not after {t[first]:g}: sort the series by time")
+    if np.isinf(v).any():
+        raise ValueError(f"{name}[{int(np.argmax(np.isinf(v)))}] is infinite: mark gaps with NaN")
+    seen = v[np.isfinite(v)]
+    if seen.size < fewest:
+        raise ValueError(f"{name} has {seen.size} values besides gaps: give at least {fewest}")
+    if np.ptp(seen) == 0.0:
+        raise ValueError(f"{name} is {seen[0]:g} throughout: nothing moves")
+    return t, v
+
+
+def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
+    try:
+        array = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
+    if array.ndim != 1:
+        raise ValueError(f"{name} has the shape {array.shape}: give an array of shape (n,)")
+    return array
+
+
+def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Return the standard deviation of independent noise on a smooth series, from its divided differences.
+
+    Of five neighbours the fourth divided difference has no part of any cubic, and its weights are known.  Those far
+    beyond the median are left out as outliers.  A motion that is sampled badly counts as noise.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Times (s), increasing.
+    values : ndarray, shape (n,)
+        Values; NaN marks a gap.
+
+    Returns
+    -------
+    float
+        Standard deviation; NaN for fewer than five values.
+
+    Examples
+    --------
+    >>> times = np.linspace(0.0, 10.0, 2000)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.01, times.size)
+    >>> round(noise_level(times, np.cos(times) + noise), 3)
+    0.01
+    """
+    seen = np.isfinite(values)
+    if np.count_nonzero(seen) < _NEIGHBOURS:
+        return np.nan
+    t, v = (np.lib.stride_tricks.sliding_window_view(a[seen], _NEIGHBOURS) for a in (times, values))
+    apart = t[:, :, None] - t[:, None, :] + np.eye(_NEIGHBOURS)
+    weights = 1.0 / apart.prod(axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    parts = np.abs((weights * v).sum(axis=1))
+    rough = float(np.median(parts)) / _MEDIAN
+    return float(np.sqrt(np.mean(parts[parts <= _OUTLYING * rough] ** 2)))

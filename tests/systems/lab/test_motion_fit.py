@@ -1,0 +1,178 @@
+"""Parameters from measured motions, with truth known: values, errors, gaps, wrong models."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cellmap import ForcedSystem, trajectory
+from systems import double_pendulum, driven_pendulum
+from systems.effects import Gravity
+from systems.lab.damping import fit_damping, free_pendulum
+from systems.lab.motion_fit import fit_motion
+from systems.pendulum import Pendulum
+from systems.scene import scene
+
+TRUE = {"length": 0.069, "damping": 0.4}
+
+
+def rod(**params: float) -> ForcedSystem:
+    return free_pendulum(0.069, {"damping": 0.4}).with_params(**params)
+
+
+@pytest.fixture(scope="module")
+def film() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Eight periods of a wide swing at some 200 frames a second, without noise."""
+    motion = trajectory(rod(), [1.3, 0.0], periods=8, samples=105, rtol=1e-11, atol=1e-11)
+    return motion.times, motion.states[:, 0]
+
+
+def noisy(angles: NDArray[np.float64], seed: int, noise: float = 0.004) -> NDArray[np.float64]:
+    return angles + np.random.default_rng(seed).normal(0.0, noise, angles.size)
+
+
+def test_exact_series_give_exact_parameters(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    times, angles = film
+    found = fit_motion(rod(length=0.075, damping=0.1), times, angles, ["length", "damping"])
+    assert found.converged
+    assert found.at_bound == ()
+    assert found.estimates["length"] == pytest.approx(0.069, rel=1e-7)
+    assert found.estimates["damping"] == pytest.approx(0.4, rel=1e-6)
+    assert found.estimates["start theta"] == pytest.approx(1.3, abs=1e-6)
+    assert found.system.params["length"] == found.estimates["length"]
+    assert found.rmse < 1e-6
+
+
+@pytest.mark.slow
+def test_errors_are_those_of_many_measurements(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    times, angles = film
+    z: list[list[float]] = []
+    for seed in range(25):
+        found = fit_motion(rod(), times, noisy(angles, seed) + 0.01, ["length", "damping"], zero=True)
+        exact = {**TRUE, "start theta": 1.3, "start theta'": 0.0, "zero theta": 0.01}
+        assert found.rmse == pytest.approx(0.004, rel=0.1)
+        assert abs(found.correlation) < 0.12
+        z.append([(found.estimates[n] - v) / found.standard_errors[n] for n, v in exact.items()])
+    # Standard error of a standard deviation of 25: 0.14.
+    assert np.std(z, axis=0) == pytest.approx([1.0] * 5, abs=0.45)
+    assert np.abs(np.mean(z, axis=0)).max() < 0.7
+
+
+def test_gaps_and_uneven_times(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    times, angles = film
+    gapped = noisy(angles, 1)
+    gapped[100:300] = np.nan
+    kept = np.sort(np.random.default_rng(0).choice(times.size, 500, replace=False))
+    found = fit_motion(rod(length=0.07, damping=0.3), times[kept], gapped[kept], ["length", "damping"])
+    for name, value in TRUE.items():
+        assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
+    assert np.isnan(found.residuals).sum() == np.isnan(gapped[kept]).sum()
+    low, high = found.interval("damping")
+    assert low < found.estimates["damping"] < high
+    assert "damping" in repr(found)
+
+
+def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    """An undamped model leaves residuals that follow each other, and says so."""
+    times, angles = film
+    undamped = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
+    found = fit_motion(undamped, times, noisy(angles, 0), ["length"])
+    assert found.correlation > 0.95
+    assert found.rmse > 0.05
+    right = fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
+    assert right.aicc < found.aicc - 1000.0
+
+
+def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
+    free = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
+    motion = trajectory(free, [0.5, 0.0], periods=8, samples=100)
+    found = fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
+    low, high = found.interval("damping")
+    assert 0.0 <= found.estimates["damping"] < 1e-3
+    assert low <= 0.0 + 1e-3
+    assert high < 3e-3
+    if found.estimates["damping"] < 1e-6:
+        assert found.at_bound == ("damping",)
+
+
+@pytest.mark.slow
+def test_two_links_and_unknown_start() -> None:
+    true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)
+    motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=4, samples=200)
+    angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
+    names = [n for n in true.params if n.startswith(("length", "damping"))]
+    guess = true.with_params(**{n: 1.04 * true.params[n] for n in names})
+    found = fit_motion(guess, motion.times, angles, names)
+    for name in names:
+        assert found.estimates[name] == pytest.approx(true.params[name], abs=4.0 * found.standard_errors[name])
+
+
+@pytest.mark.slow
+def test_a_driven_rod_filmed_from_some_moment() -> None:
+    """The forcing counts from 0, so the first time tells its phase."""
+    true = driven_pendulum(damping=5.0)
+    motion = trajectory(true, [pi + 0.3, 0.0], periods=60, samples=16, phase=0.37)
+    assert motion.times[0] == pytest.approx(0.37 * 0.02)
+    angles = noisy(motion.states[:, 0], 2, 0.002)
+    found = fit_motion(true.with_params(damping=4.0, amplitude=0.0031), motion.times, angles, ["damping", "amplitude"])
+    for name, value in {"damping": 5.0, "amplitude": 0.003}.items():
+        assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
+
+
+def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    times, angles = film
+    with pytest.raises(ValueError, match="vary has 'mass': the parameters of free pendulum are length, gravity"):
+        fit_motion(rod(), times, angles, ["mass"])
+    with pytest.raises(ValueError, match="give names of parameters, each once"):
+        fit_motion(rod(), times, angles, [])
+    with pytest.raises(ValueError, match=r"besides gaps for 4 unknowns: give more|give at least 8"):
+        fit_motion(rod(), times[:5], angles[:5], ["length", "damping"])
+    with pytest.raises(ValueError, match=r"bounds\['damping'\]=\(2.0, 1.0\): give the smaller one first"):
+        fit_motion(rod(), times, angles, ["damping"], bounds={"damping": (2.0, 1.0)})
+    with pytest.raises(ValueError, match="bounds has 'length'"):
+        fit_motion(rod(), times, angles, ["damping"], bounds={"length": (0.0, 1.0)})
+    with pytest.raises(ValueError, match="measured has 3 columns"):
+        fit_motion(rod(), times, np.stack([angles] * 3, axis=-1), ["damping"])
+    with pytest.raises(ValueError, match=r"measured\[:, 0\] is 0.3 throughout"):
+        fit_motion(rod(), times, np.full(times.size, 0.3), ["damping"])
+    with pytest.raises(TypeError, match="give a ForcedSystem"):
+        fit_motion("rod", times, angles, ["damping"])  # type: ignore[arg-type]
+    both = np.stack([angles, np.gradient(angles, times)], axis=-1)
+    with pytest.raises(ValueError, match="give a first guess of the state at the first time"):
+        fit_motion(rod(), times, both, ["damping"])
+    with pytest.raises(ValueError, match="kinds has 'sticky'"):
+        fit_damping(times, angles, kinds=["sticky"])
+    with pytest.raises(ValueError, match="coefficients has 'stickiness': choose among damping, friction, drag"):
+        free_pendulum(0.069, {"stickiness": 1.0})
+
+
+def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    times, angles = film
+    found = fit_damping(times, noisy(angles, 0), ["viscous"])
+    assert found.kind == "viscous"
+    assert found.weights == {"viscous": 1.0}
+    for name, value in TRUE.items():
+        assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
+    fixed = fit_damping(times, noisy(angles, 0), ["viscous"], length=0.069, zero=False)
+    assert "length" not in fixed.best.estimates
+    assert fixed.best.system.params["length"] == 0.069
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "coefficients"),
+    [("dry", {"friction": 2.5}), ("viscous and dry", {"damping": 0.17, "friction": 1.4})],
+)
+def test_dry_friction_and_mixtures(kind: str, coefficients: dict[str, float]) -> None:
+    true = free_pendulum(0.069, coefficients)
+    motion = trajectory(true, [1.28, 0.0], periods=12, samples=105)
+    found = fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067))
+    assert found.kind == kind
+    for name, value in {**coefficients, "length": 0.069}.items():
+        assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
+    # Viscous damping alone misses the motion by many times the noise, and its residuals follow each other.
+    assert found.fits["viscous"].rmse > 2.0 * found.best.rmse
+    assert found.fits["viscous"].correlation > 0.5
