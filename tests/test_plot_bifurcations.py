@@ -228,3 +228,48 @@ def test_boundaries_alone_in_given_colours() -> None:
 def test_what_is_no_map_is_refused() -> None:
     with pytest.raises(TypeError, match="stability="):
         plot_stability_map([1, 2])  # type: ignore[arg-type]
+
+
+def dots(ax: Axes) -> Any:
+    (container,) = ax.containers
+    return container
+
+
+def test_measured_points_are_white_dots_over_the_map(henon: StabilityMap) -> None:
+    points = np.array([[0.4, 0.2], [0.9, -0.1]])
+    ax = plot_stability_map(henon, measured=points)
+    marks_, caps, bars = dots(ax)
+    np.testing.assert_array_equal(marks_.get_xydata(), points)
+    assert same_color(marks_.get_markerfacecolor(), "white")
+    assert same_color(marks_.get_markeredgecolor(), "black")
+    assert not caps and not bars
+    assert marks_.get_zorder() > max(line.get_zorder() for line in ax.get_lines() if line is not marks_)
+    assert legend_of(ax)[-1] == "measured"
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
+
+
+def test_errors_of_measured_points_stand_up_and_down(henon: StabilityMap) -> None:
+    ax = plot_stability_map(henon, measured=[[0.4, 0.2, 0.05], [0.9, -0.1, 0.0]], background=False, legend=False)
+    (bars,) = dots(ax)[2]
+    ends = np.array(bars.get_segments())
+    np.testing.assert_allclose(ends, [[[0.4, 0.15], [0.4, 0.25]], [[0.9, -0.1], [0.9, -0.1]]], rtol=1e-14)
+    assert ax.get_legend() is None
+
+
+@pytest.mark.parametrize(
+    ("measured", "error", "message"),
+    [
+        ("dots", TypeError, "measured='dots': give rows of two or three real numbers"),
+        ([0.4, 0.2], ValueError, r"measured has the shape \(2,\): give rows of x, y"),
+        ([[0.4]], ValueError, r"measured has the shape \(1, 1\)"),
+        ([[0.4, 0.2], [np.nan, 0.1]], ValueError, r"measured\[1\] is not finite: leave it out"),
+        ([[0.4, 0.2, -0.1]], ValueError, "measured holds the error -0.1: give standard errors of at least 0"),
+    ],
+)
+def test_bad_measured_points_are_refused(
+    henon: StabilityMap, measured: Any, error: type[Exception], message: str
+) -> None:
+    before = len(plt.get_fignums())
+    with pytest.raises(error, match=message):
+        plot_stability_map(henon, measured=measured)
+    assert len(plt.get_fignums()) == before

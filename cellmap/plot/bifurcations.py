@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..branch import Bifurcation, BifurcationKind, Branch
 from ..coordinates import Coordinate, difference
@@ -40,6 +40,10 @@ CROSSING_NAMES = {
 }
 
 _STABLE, _UNSTABLE = "-", "--"
+_DOTS: dict[str, Any] = {
+    **{"fmt": "o", "markerfacecolor": "white", "markeredgecolor": "black", "markersize": 5.0},
+    **{"ecolor": "black", "elinewidth": 1.0, "capsize": 2.0, "zorder": 4},
+}
 _REACH = 0.06  # within which a branch begins beside the bifurcation that it leaves, scaled
 
 
@@ -237,6 +241,7 @@ def plot_stability_map(
     colours: Mapping[Crossing, Any] | None = None,
     background: bool = True,
     legend: bool = True,
+    measured: ArrayLike | None = None,
 ) -> Axes:
     """Draw where an equilibrium or a periodic orbit is stable, with the boundaries in between.
 
@@ -252,6 +257,9 @@ def plot_stability_map(
         Shade the classes; or else draw boundaries alone, to lay several maps over each other.
     legend : bool, optional
         Name the classes and the boundaries that occur.
+    measured : array_like, shape (n, 2) or (n, 3), optional
+        Measured points of a boundary, drawn over it as white dots: places along both axes, in the units of the map,
+        then standard errors of the second, if they are known.
 
     Returns
     -------
@@ -261,8 +269,9 @@ def plot_stability_map(
 
     Raises
     ------
-    TypeError
-        For something that is not a stability map.
+    TypeError, ValueError
+        For something that is not a stability map, and for measured points that are not rows of two or three finite
+        numbers, or have negative errors.
 
     Examples
     --------
@@ -278,11 +287,15 @@ def plot_stability_map(
     >>> ax = plot_stability_map(stability_map(pendulum, [pi, 0], *axes))
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['stable', '1 multiplier outside', 'multiplier +1', 'multiplier −1']
+    >>> over = plot_stability_map(stability_map(pendulum, [pi, 0], *axes), measured=[[0.2, 0.02, 0.003]])
+    >>> over.get_legend().get_texts()[-1].get_text()
+    'measured'
     """
     if not isinstance(stability, StabilityMap):
         raise TypeError(f"stability={stability!r}: give a StabilityMap, as stability_map returns it")
+    dots = None if measured is None else _measured(measured)
     ax = axes_or_new(ax)
-    handles: list[Patch | Line2D] = _shade(ax, stability) if background else []
+    handles: list[Any] = _shade(ax, stability) if background else []
     palette = {**CROSSING_COLOURS, **(colours or {})}
     curves = stability.curves
     for curve in curves:
@@ -290,6 +303,9 @@ def plot_stability_map(
         ax.plot(curve.x, curve.y, color=palette[curve.crossing], linewidth=1.2, marker=lone, markersize=2.0)
     found = {curve.crossing for curve in curves}
     handles += [Line2D([], [], color=palette[c], label=CROSSING_NAMES[c]) for c in Crossing if c in found]
+    if dots is not None:
+        errors = dots[:, 2] if dots.shape[1] == 3 else None
+        handles.append(ax.errorbar(dots[:, 0], dots[:, 1], errors, label="measured", **_DOTS))
     ax.set(
         xlabel=stability.names[0],
         ylabel=stability.names[1],
@@ -299,6 +315,20 @@ def plot_stability_map(
     if legend:
         ax.legend(handles=handles, fontsize="small")
     return ax
+
+
+def _measured(given: ArrayLike) -> NDArray[np.float64]:
+    try:
+        points = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"measured={given!r}: give rows of two or three real numbers") from None
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f"measured has the shape {points.shape}: give rows of x, y and, if known, the error of y")
+    if not np.isfinite(points).all():
+        raise ValueError(f"measured[{int(np.argmin(np.isfinite(points).all(axis=1)))}] is not finite: leave it out")
+    if (points[:, 2:] < 0.0).any():
+        raise ValueError(f"measured holds the error {points[:, 2].min():g}: give standard errors of at least 0")
+    return points
 
 
 def _shade(ax: Axes, stability: StabilityMap) -> list[Patch | Line2D]:

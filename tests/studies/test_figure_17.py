@@ -13,6 +13,7 @@ from cellmap import critical_values, stroboscopic_map, swept_map
 from studies import figure_17
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD
+from systems.lab.stability_points import StabilityPoints
 
 mpl.use("Agg")
 
@@ -43,7 +44,8 @@ def test_measured_points(tmp_path: Path) -> None:
     path.write_text("frequency_hz,amplitude_mm\n15,12.5\n35,5.25\n", encoding="utf-8")
     points = figure_17.measured(path)
     assert points is not None
-    assert points.tolist() == [[15.0, 12.5], [35.0, 5.25]]
+    assert points.table == pytest.approx(np.array([[15.0, 12.5e-3], [35.0, 5.25e-3]]), rel=1e-15)
+    assert (points.rod, points.amplitude_errors) == ("3.1 cm", None)
     path.write_text("frequency_hz,amplitude_mm\n15,\n", encoding="utf-8")
     with pytest.raises(ValueError, match="give positive numbers alone"):
         figure_17.measured(path)
@@ -52,7 +54,41 @@ def test_measured_points(tmp_path: Path) -> None:
         figure_17.measured(path)
 
 
+def curve(rod: str, friction: str) -> figure_17.Curve:
+    """A curve from 20 to 30 Hz; a comparison works out its own amplitudes within it."""
+    frequencies = np.array([20.0, 30.0])
+    return figure_17.Curve(
+        rod, friction, frequencies, np.array([6e-3, 4e-3]), dict.fromkeys((50, 200), np.array([6e-3, 4e-3]))
+    )
+
+
+def test_measured_points_are_compared_where_the_curve_reaches(capsys: pytest.CaptureFixture[str]) -> None:
+    """At 25 Hz against the limit by multipliers; 35 Hz is beyond the curve."""
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5, frequency=25.0)
+    (limit, *_) = critical_values(system, (pi, 0.0), "amplitude", 0.004, 0.006)
+    points = StabilityPoints(np.array([25.0, 35.0]), np.array([1.01 * limit.value, 3e-3]), np.full(2, 5e-5), "3.1 cm")
+    found = figure_17.compare([curve("6.9 cm", "viscous"), curve("3.1 cm", "viscous")], points, "made")
+    assert found is not None
+    assert found.ratios == pytest.approx([1.01, np.nan], rel=1e-11, nan_ok=True)
+    assert found.chi_square == pytest.approx((0.01 * limit.value / 5e-5) ** 2, rel=1e-9)
+    assert "made points against multipliers" in capsys.readouterr().out
+    far = StabilityPoints(np.array([35.0]), np.array([3e-3]), None, "3.1 cm")
+    assert figure_17.compare([curve("3.1 cm", "viscous")], far, "made") is None
+
+
+def test_dots_lie_over_the_curve_of_their_rod() -> None:
+    curves = [curve(rod, friction) for rod in figure_17.RODS for friction in figure_17.FRICTIONS]
+    points = StabilityPoints(np.array([25.0]), np.array([5e-3]), np.array([5e-5]), "3.1 cm")
+    figure = figure_17.draw(curves, {"made": points}, {"made": None})
+    long, short = figure.axes[:2]
+    assert not long.containers
+    (dots,) = short.containers
+    assert dots[0].get_xydata().tolist() == [[25.0, 5.0]]
+    assert dots[0].get_markerfacecolor() == "white"
+    np.testing.assert_allclose(dots[2][0].get_segments(), [[[25.0, 4.95], [25.0, 5.05]]])
+
+
 @pytest.mark.slow
 def test_it_runs_quickly(tmp_path: Path) -> None:
     figure_17.main(quick=True, output=tmp_path)
-    assert [p.name for p in tmp_path.iterdir()] == ["figure_17.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["figure_17.png", "figure_17_map.png"]

@@ -1,0 +1,242 @@
+"""Measured points of a stability curve: files, volts, comparison with known curves, and the experiment on a model."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from cellmap import critical_values, stability_map, stroboscopic_map, swept_map
+from cellmap.plot.bifurcations import plot_stability_map
+from systems import driven_pendulum
+from systems.compound import SHORT_ROD
+from systems.lab.stability_measurement import measure_least_amplitudes, stays_up
+from systems.lab.stability_points import (
+    StabilityPoints,
+    compare_with_boundary,
+    read_stability_points,
+    stability_points_from_volts,
+    write_stability_points,
+)
+
+POINTS = StabilityPoints(np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]), np.full(3, 5e-5), "short")
+
+
+def limits(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least amplitudes of the short rod with viscous damping 2.5 /s, by multipliers (m)."""
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
+    found = [
+        critical_values(system.with_params(frequency=f), (pi, 0.0), "amplitude", 0.9 * a, 1.5 * a, points=64)
+        for f, a in zip(frequencies, scale, strict=True)
+    ]
+    return np.array([next(c.value for c in each if c.gains) for each in found])
+
+
+# --- files and volts
+
+
+@pytest.mark.parametrize("errors", [None, np.array([5e-5, 1 / 3e5, 1e-7])])
+def test_points_come_back_from_a_file(tmp_path: Path, errors: Any) -> None:
+    written = StabilityPoints(np.array([15.0, 35.0, 20.123456]), np.array([8.25e-3, 1 / 300, 6e-3]), errors)
+    write_stability_points(written, tmp_path / "points.csv")
+    read = read_stability_points(tmp_path / "points.csv", rod="short")
+    np.testing.assert_allclose(read.table, written.table, rtol=1e-9)
+    assert (read.rod, read.table.shape) == ("short", (3, 2 if errors is None else 3))
+
+
+def test_a_table_by_hand(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("\ufefffrequency_hz, amplitude_mm\r\n15, 12.5\r\n\r\n35,5.25\r\n", encoding="utf-8")
+    assert read_stability_points(path).table == pytest.approx(np.array([[15.0, 12.5e-3], [35.0, 5.25e-3]]), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("f,A\n15,3\n", "its heading must be frequency_hz,amplitude_mm"),
+        ("", "its heading must be"),
+        ("frequency_hz,amplitude_mm\n", "give positive numbers alone"),
+        ("frequency_hz,amplitude_mm\n15,\n", "give positive numbers alone"),
+        ("frequency_hz,amplitude_mm\n15,-3\n", "give positive numbers alone"),
+        ("frequency_hz,amplitude_mm\n15,nan\n", "give positive numbers alone"),
+        ("frequency_hz,amplitude_mm\n15,3,0.1\n", "in rows of 2"),
+        ("frequency_hz,amplitude_mm,amplitude_error_mm\n15,3\n", "in rows of 3"),
+        ("frequency_hz,amplitude_mm\n15,3\n16\n", "in rows of 2"),
+        ("frequency_hz,amplitude_mm,amplitude_error_mm\n15,3,0\n", "give positive numbers alone"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        read_stability_points(path)
+
+
+def test_points_from_volts_are_those_of_the_report() -> None:
+    points = stability_points_from_volts([15.0, 35.0], [1.5, 3.5], volts_error=[0.03, 0.07], rod="short")
+    expected = [9.8 * v / 2 * 10 / (2 * pi * f) ** 2 for f, v in ((15.0, 1.5), (35.0, 3.5))]
+    assert points.amplitudes == pytest.approx(expected, rel=1e-14)
+    assert points.amplitude_errors == pytest.approx(0.02 * np.array(expected), rel=1e-14)
+    assert stability_points_from_volts([15.0], [1.5]).amplitude_errors is None
+
+
+# --- comparison
+
+
+def test_a_power_law_is_met_between_its_nodes() -> None:
+    """A curve in proportion to 1/f, which is exact from node to node."""
+    found = compare_with_boundary(POINTS, [40.0, 20.0, 10.0], np.array([3.0, 6.0, 12.0]) * 1e-3)
+    expected = 0.12 / POINTS.frequencies
+    assert found.expected == pytest.approx(expected, rel=1e-13)
+    assert found.residuals == pytest.approx(POINTS.amplitudes - expected, rel=1e-9)
+    assert found.ratios == pytest.approx(POINTS.amplitudes / expected, rel=1e-12)
+    assert found.rms == pytest.approx(np.sqrt(np.mean((POINTS.amplitudes - expected) ** 2)), rel=1e-9)
+    assert found.chi_square == pytest.approx(np.sum(((POINTS.amplitudes - expected) / 5e-5) ** 2), rel=1e-9)
+    assert found.p_value == pytest.approx(stats.chi2.sf(found.chi_square, 3), rel=1e-12)
+
+
+def test_points_without_a_curve_are_left_out() -> None:
+    """Beyond its ends, and beside a gap."""
+    curve = np.array([np.nan, 6.0, 3.0]) * 1e-3
+    found = compare_with_boundary(POINTS, [10.0, 20.0, 30.0], curve)
+    assert np.isfinite(found.expected).tolist() == [False, True, False]
+    assert found.compared == 1
+    assert found.chi_square == pytest.approx((found.residuals[1] / 5e-5) ** 2)
+    nowhere = compare_with_boundary(POINTS, [1.0, 2.0], [1.0, 1.0])
+    assert nowhere.compared == 0
+    assert np.isnan([nowhere.rms, nowhere.chi_square, nowhere.p_value]).all()
+    bare = compare_with_boundary(StabilityPoints(POINTS.frequencies, POINTS.amplitudes), [10.0, 40.0], [0.012, 0.003])
+    assert np.isnan(bare.chi_square) and np.isfinite(bare.rms)
+
+
+def test_chances_are_even_where_the_curve_is_true() -> None:
+    """Kolmogorov and Smirnov, over 400 experiments of 12 points with normal errors."""
+    rng = np.random.default_rng(3)
+    frequencies = np.linspace(15.0, 35.0, 12)
+    curve, errors = 0.12 / frequencies, 1e-5 * np.arange(1, 13)
+    chances = [
+        compare_with_boundary(
+            StabilityPoints(frequencies, curve + errors * rng.standard_normal(12), errors), frequencies, curve
+        ).p_value
+        for _ in range(400)
+    ]
+    assert stats.kstest(chances, "uniform").pvalue > 0.01
+
+
+# --- the experiment
+
+
+def test_measured_points_lie_on_the_curve() -> None:
+    """Steps of 2 %; a release from 0.05 rad needs 0.0625 % more, a ninth of an error."""
+    frequencies = np.array([15.0, 22.0, 28.0, 35.0])
+    scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    points = measure_least_amplitudes(
+        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, seed=3, rod="short"
+    )
+    found = compare_with_boundary(points, frequencies, limits(frequencies))
+    assert points.amplitude_errors is not None
+    # Half of a step to either side, if nothing else.
+    assert np.abs(found.ratios - 1.0).max() < 0.0115
+    np.testing.assert_allclose(points.amplitude_errors / points.amplitudes, 0.02 / np.sqrt(12.0), rtol=0.05)
+    assert found.p_value > 0.01
+    again = measure_least_amplitudes(
+        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, seed=3, rod="short"
+    )
+    assert (again.table == points.table).all()
+
+
+@pytest.mark.slow
+def test_many_measured_points_have_no_bias() -> None:
+    frequencies = np.linspace(15.0, 35.0, 81)
+    scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    points = measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, seed=1)
+    found = compare_with_boundary(points, frequencies, limits(frequencies))
+    assert points.amplitude_errors is not None
+    deviations = found.residuals / points.amplitude_errors
+    assert abs(deviations.mean()) * 9.0 < 3.0
+    assert 0.01 < found.p_value < 0.99
+
+
+def test_points_over_the_map_of_stability() -> None:
+    """White dots lie where the class of the map changes: stable a little above them, not so a little below."""
+    frequencies = np.array([20.0, 30.0])
+    boundary = limits(frequencies)
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    for f, a in zip(frequencies, boundary, strict=True):
+        axes = ("frequency", f + np.arange(3) * 1e-6), ("amplitude", np.array([0.98, 0.99, 1.01]) * a)
+        classes = stability_map(system, (pi, 0.0), *axes).unstable
+        assert classes[:, 0].tolist() == [1, 1, 0]
+    wide = stability_map(
+        system, (pi, 0.0), ("frequency", np.linspace(15.0, 35.0, 9)), ("amplitude", np.linspace(2e-3, 1e-2, 20))
+    )
+    points = StabilityPoints(frequencies, boundary, np.full(2, 1e-4))
+    (dots,) = plot_stability_map(wide, measured=points.table).containers
+    np.testing.assert_array_equal(dots[0].get_xydata(), points.table[:, :2])
+
+
+def test_releases_stay_or_fall() -> None:
+    strobe = swept_map(stroboscopic_map(driven_pendulum(length=SHORT_ROD, damping=2.5)), "amplitude", "frequency")
+    (limit,) = limits(np.array([25.0]))
+    held = stays_up(strobe, np.array([0.95, 1.05]) * limit, 25.0, 400)
+    assert held.tolist() == [False, True]
+    # From a wider angle more is needed: cos(0.5)^-0.5 is 1.067 by averaging.
+    assert stays_up(strobe, np.array([1.05, 1.1]) * limit, 25.0, 400, release=0.5).tolist() == [False, True]
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: StabilityPoints(np.array([15.0]), np.array([-1.0])), ValueError, "amplitudes hold -1.0"),
+        (lambda: StabilityPoints(np.array([np.nan]), np.array([1.0])), ValueError, "frequencies hold nan"),
+        (lambda: StabilityPoints(np.array([]), np.array([])), ValueError, "at least one"),
+        (
+            lambda: StabilityPoints(np.array([1.0]), np.array([1.0, 2.0])),
+            ValueError,
+            r"amplitudes have the shape \(2,\)",
+        ),
+        (
+            lambda: StabilityPoints(np.array([1.0]), np.array([1.0]), np.array([0.0])),
+            ValueError,
+            "amplitude_errors hold",
+        ),
+        (lambda: StabilityPoints("f", np.array([1.0])), TypeError, "frequencies='f'"),  # type: ignore[arg-type]
+        (lambda: compare_with_boundary(3, [1.0], [1.0]), TypeError, "points=3"),  # type: ignore[arg-type]
+        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], [1.0]), ValueError, "boundary_amplitudes have the shape"),
+        (lambda: compare_with_boundary(POINTS, [10.0, 30.0, 20.0], [1.0] * 3), ValueError, "goes up and down"),
+        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], [1.0, -1.0]), ValueError, "numbers above 0, or NaN"),
+        (lambda: compare_with_boundary(POINTS, [0.0, 30.0], [1.0, 1.0]), ValueError, "numbers above 0"),
+        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], "ab"), TypeError, "boundary_amplitudes"),
+        (lambda: stability_points_from_volts([15.0], [-1.0]), ValueError, "peak_to_peak_volts=-1.0"),
+    ],
+)
+def test_bad_points_are_refused(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "more", "message"),
+    [
+        (0.006, 0.007, {}, "lower=0.006: at 25 Hz this amplitude holds the rod already"),
+        (0.002, 0.003, {}, "upper=0.003: at 25 Hz no amplitude up to this one holds the rod"),
+        (0.006, 0.005, {}, "upper above lower"),
+        (0.004, 0.006, {"step": 0.0}, "step=0.0: give a number above 0"),
+        (0.004, 0.006, {"step": 1e-6}, "steps from lower to upper; give a larger one"),
+        (0.004, 0.006, {"cycles": 0}, "cycles=0"),
+    ],
+)
+def test_bad_experiments_are_refused(lower: float, upper: float, more: dict[str, Any], message: str) -> None:
+    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
+    with pytest.raises(ValueError, match=message):
+        measure_least_amplitudes(system, [25.0], lower, upper, **{"step": 0.05, "cycles": 200, **more})
