@@ -30,12 +30,23 @@ from scipy.optimize import least_squares
 
 from cellmap import trajectory
 from systems.compound import LONG_ROD
-from systems.lab.damping import DampingFits, fit_damping, free_pendulum
-from systems.lab.decay import QuadraticDecay, quadratic_decay
-from systems.lab.decay_models import decaying
-from systems.lab.envelope import slowing, swing_envelope
-from systems.lab.frequency import Estimate, SineFit, effective_length, natural_frequency, sine_fit
-from systems.lab.motion_fit import MotionFit, fit_motion
+from systems.lab import (
+    DampingFits,
+    Estimate,
+    MotionFit,
+    QuadraticDecay,
+    SineFit,
+    effective_length,
+    fit_damping,
+    fit_motion,
+    free_pendulum,
+    natural_frequency,
+    quadratic_decay,
+    sine_fit,
+    swing_envelope,
+)
+from systems.lab.swings.decay_models import decaying
+from systems.lab.swings.envelope import slowing
 
 REPORT = np.array([0.0082, -0.1979, 1.28])
 INTERVALS = np.array([0.000687, 0.0054, 0.009])

@@ -45,8 +45,9 @@ from cellmap import (
 )
 from systems import driven_pendulum
 from systems.compound import LONG_ROD, SHORT_ROD
-from systems.lab.stability_measurement import measure_least_amplitudes, stays_up
-from systems.lab.stability_points import (
+from systems.lab import measure_least_amplitudes
+from systems.lab.shaking.stability_measurement import stays_up
+from systems.lab.shaking.stability_points import (
     BoundaryComparison,
     StabilityPoints,
     compare_with_boundary,

@@ -26,9 +26,14 @@ from cellmap import critical_values
 from systems.drives import VerticalDrive
 from systems.effects import Effect, Gravity, ViscousDamping
 from systems.harmonics import HarmonicDrive
-from systems.lab.accelerometer import RecoveredDrive, recover_drive
-from systems.lab.accelerometer_record import record_acceleration
-from systems.lab.shaker import acceleration_from_volts, displacement_amplitude, volts_from_acceleration
+from systems.lab import (
+    RecoveredDrive,
+    acceleration_from_volts,
+    displacement_amplitude,
+    record_acceleration,
+    recover_drive,
+    volts_from_acceleration,
+)
 from systems.pendulum import Pendulum
 from systems.scene import scene
 from systems.waves import TriangleDrive

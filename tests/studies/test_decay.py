@@ -11,9 +11,9 @@ import pytest
 from cellmap import trajectory
 from studies import decay
 from systems.compound import LONG_ROD
-from systems.lab.damping import free_pendulum
-from systems.lab.decay import quadratic_decay
-from systems.lab.envelope import swing_envelope
+from systems.lab.swings.damping import free_pendulum
+from systems.lab.swings.decay import quadratic_decay
+from systems.lab.swings.envelope import swing_envelope
 
 mpl.use("Agg")
 

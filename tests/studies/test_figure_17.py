@@ -13,7 +13,7 @@ from cellmap import critical_values, stroboscopic_map, swept_map
 from studies import figure_17
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD
-from systems.lab.stability_points import StabilityPoints
+from systems.lab.shaking.stability_points import StabilityPoints
 
 mpl.use("Agg")
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from studies import shaker
-from systems.lab.accelerometer import recover_drive
-from systems.lab.accelerometer_record import pivot_acceleration, record_acceleration
+from systems.lab.shaking.accelerometer import recover_drive
+from systems.lab.shaking.accelerometer_record import pivot_acceleration, record_acceleration
 
 mpl.use("Agg")
 

@@ -16,9 +16,9 @@ from systems import driven_pendulum
 from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
 from systems.effects import Effect, Gravity
 from systems.harmonics import HarmonicDrive
-from systems.lab.accelerometer import RecoveredDrive, recover_drive
-from systems.lab.accelerometer_record import pivot_acceleration, record_acceleration
-from systems.lab.shaker import displacement_amplitude, volts_from_acceleration
+from systems.lab.shaking.accelerometer import RecoveredDrive, recover_drive
+from systems.lab.shaking.accelerometer_record import pivot_acceleration, record_acceleration
+from systems.lab.shaking.conversion import displacement_amplitude, volts_from_acceleration
 from systems.pendulum import Pendulum
 from systems.scene import scene
 from systems.waves import SquareDrive, TriangleDrive

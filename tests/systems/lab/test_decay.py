@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
-from systems.lab.decay import quadratic_decay
-from systems.lab.decay_models import KINDS, compare_decays, decaying
-from systems.lab.envelope import Envelope, swing_envelope
-from systems.lab.frequency import Estimate, effective_length, natural_frequency, sine_fit, swing
+from systems.lab.swings.decay import quadratic_decay
+from systems.lab.swings.decay_models import KINDS, compare_decays, decaying
+from systems.lab.swings.envelope import Envelope, swing_envelope
+from systems.lab.swings.frequency import Estimate, effective_length, natural_frequency, sine_fit, swing
 
 LENGTH = 0.069
 FREQUENCY = sqrt(9.8 / LENGTH)

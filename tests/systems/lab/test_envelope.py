@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from systems.lab.envelope import slowing, swing_envelope
 from systems.lab.measured import measured_series, noise_level
+from systems.lab.swings.envelope import slowing, swing_envelope
 
 FREQUENCY, RATE = 11.9, 0.15
 TIMES = np.arange(0.0, 8.0, 0.005)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cellmap import ForcedSystem, trajectory
 from systems import double_pendulum, driven_pendulum
 from systems.effects import Gravity
-from systems.lab.damping import fit_damping, free_pendulum
-from systems.lab.motion_fit import fit_motion
+from systems.lab.swings.damping import fit_damping, free_pendulum
+from systems.lab.swings.motion_fit import fit_motion
 from systems.pendulum import Pendulum
 from systems.scene import scene
 

@@ -15,8 +15,8 @@ from cellmap import critical_values, stability_map, stroboscopic_map, swept_map
 from cellmap.plot.bifurcations import plot_stability_map
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD
-from systems.lab.stability_measurement import measure_least_amplitudes, stays_up
-from systems.lab.stability_points import (
+from systems.lab.shaking.stability_measurement import measure_least_amplitudes, stays_up
+from systems.lab.shaking.stability_points import (
     StabilityPoints,
     compare_with_boundary,
     read_stability_points,

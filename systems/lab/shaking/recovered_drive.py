@@ -8,8 +8,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..drives import VerticalDrive
-from ..harmonics import HarmonicDrive
+from ...drives import VerticalDrive
+from ...harmonics import HarmonicDrive
 
 Array = NDArray[np.float64]
 

@@ -12,15 +12,19 @@ from numpy.typing import ArrayLike
 from cellmap import ForcedSystem
 from cellmap.checks import finite_number
 
-from ..effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
-from ..pendulum import Pendulum
-from ..scene import scene
+from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
+from ...pendulum import Pendulum
+from ...scene import scene
 from .decay_models import KINDS, DecayComparison, compare_decays
 from .envelope import swing_envelope
 from .frequency import effective_length, natural_frequency
 from .motion_fit import MotionFit, fit_motion
 
-EFFECTS: Mapping[str, Callable[[float], Effect]] = {"damping": ViscousDamping, "friction": DryFriction, "drag": QuadraticDrag}
+EFFECTS: Mapping[str, Callable[[float], Effect]] = {
+    "damping": ViscousDamping,
+    "friction": DryFriction,
+    "drag": QuadraticDrag,
+}
 """Effects by the name of their parameter."""
 
 _LEAST = 0.02  # share of a coefficient alone with which it enters a mixture
@@ -82,7 +86,7 @@ def fit_damping(
     angles : array_like, shape (n,)
         Angles from the downward vertical (rad), continuous; NaN marks a gap.
     kinds : sequence of str, optional
-        Names among :data:`systems.lab.decay_models.KINDS`.
+        Names among :data:`systems.lab.swings.decay_models.KINDS`.
     length : float, optional
         Effective length (m), where it is known; by default it is fitted.
     gravity : float, optional

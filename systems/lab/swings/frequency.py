@@ -12,8 +12,8 @@ from scipy.special import ellipj
 
 from cellmap.checks import finite_number, one_of
 
+from ..measured import measured_series
 from .envelope import Envelope, slowing, swing_envelope
-from .measured import measured_series
 
 _WIDEST = 3.14159
 

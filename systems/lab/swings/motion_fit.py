@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from cellmap import ForcedSystem
 from cellmap.checks import finite_number, finite_points
 
-from .measured import measured_series
+from ..measured import measured_series
 from .simulation import Simulation
 
 Bounds = Mapping[str, tuple[float, float]]

@@ -13,8 +13,8 @@ from cellmap.checks import finite_number, whole_number
 from cellmap.codegen.rebind import over_arrays
 from cellmap.codegen.trace import parameter_record
 
-from ..effects import Effect
-from .shaker import STANDARD_GRAVITY, volts_from_acceleration
+from ...effects import Effect
+from .conversion import STANDARD_GRAVITY, volts_from_acceleration
 
 _SIXTH_ORDER = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
 _FRACTION = 256  # of a period, over which the height is differenced
@@ -110,7 +110,7 @@ def record_acceleration(
     missing : float, optional
         Share of samples lost at random, which become NaN; at least 0 and at most 1.
     volts_per_g, standard_gravity : float, optional
-        Calibration, as for :func:`systems.lab.shaker.displacement_amplitude`.
+        Calibration, as for :func:`systems.lab.shaking.conversion.displacement_amplitude`.
     seed : int, optional
         Seed of noise and losses.
 

@@ -13,7 +13,7 @@ from scipy import stats
 
 from cellmap.checks import monotone_values
 
-from .shaker import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
+from .conversion import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
 
 Array = NDArray[np.float64]
 
@@ -167,7 +167,7 @@ def stability_points_from_volts(
     frequency_error : array_like, shape (n,) or (), optional
         Standard errors of the frequencies (Hz); used only with those of the volts.
     volts_per_g, standard_gravity, rod : optional
-        As for :func:`systems.lab.shaker.displacement_amplitude` and :class:`StabilityPoints`.
+        As for :func:`systems.lab.shaking.conversion.displacement_amplitude` and :class:`StabilityPoints`.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def stability_points_from_volts(
     Raises
     ------
     TypeError, ValueError
-        As :func:`systems.lab.shaker.displacement_amplitude` and :class:`StabilityPoints`.
+        As :func:`systems.lab.shaking.conversion.displacement_amplitude` and :class:`StabilityPoints`.
 
     Examples
     --------

@@ -130,7 +130,7 @@ def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Se
     """Fit several kinds of damping to a decay profile and compare them by Akaike's criterion.
 
     Extremes weigh by their errors, and the size of the scatter is free.  The profile alone decides; a fit of the
-    whole motion by :func:`~systems.lab.damping.fit_damping` is sharper.
+    whole motion by :func:`~systems.lab.swings.damping.fit_damping` is sharper.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Se
 
     Examples
     --------
-    >>> from systems.lab.envelope import swing_envelope
+    >>> from systems.lab.swings.envelope import swing_envelope
     >>> t = np.linspace(0.0, 8.0, 1601)
     >>> noise = np.random.default_rng(0).normal(0.0, 1e-3, t.size)
     >>> compare_decays(swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noise)).best.kind

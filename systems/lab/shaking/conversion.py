@@ -6,7 +6,7 @@ frequency f in Hz, and Vpk for what is peak to peak.  Volts are peak to peak thr
 2 sqrt(2) V, one of 1 V amplitude 2 V.  From the number alone nobody can tell which it is, so a voltmeter that shows
 r.m.s. makes the amplitude too small by a factor of 2.83 without a sign of it.
 
-A sine is taken for granted.  For other wave forms, noise and offsets see :mod:`systems.lab.accelerometer`.
+A sine is taken for granted.  For other wave forms, noise and offsets see :mod:`systems.lab.shaking.accelerometer`.
 """
 
 from __future__ import annotations

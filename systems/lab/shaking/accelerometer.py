@@ -47,7 +47,7 @@ def recover_drive(
         Increasing times (s), at any distances.
     acceleration : array_like, shape (n,)
         Upward acceleration (m/s^2), with any offset; of volts make it by
-        :func:`systems.lab.shaker.acceleration_from_volts`.  NaN is a lost sample.
+        :func:`systems.lab.shaking.conversion.acceleration_from_volts`.  NaN is a lost sample.
     frequency : float, optional
         Frequency of the drive (Hz) where it is known, by the generator say: the nearest line within 2 %, or one period
         more or less in the record, is fitted.  A record of hum and drive needs it, or a drive without fundamental.

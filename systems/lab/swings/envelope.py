@@ -12,7 +12,7 @@ from scipy.special import ellipk
 
 from cellmap.checks import finite_number
 
-from .measured import measured_series, noise_level
+from ..measured import measured_series, noise_level
 
 _CLEAR = 4.0  # standard deviations of the noise beyond rest that tell a swing from it
 _CAP = 0.75  # samples of a half swing above this share of its height go into the fit of its extreme

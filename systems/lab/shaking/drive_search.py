@@ -70,8 +70,8 @@ def find_drive(
 ) -> tuple[Fit, Array, int]:
     """Return the fit, the noise at the frequency 0 and at its harmonics, and of how many ordinates that is.
 
-    Arguments and errors are those of :func:`systems.lab.accelerometer.recover_drive`.  Where a good guess is known, to
-    `start` from (Hz), nothing else is tried.
+    Arguments and errors are those of :func:`~systems.lab.shaking.accelerometer.recover_drive`.  Where a good guess is
+    known, to `start` from (Hz), nothing else is tried.
     """
     least, strongest, chance = FEWEST_PERIODS / record.span, np.nan, 1.0
     flat = solved(record, 1.0, 0)

@@ -83,7 +83,7 @@ def quadratic_decay(envelope: Envelope, start: float | None = None) -> Quadratic
 
     Examples
     --------
-    >>> from systems.lab.envelope import swing_envelope
+    >>> from systems.lab.swings.envelope import swing_envelope
     >>> t = np.linspace(0.0, 5.0, 1001)
     >>> quadratic_decay(swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t)), start=0.0).coefficients.round(3) + 0.0
     array([ 0. , -0.1,  0.9])

@@ -14,7 +14,7 @@ from cellmap import ForcedSystem, PointMap, stroboscopic_map, swept_map
 from cellmap.checks import finite_number, monotone_values, whole_number
 from cellmap.coordinates import wrap
 
-from ..drives import VerticalDrive
+from ...drives import VerticalDrive
 from .accelerometer import recover_drive
 from .accelerometer_record import record_acceleration
 from .stability_points import StabilityPoints

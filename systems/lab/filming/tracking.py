@@ -1,0 +1,182 @@
+"""Markers followed through a film, by centroids in windows that move with them.
+
+This is the scheme of the report (section IV C) with what it lacks: centres weighted by grey values, windows around the
+foreseen place, a distinct blob for each marker, flags where a marker is hidden or merged, and a search along the circle
+that a rod allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cellmap.checks import finite_number, whole_number
+from cellmap.threads import progress_bar
+
+from .film import Film
+from .first_sight import first_sight
+from .search import Search
+from .tracks import MarkerStatus, Rail, Rod, Tracks
+
+_OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual one is larger by more
+# How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
+_STANDS_OUT = (0.04, 4.5)
+_DOUBTFUL = (0.02, 2.5)
+
+
+def track_markers(
+    film: Film,
+    starts: ArrayLike,
+    rods: Sequence[Rod] = (),
+    rails: Sequence[Rail] = (),
+    threshold: float | None = None,
+    window: float | None = None,
+    tolerance: float = 3.0,
+    weighted: bool = True,
+    progress: bool = False,
+) -> Tracks:
+    """Follow bright markers through a film.
+
+    In each frame a marker is looked for around the place to which its velocity takes it, or the rate at which it turns
+    about its pivot.  Blobs above the threshold are matched to markers, one to one, at the least sum of distances and
+    differences of area; where there are rods they must fit.  The window grows while a marker is lost; a bright object
+    that stood at a place before the marker was lost is not taken for it.
+
+    A blob is the marker's only where its area is what it should be, with the smear of its motion during the exposure.
+    With less than 0.9 of it the status is PARTIAL, with more than 1.15 MERGED; so it is, in the end, where the area
+    differs by more than 0.04 (or 4.5 standard deviations) from the marker's usual one, and next to flagged frames by
+    more than 0.02 (or 2.5).  So a centre can be off by about 0.04 radii where something hides the rim of a marker.  The
+    area of the first frame is the measure, unless the usual one is larger: a marker may be hidden in part there, but
+    not merged with something.
+
+    Two markers that look alike and are hidden at the same time may be exchanged, unless they have rods of their own.
+
+    Parameters
+    ----------
+    film : Film
+        The film.
+    starts : array_like, shape (markers, 2)
+        About where the markers are in the first frame that is not missing: pixels (column, row).
+    rods : sequence of Rod, optional
+        Rods that hold markers at known distances.
+    rails : sequence of Rail, optional
+        Markers that move only vertically.
+    threshold : float, optional
+        Grey value above which pixels belong to markers; by default from the windows of the first frame, by Otsu's
+        method.
+    window : float, optional
+        How far from its foreseen place a marker may be (pixels); by default a tenth of the smaller side of the picture,
+        12 at least.  It is doubled as long as the velocity is not known, and grows while the marker is lost.
+    tolerance : float, optional
+        How far a marker may be from the circle of its rod or from its rail (pixels).
+    weighted : bool, optional
+        Weight pixels by their grey values; without, centroids are those of all pixels above the threshold alike, as in
+        the report, and have no standard errors.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    Tracks
+        Places, their standard errors, and what was seen in every frame.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments that do not fit, a film without frames, a constant picture, a threshold that nothing or everything
+        exceeds, and a start where no marker is, or the same as another's.
+
+    References
+    ----------
+    Crocker, Grier, Journal of Colloid and Interface Science 179 (1996) 298 (weighted centroids, linking).
+
+    Examples
+    --------
+    >>> from systems.lab.filming.film import film_at_rate
+    >>> rows, columns = np.mgrid[:48, :64]
+    >>> frames = [200.0 * np.clip(4.5 - np.hypot(columns - 20 - 3 * k, rows - 24), 0.0, 1.0) for k in range(8)]
+    >>> tracks = track_markers(film_at_rate(np.array(frames), 100.0), [(20, 24)])
+    >>> tracks
+    Tracks(8 frames, 1 markers seen whole in 8 of them)
+    >>> bool(abs(tracks.positions[4, 0] - [32.0, 24.0]).max() < 1e-9)
+    True
+    """
+    tolerance = finite_number("tolerance", tolerance, above=0.0)
+    setup, memories = first_sight(film, starts, threshold, window, weighted)
+    hung, led = _rods_of(rods, len(memories)), _rails_of(rails, len(memories))
+    status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
+    usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
+    if (usual > 1.0 + _OTHER_AREA).any():
+        memories = first_sight(film, starts, threshold, window, weighted)[1]
+        for memory, factor in zip(memories, usual, strict=True):
+            memory.radius *= float(np.sqrt(max(factor, 1.0)))
+        status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
+    _doubt(status, areas)
+    seen = (status == MarkerStatus.SEEN)[..., None]
+    positions = np.where(seen, centroids, np.nan)
+    return Tracks(film.times, positions, np.where(seen, errors, np.nan), status, centroids, areas, setup.threshold)
+
+
+def _followed(
+    search: Search, progress: bool
+) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return status, centroids, their errors and areas over the expected ones, in all frames."""
+    count, markers, missing = len(search.film), len(search.memories), search.film.missing
+    status = np.full((count, markers), MarkerStatus.NO_FRAME, np.uint8)
+    centroids, errors = np.full((2, count, markers, 2), np.nan)
+    areas = np.full((count, markers), np.nan)
+    with progress_bar(count, "frames" if progress else None) as tick:
+        for k in range(count):
+            tick(1)
+            if missing[k]:
+                continue
+            for marker, sight in enumerate(search.look(k)):
+                status[k, marker] = sight.status
+                if sight.blob is not None:
+                    centroids[k, marker] = sight.blob.column, sight.blob.row
+                    errors[k, marker] = sight.blob.column_error, sight.blob.row_error
+                    areas[k, marker] = sight.ratio
+    return status, centroids, errors, areas
+
+
+def _doubt(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
+    """Flag sights whose areas stand out among those of the marker, and less sure ones next to flagged frames."""
+    for marker in range(status.shape[1]):
+        column, area = status[:, marker], areas[:, marker]
+        seen = column == MarkerStatus.SEEN
+        if not seen.any():
+            continue
+        away = area - np.median(area[seen])
+        spread = 1.4826 * float(np.median(np.abs(away[seen])))
+        limit, near = (max(least, times * spread) for least, times in (_STANDS_OUT, _DOUBTFUL))
+        column[seen & (away < -limit)] = MarkerStatus.PARTIAL
+        column[seen & (away > limit)] = MarkerStatus.MERGED
+        frames = np.flatnonzero(column != MarkerStatus.NO_FRAME)
+        for order in (frames, frames[::-1]):
+            flagged = False
+            for k in order:
+                if flagged and column[k] == MarkerStatus.SEEN and abs(away[k]) > near:
+                    column[k] = MarkerStatus.PARTIAL if away[k] < 0.0 else MarkerStatus.MERGED
+                flagged = bool(column[k] != MarkerStatus.SEEN)
+
+
+def _rods_of(rods: Sequence[Rod], markers: int) -> dict[int, Rod]:
+    found: dict[int, Rod] = {}
+    for rod in rods:
+        if not isinstance(rod, Rod):
+            raise TypeError(f"rods hold {rod!r}: give Rod(marker, pivot, length)")
+        whole_number("rod.marker", rod.marker, 0, markers - 1)
+        if rod.marker in found:
+            raise ValueError(f"rods: marker {rod.marker} hangs on two of them; give one for each marker")
+        found[rod.marker] = rod
+    return found
+
+
+def _rails_of(rails: Sequence[Rail], markers: int) -> dict[int, Rail]:
+    for rail in rails:
+        if not isinstance(rail, Rail):
+            raise TypeError(f"rails hold {rail!r}: give Rail(marker, column)")
+        whole_number("rail.marker", rail.marker, 0, markers - 1)
+    return {rail.marker: rail for rail in rails}

@@ -1,0 +1,1 @@
+"""Free swings: their envelopes, what damps them, and parameters from whole motions."""

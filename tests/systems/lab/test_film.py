@@ -1,0 +1,258 @@
+"""Films, the camera, synthetic recordings, and films in files."""
+
+from __future__ import annotations
+
+import sys
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, Trajectory, angle, trajectory
+from cellmap.files import StoreError
+from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
+from systems.lab.filming.film_files import read_film, write_film
+from systems.lab.filming.looks import Bar, Look, Spot
+from systems.lab.filming.rendering import render_film
+
+CLEAN = Look(shade=0.0, read_noise=0.0, full_well=float("inf"), rod_width=0.0, blur=0.0)
+
+
+def steady(speed: float = 0.0, length: float = 0.05) -> Trajectory:
+    """A rod that turns evenly about the origin: its end is at length (sin, -cos) of 1 + speed t."""
+    system = ForcedSystem(
+        lambda t, x, p: (p.speed,),
+        {"speed": speed, "length": length},
+        1.0,
+        (angle("theta"),),
+        outputs={"positions": lambda t, x, p: (0.0, 0.0, p.length * np.sin(x[0]), -p.length * np.cos(x[0]))},
+    )
+    times = np.linspace(0.0, 1.0, 401)
+    return Trajectory(system, times, (1.0 + speed * times)[:, None], np.zeros((), np.uint8), 400)
+
+
+CAMERA = Camera(scale=500.0, origin=(32.25, 20.5), shape=(64, 80))
+
+
+def test_the_camera_looks_from_the_front() -> None:
+    """Right is right, up is a smaller row, and back again."""
+    assert CAMERA.pixels([0.0, 0.0]).tolist() == [32.25, 20.5]
+    assert CAMERA.pixels([[0.01, 0.0], [0.0, 0.01]]).tolist() == [[37.25, 20.5], [32.25, 15.5]]
+    places = np.random.default_rng(0).normal(size=(5, 3, 2))
+    assert np.abs(CAMERA.places(CAMERA.pixels(places)) - places).max() < 1e-14
+    with pytest.raises(ValueError, match=r"scale=0\.0: give a number above 0"):
+        Camera(0.0, (0.0, 0.0), (4, 4))
+    with pytest.raises(TypeError, match="origin=3: give a tuple of two numbers"):
+        Camera(1.0, 3, (4, 4))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="give pairs"):
+        CAMERA.pixels([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("frames", "times", "error"),
+    [
+        (np.zeros((2, 3, 4), np.int32), [0.0, 1.0], "frames are int32"),
+        ([[1]], [0.0], "frames are list"),
+        (np.zeros((2, 3, 4, 3), np.uint8), [0.0, 1.0], "give grey frames"),
+        (np.zeros((0, 3, 4), np.uint8), [], "give grey frames"),
+        (np.zeros((2, 3, 4), np.uint8), [0.0], "give one for each of the 2 frames"),
+        (np.zeros((2, 3, 4), np.uint8), [0.0, np.nan], r"times\[1\]=nan: give finite times"),
+        (np.zeros((2, 3, 4), np.uint8), [0.0, 0.0], r"times\[1\]=0 follows 0"),
+    ],
+)
+def test_what_is_no_film(frames: Any, times: Any, error: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=error):
+        Film(frames, np.array(times))
+
+
+def test_missing_frames() -> None:
+    """Flagged ones, and those with numbers that are not finite."""
+    frames = np.ones((4, 3, 5), np.float32)
+    frames[1], frames[3, 0, 0] = np.nan, np.inf
+    film = film_at_rate(frames, 50.0, dropped=[True, False, False, False])
+    assert film.missing.tolist() == [True, True, False, True]
+    assert repr(film) == "Film(4 frames of 5 x 3 pixels, float32, 0 to 0.06 s, 1 dropped)"
+    assert film.shape == (3, 5)
+    assert len(film) == 4
+    part = select_frames(film, [0, 2])
+    assert part.times.tolist() == [0.0, 0.04]
+    assert part.missing.tolist() == [True, False]
+    with pytest.raises(ValueError, match="dropped is int64 of shape"):
+        film_at_rate(frames, 50.0, dropped=[0, 1, 0, 0])
+    with pytest.raises(ValueError, match="strictly increase"):
+        select_frames(film, [2, 0])
+
+
+def test_a_marker_is_where_the_truth_is() -> None:
+    """Its light, on a black ground, has the disc's area and centre: to what 4 x 4 points a pixel leave open."""
+    look = Look(marker_radius=5.0, marker=200.0, background=0.0, shade=0.0, blur=0.0, rod_width=0.0, read_noise=0.0)
+    for k in range(5):
+        camera = Camera(500.0, (32.25 + 0.2 * k, 20.5 + 0.13 * k), (64, 80))
+        recording = render_film(steady(), camera, [0.5], look, seed=k)
+        light = recording.film.frames[0].astype(float)
+        rows, columns = np.mgrid[:64, :80]
+        centre = np.array([(columns * light).sum(), (rows * light).sum()]) / light.sum()
+        assert np.abs(centre - recording.truth[0, 0]).max() < 0.01
+        assert light.sum() / 200.0 == pytest.approx(25.0 * pi, rel=0.01)
+        assert recording.truth[0, 0] == pytest.approx(camera.pixels([0.05 * np.sin(1.0), -0.05 * np.cos(1.0)]))
+
+
+def test_exposure_smears() -> None:
+    """The second moment along the way grows by travel^2 / 12, and the middle stays."""
+    look = Look(marker_radius=4.0, marker=250.0, background=0.0, shade=0.0, blur=0.0, rod_width=0.0, read_noise=0.0)
+    motion = steady(speed=1.0, length=0.2)
+    camera = Camera(500.0, (-40.0, 80.0), (96, 140))
+    moments = []
+    for exposure in (0.0, 0.1):
+        recording = render_film(motion, camera, [0.5], look, exposure)
+        light = recording.film.frames[0].astype(float)
+        rows, columns = np.mgrid[:96, :140]
+        along = np.array([np.cos(1.5), -np.sin(1.5)])
+        way = (columns - recording.truth[0, 0, 0]) * along[0] + (rows - recording.truth[0, 0, 1]) * along[1]
+        assert (way * light).sum() / light.sum() == pytest.approx(0.0, abs=0.02)
+        moments.append((way**2 * light).sum() / light.sum())
+        assert recording.film.exposure == exposure
+    assert moments[1] - moments[0] == pytest.approx(10.0**2 / 12.0, rel=0.02)
+
+
+def test_noise_is_that_of_electrons() -> None:
+    """Variance g 255 / full well + read noise^2 + 1/12 of rounding, on an even ground of grey g."""
+    look = Look(background=100.0, shade=0.0, full_well=5000.0, read_noise=2.0, rod_width=0.0, marker_radius=1.0)
+    frames = render_film(steady(), CAMERA, np.linspace(0.1, 0.2, 20), look, seed=3).film.frames[:, :20].astype(float)
+    expected = 100.0 * 255.0 / 5000.0 + 4.0 + 1.0 / 12.0
+    assert frames.var() == pytest.approx(expected, rel=5.0 * np.sqrt(2.0 / frames.size))
+    assert frames.mean() == pytest.approx(100.0, abs=5.0 * np.sqrt(expected / frames.size))
+
+
+def test_bars_spots_and_dropped_frames() -> None:
+    place = CAMERA.pixels([0.05 * np.sin(1.0), -0.05 * np.cos(1.0)])
+    bar = Bar(left=place[0], right=79.0, top=0.0, bottom=63.0, grey=10.0, start=0.4)
+    spot = Spot(column=10.0, row=50.0, radius=4.0)
+    recording = render_film(steady(), CAMERA, [0.1, 0.3, 0.5], CLEAN, bars=[bar], spots=[spot], dropped=[1], seed=1)
+    film = recording.film
+    assert film.dropped.tolist() == [False, True, False]
+    assert film.frames[:, 50, 10].tolist() == [220, 0, 220]
+    column, row = place.round().astype(int)
+    assert film.frames[0, row, column + 2] == 220
+    assert film.frames[2, row, column + 2] == 10
+    assert recording.visible[:, 0] == pytest.approx([1.0, 1.0, 0.5], abs=0.02)
+    outside = render_film(steady(), Camera(500.0, (-20.0, 20.0), (64, 80)), [0.1], CLEAN)
+    assert outside.visible[0, 0] < 0.999
+
+
+def test_same_seed_same_film() -> None:
+    one, two, other = (render_film(steady(), CAMERA, [0.1, 0.2], seed=s).film.frames for s in (1, 1, 2))
+    assert (one == two).all()
+    assert (one != other).any()
+
+
+def test_motions_that_cannot_be_filmed() -> None:
+    motion = steady()
+    with pytest.raises(ValueError, match=r"the exposures reach from -0.01 to 0.51 s .* film less"):
+        render_film(motion, CAMERA, [0.0, 0.5], exposure=0.02)
+    with pytest.raises(ValueError, match=r"a sample every 0.0025 s, and frames are closer"):
+        render_film(motion, CAMERA, [0.1, 0.101])
+    with pytest.raises(TypeError, match="give a Trajectory"):
+        render_film(3, CAMERA, [0.1])  # type: ignore[arg-type]
+    oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("x", "v"))
+    with pytest.raises(ValueError, match="give the trajectory of one start"):
+        render_film(trajectory(oscillator, [[0.0, 1.0]], 1), CAMERA, [0.1])
+    with pytest.raises(ValueError, match="strictly increase"):
+        render_film(motion, CAMERA, [0.2, 0.1])
+
+
+FRAMES = np.random.default_rng(5).integers(0, 256, (6, 12, 16)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("name", ["film.gif", "film.tif", "film.tiff", "film"])
+def test_there_and_back(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("imageio")
+    film = film_at_rate(FRAMES, 25.0)
+    write_film(film, tmp_path / name)
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+    back = read_film(tmp_path / name, None if name.endswith("gif") else 25.0)
+    assert (back.frames == film.frames).all()
+    assert back.times == pytest.approx(film.times)
+    if not name.endswith("gif"):
+        with pytest.raises(ValueError, match="does not say when its frames were taken; give frame_rate="):
+            read_film(tmp_path / name)
+
+
+def test_deep_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("imageio")
+    film = film_at_rate((FRAMES.astype(np.uint16) * 257), 100.0)
+    for name in ("deep.tiff", "folder"):
+        write_film(film, tmp_path / name)
+        back = read_film(tmp_path / name, 100.0)
+        assert back.frames.dtype == np.uint16
+        assert (back.frames == film.frames).all()
+    with pytest.raises(ValueError, match="film has grey values of uint16: convert them to uint8"):
+        write_film(film, tmp_path / "deep.gif")
+
+
+def test_colours_become_grey(tmp_path: Path) -> None:
+    """ITU-R BT.601: 0.299 R + 0.587 G + 0.114 B."""
+    imageio = pytest.importorskip("imageio.v3")
+    (tmp_path / "film").mkdir()
+    for k, colour in enumerate([(255, 0, 0), (0, 255, 0), (0, 0, 255), (7, 7, 7)]):
+        imageio.imwrite(tmp_path / "film" / f"{k}.png", np.full((4, 5, 3), colour, np.uint8))
+    assert read_film(tmp_path / "film", 10.0).frames[:, 2, 2].tolist() == [76, 150, 29, 7]
+
+
+def test_files_that_are_no_films(tmp_path: Path) -> None:
+    imageio = pytest.importorskip("imageio.v3")
+    film = film_at_rate(FRAMES, 25.0)
+    write_film(film, tmp_path / "film.gif")
+    whole = (tmp_path / "film.gif").read_bytes()
+    for name, content in (("cut.gif", whole[: len(whole) // 3]), ("text.tif", b"no picture"), ("none.gif", b"")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(StoreError, match="truncated or of another kind"):
+            read_film(tmp_path / name, 25.0)
+    with pytest.raises(FileNotFoundError, match="there is no such file"):
+        read_film(tmp_path / "missing.gif")
+    with pytest.raises(ValueError, match=r"choose a .gif"):
+        (tmp_path / "film.txt").write_text("x", encoding="utf-8")
+        read_film(tmp_path / "film.txt")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(StoreError, match="holds no pictures"):
+        read_film(tmp_path / "empty", 25.0)
+    imageio.imwrite(tmp_path / "empty" / "a.png", FRAMES[0])
+    imageio.imwrite(tmp_path / "empty" / "b.png", FRAMES[0, :8])
+    with pytest.raises(StoreError, match="different sizes"):
+        read_film(tmp_path / "empty", 25.0)
+    (tmp_path / "empty" / "b.png").write_bytes(b"\x89PNG\r\n")
+    with pytest.raises(StoreError, match=r"b\.png' is truncated or no picture"):
+        read_film(tmp_path / "empty", 25.0)
+
+
+def test_places_that_cannot_be_written(tmp_path: Path) -> None:
+    pytest.importorskip("imageio")
+    film = film_at_rate(FRAMES, 25.0)
+    with pytest.raises(FileNotFoundError, match="make it first"):
+        write_film(film, tmp_path / "none" / "film.gif")
+    with pytest.raises(FileNotFoundError, match="make it first"):
+        write_film(film, tmp_path / "none" / "film")
+    with pytest.raises(FileExistsError, match="is there already"):
+        write_film(film, tmp_path)
+    with pytest.raises(ValueError, match="choose the suffix"):
+        write_film(film, tmp_path / "film.doc")
+    with pytest.raises(ValueError, match="film has uneven times"):
+        write_film(Film(FRAMES, np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0])), tmp_path / "film.gif")
+    with pytest.raises(ValueError, match="film has grey values of float64"):
+        write_film(film_at_rate(FRAMES / 2.0, 25.0), tmp_path / "film.gif")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    film = film_at_rate(FRAMES, 25.0)
+    with monkeypatch.context() as without:
+        without.setattr("importlib.util.find_spec", lambda name: None)
+        with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap\[video\]'"):
+            write_film(film, tmp_path / "film.mp4")
+    monkeypatch.setitem(sys.modules, "imageio", None)
+    monkeypatch.setitem(sys.modules, "imageio.v3", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap\[video\]'"):
+        write_film(film, tmp_path / "film.gif")
+    assert not list(tmp_path.iterdir())
