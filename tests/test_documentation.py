@@ -22,7 +22,7 @@ def programs(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "own-system.md", "scenes.md"}
+LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "laboratory.md", "own-system.md", "scenes.md"}
 """Pages whose programs take more than ten seconds."""
 
 

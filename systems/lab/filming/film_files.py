@@ -78,7 +78,8 @@ def write_film(film: Film, path: str | os.PathLike[str], frame_rate: float | Non
     """Write a film to a file, or to a new folder of PNG pictures; whole, or not at all.
 
     Times are not kept but for the frame rate: a GIF rounds it to hundredths of a second for each frame, and joins equal
-    frames; TIFF and folders have none.  Dropped frames are written as they are, so that the others keep their times.
+    frames; a video rounds it to a whole number, loses an odd last row or column, and alters grey values by a few; TIFF
+    and folders have none.  Dropped frames are written as they are, so that the others keep their times.
 
     Parameters
     ----------
@@ -125,7 +126,9 @@ def write_film(film: Film, path: str | os.PathLike[str], frame_rate: float | Non
             kind = ".gif" if suffix == ".gif" else ".tiff"
             part.write_bytes(imageio.imwrite("<bytes>", list(film.frames), extension=kind, plugin="pillow", **timing))
         else:
-            imageio.imwrite(part, film.frames, extension=suffix, fps=rate)
+            even = film.frames[:, : film.shape[0] // 2 * 2, : film.shape[1] // 2 * 2]
+            coding = {"codec": "libx264", "fps": round(rate), "in_pixel_format": "gray"}
+            imageio.imwrite(part, even, extension=suffix, plugin="pyav", **coding)
 
 
 def _imageio() -> Any:
@@ -139,10 +142,9 @@ def _imageio() -> Any:
 def _needs_video() -> None:
     from importlib.util import find_spec
 
-    if find_spec("av") is None and find_spec("imageio_ffmpeg") is None:
+    if find_spec("av") is None:
         raise ModuleNotFoundError(
-            "videos need a plugin of imageio, av or imageio-ffmpeg: pip install 'cellmap[video]'; or convert the film "
-            "to a TIFF stack"
+            "videos need the package av: pip install 'cellmap[video]'; or convert the film to a TIFF stack"
         )
 
 
@@ -153,8 +155,8 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
         raise ValueError(f"path={str(path)!r}: choose a .gif, .tif, .tiff or .mp4, or a folder of pictures")
     if suffix in _VIDEOS:
         _needs_video()
-        rate = float(imageio.immeta(path).get("fps", 0.0))
-        grey = [_grey(frame) for frame in imageio.imiter(path)]
+        rate = float(imageio.immeta(path, plugin="pyav").get("fps", 0.0))
+        grey = [_grey(frame) for frame in imageio.imiter(path, plugin="pyav")]
         return _stack(grey, path), [1.0 / rate] * len(grey) if rate > 0.0 else None
     with imageio.imopen(path, "r", plugin="pillow") as source:
         count = int(source.properties(index=...).n_images or 1)

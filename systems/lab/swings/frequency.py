@@ -16,6 +16,7 @@ from ..measured import measured_series
 from .envelope import Envelope, slowing, swing_envelope
 
 _WIDEST = 3.14159
+_GAUSS = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
@@ -31,20 +32,21 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class SineFit:
-    """A sine through the first periods of a swing, rest + (amplitude + drift (t - middle)) cos(w t + phase).
+    """A decaying sine through the first periods of a swing, rest + amplitude exp(-decay (t - middle)) cos(w t + phase).
 
-    Where the swing is wide, the shape of the pendulum's wave may stand in the place of the cosine.
+    Where the swing is wide, the shape of the pendulum's wave may stand in the place of the cosine, and w rises as the
+    amplitude falls.
 
     Parameters
     ----------
     frequency : Estimate
-        Angular frequency w of these periods (rad/s), at their amplitude.
+        Angular frequency w in the middle of these periods (rad/s), at the amplitude there.
     amplitude : float
         Amplitude in the middle (rad).
-    drift : float
-        Its change (rad/s).
+    decay : float
+        Rate at which it falls (1/s).
     phase : float
-        Phase at t = 0 (rad).
+        Phase in the middle (rad).
     rest : float
         Angle of rest (rad).
     rmse : float
@@ -55,7 +57,7 @@ class SineFit:
 
     frequency: Estimate
     amplitude: float
-    drift: float
+    decay: float
     phase: float
     rest: float
     rmse: float
@@ -74,8 +76,8 @@ class SineFit:
 def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: str = "pendulum") -> SineFit:
     """Fit a sine to the first periods of a free swing.
 
-    The amplitude may change linearly within them, so that damping does not bend the frequency.  Nor does the width of
-    the swing, if the wave has the shape that the undamped pendulum's has at its amplitude, a sine for small ones.
+    The amplitude falls exponentially within them, so that damping does not bend the frequency.  Nor does the width of
+    the swing, if the wave has the shape and the frequency of the undamped pendulum at each amplitude.
 
     Parameters
     ----------
@@ -86,7 +88,7 @@ def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: s
     periods : float, optional
         Periods from the first sample on, at least 1.
     shape : {"pendulum", "sine"}, optional
-        The wave.
+        The wave; "sine" is that of small swings.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: s
     """
     t, x = measured_series(times, angles)
     many = finite_number("periods", periods, at_least=1.0)
-    wave = {"pendulum": swing, "sine": _sine}[one_of("shape", shape, ("pendulum", "sine"))]
+    wave = {"pendulum": _pendulum, "sine": _sine}[one_of("shape", shape, ("pendulum", "sine"))]
     envelope = swing_envelope(t, x)
     guess = pi / float(np.median(np.diff(envelope.times)[: max(2, round(2 * many))]))
     stop = int(np.searchsorted(t, t[0] + many * 2.0 * pi / guess, side="right"))
@@ -125,17 +127,19 @@ def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: s
     (rest, even, odd), *_ = np.linalg.lstsq(waves, values, rcond=None)
 
     def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
-        rest, amplitude, drift, w, phase = q
-        return np.asarray(rest + wave(amplitude + drift * late, w * late + phase) - values)
+        rest, amplitude, decay, w, phase = q
+        return np.asarray(rest + wave(amplitude, decay, w, phase, late) - values)
 
     begin = [rest, np.hypot(even, odd), 0.0, guess, np.arctan2(-odd, even)]
     found = least_squares(residuals, begin, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    rest, amplitude, drift, w, phase = found.x.tolist()
+    rest, amplitude, decay, w, phase = found.x.tolist()
+    if amplitude < 0.0:
+        amplitude, phase = -amplitude, phase + pi
     variance = 2.0 * found.cost / (moments.size - 5)
     error = float(np.sqrt(variance * np.linalg.inv(found.jac.T @ found.jac)[3, 3]))
-    turned = float(np.remainder(phase - w * middle + pi, 2.0 * pi) - pi)
+    turned = float(np.remainder(phase + pi, 2.0 * pi) - pi)
     rmse = float(np.sqrt(2.0 * found.cost / moments.size))
-    return SineFit(Estimate(w, error), amplitude, drift, turned, rest, rmse, slice(0, stop))
+    return SineFit(Estimate(w, error), amplitude, decay, turned, rest, rmse, slice(0, stop))
 
 
 def natural_frequency(envelope: Envelope) -> Estimate:
@@ -239,5 +243,14 @@ def swing(amplitude: ArrayLike, phase: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(2.0 * np.arcsin(k * cn / dn))
 
 
-def _sine(amplitude: NDArray[np.float64], phase: NDArray[np.float64]) -> NDArray[np.float64]:
-    return amplitude * np.cos(phase)
+def _pendulum(amplitude: float, decay: float, w: float, phase: float, late: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Wave of a swing whose amplitude falls, with the frequency that goes with it, integrated by Gauss's rule."""
+    nodes, weights = _GAUSS
+    between = 0.5 * late[:, None] * (nodes + 1.0)
+    relative = slowing(amplitude) / slowing(np.clip(amplitude * np.exp(-decay * between), -_WIDEST, _WIDEST))
+    turned = 0.5 * late * (relative @ weights)
+    return swing(amplitude * np.exp(-decay * late), w * turned + phase)
+
+
+def _sine(amplitude: float, decay: float, w: float, phase: float, late: NDArray[np.float64]) -> NDArray[np.float64]:
+    return amplitude * np.exp(-decay * late) * np.cos(w * late + phase)

@@ -16,6 +16,7 @@ from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
 from systems.lab.filming.film_files import read_film, write_film
 from systems.lab.filming.looks import Bar, Look, Spot
 from systems.lab.filming.rendering import render_film
+from systems.lab.filming.tracking import track_markers
 
 CLEAN = Look(shade=0.0, read_noise=0.0, full_well=float("inf"), rod_width=0.0, blur=0.0)
 
@@ -256,3 +257,21 @@ def test_what_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap\[video\]'"):
         write_film(film, tmp_path / "film.gif")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_video_keeps_what_tracking_needs(tmp_path: Path) -> None:
+    """A coded video alters grey values at the rims of moving things; an odd last row and column are lost."""
+    rows, columns = np.mgrid[:49, :65]
+    discs = [200.0 * np.clip(5.5 - np.hypot(columns - 20 - k, rows - 24), 0.0, 1.0) for k in range(30)]
+    film = film_at_rate(np.rint(discs).astype(np.uint8), 50.0)
+    write_film(film, tmp_path / "film.mp4")
+    again = read_film(tmp_path / "film.mp4")
+    assert again.shape == (48, 64)
+    np.testing.assert_allclose(again.times, film.times, atol=1e-9)
+    assert np.abs(again.frames - film.frames[:, :48, :64].astype(float)).mean() < 0.5
+    places = track_markers(again, [(20, 24)]).positions[:, 0]
+    np.testing.assert_allclose(places, np.stack([20.0 + np.arange(30), np.full(30, 24.0)], axis=-1), atol=0.15)
+    whole = (tmp_path / "film.mp4").read_bytes()
+    (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(StoreError, match="truncated or of another kind"):
+        read_film(tmp_path / "torn.mp4")
