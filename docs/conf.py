@@ -13,10 +13,12 @@ from collections.abc import Callable
 from contextlib import redirect_stdout
 from enum import Enum
 from pathlib import Path
+from types import ModuleType
 
 from sphinx.application import Sphinx
 
 import cellmap
+import systems.lab
 from studies import hard_cases
 from studies.__main__ import study_names
 
@@ -43,6 +45,7 @@ html_show_sourcelink = False
 html_theme_options = {"show_prev_next": True, "secondary_sidebar_items": ["page-toc"]}
 
 EXPORTS = "<!-- everything that cellmap exports -->"
+LABORATORY = "<!-- everything that systems.lab exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
 WORK_PRECISION = "<!-- what accuracy costs -->"
 GALLERY = "<!-- what the studies draw and print -->"
@@ -51,31 +54,31 @@ ROOT = Path(__file__).parents[1]
 GENERATED = Path(__file__).parent / "generated"
 
 
-def exported_names() -> list[str]:
-    """Return the public names of the library, in the order of its ``__init__``."""
-    names = getattr(cellmap, "__all__", None) or [n for n in vars(cellmap) if not n.startswith("_")]
-    return [n for n in names if not inspect.ismodule(getattr(cellmap, n))]
+def exported_names(package: ModuleType) -> list[str]:
+    """Return the public names of a package, in the order of its ``__init__``."""
+    names = getattr(package, "__all__", None) or [n for n in vars(package) if not n.startswith("_")]
+    return [n for n in names if not inspect.ismodule(getattr(package, n))]
 
 
-def exports() -> str:
-    """Return the reference as text: a section for each module, an entry for each name that it exports."""
+def exports(package: ModuleType) -> str:
+    """Return the reference as text: a section for each module, an entry for each name that the package exports."""
     by_module: dict[str, list[str]] = {}
-    for name in exported_names():
-        by_module.setdefault(getattr(cellmap, name).__module__, []).append(name)
+    for name in exported_names(package):
+        by_module.setdefault(getattr(package, name).__module__, []).append(name)
     parts = []
     for module, names in by_module.items():
         parts += headed((inspect.getdoc(sys.modules[module]) or module).split("\n\n")[0].replace("\n", " "))
-        parts += [f"```{{eval-rst}}\n{directive(name)}\n```" for name in names]
+        parts += [f"```{{eval-rst}}\n{directive(package, name)}\n```" for name in names]
     return "\n\n".join(parts)
 
 
-def directive(name: str) -> str:
+def directive(package: ModuleType, name: str) -> str:
     """Return the directive that documents one name."""
-    thing = getattr(cellmap, name)
+    thing, place = getattr(package, name), f"{package.__name__}.{name}"
     if not inspect.isclass(thing):
-        return f".. autofunction:: cellmap.{name}"
+        return f".. autofunction:: {place}"
     members = [":members:", *([":undoc-members:"] if issubclass(thing, Enum) else [])]
-    return "\n".join([f".. autoclass:: cellmap.{name}", *(f"   {line}" for line in members)])
+    return "\n".join([f".. autoclass:: {place}", *(f"   {line}" for line in members)])
 
 
 def headed(text: str) -> list[str]:
@@ -158,7 +161,8 @@ def computed(text: Callable[[], str]) -> Callable[[], str]:
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
     pages = {
-        EXPORTS: exports,
+        EXPORTS: lambda: exports(cellmap),
+        LABORATORY: lambda: exports(systems.lab),
         HARD_CASES: computed(hard_case_results),
         WORK_PRECISION: computed(work_precision_results),
         GALLERY: computed(gallery),
@@ -170,7 +174,7 @@ def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     """Name the pages that change with the code, whether or not their own text has."""
-    return ["accuracy-and-cost", "gallery", "hard-cases", "reference"]
+    return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference", "reference"]
 
 
 def setup(app: Sphinx) -> None:

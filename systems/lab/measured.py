@@ -44,32 +44,28 @@ def measured_series(
     array([ 1., nan,  2.])
     """
     t, v = _numbers("times", times), _numbers(name, values)
-    if t.shape != v.shape:
-        raise ValueError(f"times and {name} have the lengths {t.size} and {v.size}: give one time for each value")
+    if t.ndim != 1 or t.shape != v.shape:
+        raise ValueError(f"times have the shape {t.shape} and {name} {v.shape}: give (n,) twice")
     if not np.isfinite(t).all():
-        raise ValueError(f"times[{int(np.argmin(np.isfinite(t)))}] is not finite: give the time of every sample")
-    steps = np.diff(t)
-    if not (steps > 0.0).all():
-        first = int(np.argmax(steps <= 0.0))
-        raise ValueError(f"times[{first + 1}]={t[first + 1]:g} is not after {t[first]:g}: sort the series by time")
+        raise ValueError(f"times[{int(np.argmin(np.isfinite(t)))}] is not finite: leave the sample out")
+    if not (np.diff(t) > 0.0).all():
+        first = int(np.argmin(np.diff(t) > 0.0)) + 1
+        raise ValueError(f"times[{first}] is not after the one before: sort the series by time")
     if np.isinf(v).any():
-        raise ValueError(f"{name}[{int(np.argmax(np.isinf(v)))}] is infinite: mark gaps with NaN")
+        raise ValueError(f"{name}[{int(np.argmax(np.isinf(v)))}] is infinite: mark what is missing with NaN")
     seen = v[np.isfinite(v)]
     if seen.size < fewest:
-        raise ValueError(f"{name} has {seen.size} values besides gaps: give at least {fewest}")
-    if np.ptp(seen) == 0.0:
-        raise ValueError(f"{name} is {seen[0]:g} throughout: nothing moves")
+        raise ValueError(f"{name} has {seen.size} numbers: give at least {fewest}")
+    if not np.ptp(seen) > 1e-13 * abs(seen[0]):
+        raise ValueError(f"{name} is constant, {seen[0]:g}: nothing moves")
     return t, v
 
 
 def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
     try:
-        array = np.array(given, dtype=np.float64)
+        return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
-    if array.ndim != 1:
-        raise ValueError(f"{name} has the shape {array.shape}: give an array of shape (n,)")
-    return array
 
 
 def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:

@@ -10,6 +10,7 @@ from scipy import stats
 
 from cellmap.checks import finite_number, one_of, whole_number
 
+from ..measured import measured_series
 from .accelerometer_record import record_acceleration as record_acceleration
 from .drive_search import FEWEST_PERIODS, beyond_limits, find_drive, saturated, without
 from .harmonic_fit import Array, Fit, Record, resolution_of
@@ -30,10 +31,10 @@ def recover_drive(
     """Return the drive of a pivot from a record of its acceleration.
 
     The frequency is sought in the periodogram and then fitted together with amplitudes, phases, offset and drift by
-    least squares.  Where the strongest line is a harmonic of a weaker one, with 3 % of its acceleration and more, that
-    one is taken for the fundamental.  The
-    number of harmonics is the one with the least Bayesian information criterion, among all up to the limit of Nyquist,
-    at most 50: it is consistent, whereas Akaike's would keep a harmonic of nothing but noise in every seventh record.
+    least squares.  Where the strongest line is a harmonic of a weaker one, with 3 % of its acceleration and more,
+    that one is taken for the fundamental.  The number of harmonics is the one with the least Bayesian information
+    criterion, among all up to the limit of Nyquist, at most 50: it is consistent, whereas Akaike's would keep a
+    harmonic of nothing but noise in every seventh record.
 
     Standard errors take the noise to be stationary and to have, at each harmonic, the density of the periodogram of the
     residuals about it, over 40 independent ordinates or up to the next harmonic.  So they hold for coloured noise too,
@@ -88,14 +89,10 @@ def recover_drive(
     >>> recover_drive(times, record)
     RecoveredDrive(49.99969 +- 0.00019 Hz; 3 +- 0.001 mm; 2000 samples)
     """
-    t, given = _paired(times, acceleration)
+    t, given = measured_series(times, acceleration, "acceleration", _FEWEST_SAMPLES)
     here = np.isfinite(given)
-    if here.sum() < _FEWEST_SAMPLES:
-        raise ValueError(f"acceleration has {here.sum()} numbers: give at least {_FEWEST_SAMPLES}")
     readings, kept = given[here], t[here]
     middle, shift, scale = 0.5 * (kept[0] + kept[-1]), float(readings.mean()), float(readings.std())
-    if not np.ptp(readings) > 1e-13 * abs(shift):
-        raise ValueError(f"acceleration is constant, {shift:g}: is the sensor connected, and the shaker on?")
     one_of("noise", noise, ("coloured", "white"))
     whole = Record(kept - middle, (readings - shift) / scale, bool(drift), resolution_of(readings) / scale)
     _check_request(whole, frequency, harmonics)
@@ -122,25 +119,6 @@ def recover_drive(
     factors = factors * float(stats.t.ppf(0.975, degrees) / stats.norm.ppf(0.975)) ** 2
     counts = int((~here).sum()), int(bad.sum())
     return _described(without(whole, bad), fit, factors, middle, shift, scale, counts)
-
-
-def _paired(times: ArrayLike, acceleration: ArrayLike) -> tuple[Array, Array]:
-    arrays = []
-    for name, values in (("times", times), ("acceleration", acceleration)):
-        try:
-            arrays.append(np.array(values, dtype=np.float64))
-        except (TypeError, ValueError):
-            raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
-    t, given = arrays
-    if t.ndim != 1 or t.shape != given.shape:
-        raise ValueError(f"times have the shape {t.shape} and acceleration {given.shape}: give (n,) twice")
-    if not np.isfinite(t).all():
-        raise ValueError(f"times[{int(np.argmin(np.isfinite(t)))}] is not finite: leave the sample out")
-    if not (np.diff(t) > 0.0).all():
-        raise ValueError(f"times[{int(np.argmin(np.diff(t) > 0.0)) + 1}] is not after the one before: sort the samples")
-    if np.isinf(given).any():
-        raise ValueError(f"acceleration[{int(np.argmax(np.isinf(given)))}] is infinite: write NaN for a lost sample")
-    return t, given
 
 
 def _check_request(record: Record, frequency: float | None, harmonics: int | None) -> None:

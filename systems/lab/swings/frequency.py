@@ -111,7 +111,8 @@ def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: s
     many = finite_number("periods", periods, at_least=1.0)
     wave = {"pendulum": _pendulum, "sine": _sine}[one_of("shape", shape, ("pendulum", "sine"))]
     envelope = swing_envelope(t, x)
-    guess = pi / float(np.median(np.diff(envelope.times)[: max(2, round(2 * many))]))
+    halves = np.diff(envelope.times) / envelope.half_swings
+    guess = pi / float(np.median(halves[: max(2, round(2 * many))]))
     stop = int(np.searchsorted(t, t[0] + many * 2.0 * pi / guess, side="right"))
     inside = np.flatnonzero(np.isfinite(x[:stop]))
     span = 2.0 * pi / guess * many

@@ -128,7 +128,7 @@ def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) ->
         fit_motion(rod(), times, angles, ["mass"])
     with pytest.raises(ValueError, match="give names of parameters, each once"):
         fit_motion(rod(), times, angles, [])
-    with pytest.raises(ValueError, match=r"besides gaps for 4 unknowns: give more|give at least 8"):
+    with pytest.raises(ValueError, match=r"has 5 numbers: give at least 8"):
         fit_motion(rod(), times[:5], angles[:5], ["length", "damping"])
     with pytest.raises(ValueError, match=r"bounds\['damping'\]=\(2.0, 1.0\): give the smaller one first"):
         fit_motion(rod(), times, angles, ["damping"], bounds={"damping": (2.0, 1.0)})
@@ -136,7 +136,7 @@ def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) ->
         fit_motion(rod(), times, angles, ["damping"], bounds={"length": (0.0, 1.0)})
     with pytest.raises(ValueError, match="measured has 3 columns"):
         fit_motion(rod(), times, np.stack([angles] * 3, axis=-1), ["damping"])
-    with pytest.raises(ValueError, match=r"measured\[:, 0\] is 0.3 throughout"):
+    with pytest.raises(ValueError, match=r"measured\[:, 0\] is constant, 0.3"):
         fit_motion(rod(), times, np.full(times.size, 0.3), ["damping"])
     with pytest.raises(TypeError, match="give a ForcedSystem"):
         fit_motion("rod", times, angles, ["damping"])  # type: ignore[arg-type]
