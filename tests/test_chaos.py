@@ -120,6 +120,7 @@ def test_record_of_a_chaotic_attractor(pendulum):
     assert repr(a).startswith("Attractor(chaotic, largest exponent 0.8")
 
 
+@pytest.mark.slow
 def test_interpolated_map_is_chaotic_alike(pendulum):
     icm = interpolated_map(stroboscopic_map(DAMPED), CellGrid((-pi, -4.0), (pi, 4.0), (128, 128)), outside="integrate")
     (a,) = find_basins(icm, pendulum.grid).attractors

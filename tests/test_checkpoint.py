@@ -205,6 +205,7 @@ TILES = {"one pass": 4, "small basins": 4, "undecided": 6, "leaps": 6, "chaotic"
 """Tiles of all passes, as an undisturbed run has them."""
 
 
+@pytest.mark.slow
 def test_the_number_of_tiles(tmp_path, monkeypatch):
     for name, run in CASES.items():
         done = count_of_tiles(monkeypatch)
@@ -584,6 +585,7 @@ def test_memory_does_not_grow_with_the_number_of_starts(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["undecided", "small basins", "leaps"])
+@pytest.mark.slow
 def test_states_that_are_too_many_to_be_kept_are_computed_again(name, plain, tmp_path, monkeypatch):
     """Where all that is left can be looked at, forgetting its states changes nothing."""
     monkeypatch.setattr("cellmap.basin_finding._Left.joined", lambda self: None)

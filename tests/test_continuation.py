@@ -206,6 +206,7 @@ def test_the_critical_angle_is_a_branch_of_saddles(pendulum: PointMap, inverted:
     assert any(np.allclose(place, o.points[0], rtol=1e-9) for o in found)
 
 
+@pytest.mark.slow
 def test_curves_of_the_inverted_state_are_those_of_floquet(inverted: Branch) -> None:
     for bifurcation in inverted.bifurcations:
         curve = continue_bifurcation(inverted, bifurcation, "frequency", (0.0005, 0.05), (20.0, 100.0), step=0.05)
@@ -228,6 +229,7 @@ def test_symmetric_orbits_lose_their_symmetry_before_they_double(pendulum: Point
     assert attractors[0].period == cascade.periods[2] == 8
 
 
+@pytest.mark.slow
 def test_a_fold_of_the_duffing_oscillator() -> None:
     # Weak damping and drive: amplitudes from harmonic balance with two harmonics are near; the folds are those between
     # which two responses are found by direct search.

@@ -22,7 +22,15 @@ def programs(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-LONG = {"accuracy-and-cost.md", "analysis.md", "bifurcations.md", "laboratory.md", "own-system.md", "scenes.md"}
+LONG = {
+    "accuracy-and-cost.md",
+    "analysis.md",
+    "bifurcations.md",
+    "laboratory.md",
+    "own-system.md",
+    "scenes.md",
+    "set-oriented.md",
+}
 """Pages whose programs take more than ten seconds."""
 
 

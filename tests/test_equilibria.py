@@ -26,6 +26,7 @@ def stuck():
     return find_basins(strobe, CellGrid((-pi, -100.0), (pi, 100.0), (40, 40)))
 
 
+@pytest.mark.slow
 def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
     """Two intervals of equilibria beside the stick-slip cycles: all starts are decided."""
     assert [a.kind for a in stuck.attractors] == [Kind.FIXED_POINT] * 2 + [Kind.EQUILIBRIA] * 2

@@ -38,6 +38,7 @@ def test_liouville_over_several_periods(problems: Mapping[str, ForcedSystem]) ->
     assert np.linalg.det(matrices) == pytest.approx(exp(-0.15 * 6 * pi), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_the_double_pendulum_keeps_its_own_area(problems: Mapping[str, ForcedSystem]) -> None:
     """Undamped double pendulum: det = det M(q0) / det M(q(T)), with det M ~ m1 + m2 sin^2(th1 - th2) (paper.md)."""
     strobe = stroboscopic_map(problems["double pendulum"])

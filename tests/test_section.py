@@ -78,7 +78,8 @@ def test_returns_are_those_of_an_event_finder(system, section, starts):
         np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("direction", [*(pytest.param(d, marks=pytest.mark.slow) for d in (-1, 0)), 1])
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+@pytest.mark.slow
 def test_damped_oscillator_in_closed_form(direction):
     """Half a turn or a whole one, of the damped frequency."""
     frequency = sqrt(1 - 0.01)
@@ -143,6 +144,7 @@ def test_orbits_that_come_to_rest_on_the_section_do_not_return(value):
     assert (find_basins(back, CellGrid((-1.0,), (1.0,), (4,))).labels == -4).all()
 
 
+@pytest.mark.slow
 def test_cells_of_a_section_whose_orbits_do_not_return(tmp_path):
     """A pendulum with friction passes the top some times, and then no more."""
     top = section_map(TORQUE.with_params(torque=0.0), ("theta", pi, 1), max_time=50.0)
@@ -156,6 +158,7 @@ def test_cells_of_a_section_whose_orbits_do_not_return(tmp_path):
         np.testing.assert_array_equal(load_basins(save_basins(basins, tmp_path / "cells.h5")).labels, direct)
 
 
+@pytest.mark.slow
 def test_groups_of_cells_whose_orbits_do_not_return():
     """Coarse cells keep what a little damping takes away: each is a group, and the exact map sees through it."""
     mapping = simple_cell_mapping(
@@ -165,6 +168,7 @@ def test_groups_of_cells_whose_orbits_do_not_return():
     assert (mapping.basins().labels == -4).all()
 
 
+@pytest.mark.slow
 def test_maps_travel_and_are_made_again(tmp_path):
     back = section_map(LORENZ, ("z", 27.0, -1), max_time=20.0)
     starts = [[-10.0, -12.0], [6.0, 2.0]]

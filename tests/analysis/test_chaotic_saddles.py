@@ -158,6 +158,7 @@ def test_product_of_two_cantor_sets() -> None:
     assert cantor_distance(saddle.points[:, 1]).max() < 2e-7
 
 
+@pytest.mark.slow
 def test_horseshoe_of_henons_map() -> None:
     """At a = 6, b = 0.4 all that stays is a horseshoe in abs(x) <= R, x nowhere 0 (Devaney, Nitecki 1979)."""
     a, b = 6.0, 0.4

@@ -40,6 +40,7 @@ def test_cascade_on_grids_at_random_places():
     assert found[0.0].slope == pytest.approx(CANTOR, abs=0.01)
 
 
+@pytest.mark.slow
 def test_uniform_measure_has_one_dimension():
     points = np.random.default_rng(0).random((300_000, 2))
     torus = (angle("a", turn=1.0, lower=0.0), angle("b", turn=1.0, lower=0.0))

@@ -200,6 +200,7 @@ def test_effort_of_a_search_among_weakly_attracting_cycles():
     assert points[1] < 1_500_000
 
 
+@pytest.mark.slow
 def test_effort_of_a_search_in_chaos():
     """Newton's method gives up hopeless guesses at once, and unstable solutions cost nothing more."""
     counting, points = counted(scaled(0.25, 0.55, 0.05))

@@ -18,6 +18,7 @@ from systems.lab.shaking.stability_points import StabilityPoints
 mpl.use("Agg")
 
 
+@pytest.mark.slow
 def test_a_release_needs_what_averaging_says_beyond_the_multipliers() -> None:
     """At A/l = 0.13 and given 2,000 cycles; averaging and damping leave a tenth of the 0.0625 % open."""
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import matplotlib as mpl
+import pytest
 
 from studies import set_oriented
 
 mpl.use("Agg")
 
 
+@pytest.mark.slow
 def test_quick_run_gives_what_must_come_out(tmp_path, capsys):
     set_oriented.main(quick=True, output=tmp_path)
     assert (tmp_path / "set_oriented.png").exists()

@@ -69,6 +69,7 @@ def test_steady_sliding_is_stable_above_the_critical_damping(share: float) -> No
     assert (np.linalg.norm(later - rest) < 1e-6) == (share > 1.0)
 
 
+@pytest.mark.slow
 def test_stick_slip_vibrations() -> None:
     """Where steady sliding is unstable, all starts end in one cycle, which sticks for a part of its time."""
     system = stick_slip_oscillator(damping=0.02, forcing=0.0, frequency=1.0)
