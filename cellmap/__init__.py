@@ -15,8 +15,8 @@ from .basins import Basins as Basins
 from .basin_finding import find_basins as find_basins
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
-from .certification import Certificate as Certificate
-from .certification import Evidence as Evidence
+from .certificate import Certificate as Certificate
+from .certificate import Evidence as Evidence
 from .certification import certify as certify
 from .cost_model import Option as Option
 from .cells import CellChain as CellChain

@@ -123,3 +123,12 @@ def difference(
         if c.turn is not None:
             d[..., j] -= c.turn * np.round(d[..., j] / c.turn)
     return d
+
+
+def from_edge(
+    values: NDArray[np.float64], lower: NDArray[np.float64], turn: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return values with angles in the turn that begins at an edge."""
+    around = np.where(turn > 0.0, turn, np.inf)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(turn > 0.0, values - turn * np.floor((values - lower) / around), values))

@@ -21,7 +21,7 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.certification import _within
+from cellmap.cell_owners import within
 from cellmap.kernels.certainty import carry_rows, reach_ends
 from cellmap.pointmap import Orbits
 from cellmap.settling import UNDECIDED, Catalogue, settle
@@ -123,7 +123,7 @@ def test_orbits_that_leave_the_window():
 def labels_within(basins):
     """Labels of the exact map with the window of the table, by iteration alone."""
     exact, starts = basins.point_map.exact, basins.grid.centres().reshape(-1, basins.grid.dimension)
-    windowed = _within(basins.point_map.table.grid, exact)
+    windowed = within(basins.point_map.table.grid, exact)
     catalogue = Catalogue.of(basins.attractors, exact)
     settled = settle(windowed, Orbits.starting(starts), catalogue, basins.settings["max_periods"])
     return settled.labels.reshape(basins.labels.shape)

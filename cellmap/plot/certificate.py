@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..certification import Certificate, Evidence
+from ..certificate import Certificate, Evidence
 from .axes import axes_or_new, label_axis, picture_axes
 
 _COLOURS = {
