@@ -55,7 +55,7 @@ from .planning import Plan as Plan
 from .planning import plan as plan
 from .pointmap import Iterate as Iterate
 from .pointmap import PointMap as PointMap
-from .pointmap import Status as Status
+from .orbit_batch import Status as Status
 from .pointmap import ToleranceWarning as ToleranceWarning
 from .rebuild import rebuild_map as rebuild_map
 from .rebuild import recompute_basins as recompute_basins

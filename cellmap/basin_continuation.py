@@ -13,7 +13,7 @@ from .attractor import Attractor, distinct_names
 from .basins import LABEL_NAMES
 from .coordinates import Coordinate
 from .grid import CellGrid
-from .pointmap import Cost
+from .orbit_batch import Cost
 
 
 class ContinuationInterrupt(KeyboardInterrupt):

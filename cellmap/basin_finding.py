@@ -21,8 +21,9 @@ from .files import as_target
 from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid
 from .label_tiles import Batch, Labelling
+from .orbit_batch import CHUNK, Cost, Orbits
 from .passes import Kept, Pass
-from .pointmap import CHUNK, Cost, Orbits, PointMap, ToleranceWarning
+from .pointmap import PointMap, ToleranceWarning
 from .search import Examined, check_attractors, region_extent, search, sort_out
 from .settling import UNDECIDED, Settled
 from .starts import Rows, Starts

@@ -13,7 +13,8 @@ from .attractor import Attractor, distinct_names
 from .checks import whole_number
 from .coordinates import Coordinate
 from .grid import CellGrid
-from .pointmap import CHUNK, Cost, Orbits, PointMap
+from .orbit_batch import CHUNK, Cost, Orbits
+from .pointmap import PointMap
 from .settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED, Catalogue, settle
 from .starts import BLOCK, Starts
 from .threads import run_over, slices

@@ -14,7 +14,8 @@ from .basins import Basins
 from .coordinates import from_edge, turns_of, wrap
 from .grid import CellGrid, grid_points
 from .kernels.certainty import NONE, claim_within, reach_ends
-from .pointmap import CHUNK, Orbits, PointMap, Status
+from .orbit_batch import CHUNK, Orbits, Status
+from .pointmap import PointMap
 from .settling import ESCAPED, Catalogue, settle
 from .table_errors import TableErrors, images_of
 from .threads import slices

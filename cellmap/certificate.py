@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .basins import Basins, Verification
-from .pointmap import Cost
+from .orbit_batch import Cost
 
 
 class Evidence(IntEnum):

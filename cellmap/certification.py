@@ -15,7 +15,8 @@ from .certificate import Certificate, Evidence
 from .checks import claim_memory, finite_number, whole_number
 from .coordinates import wrap
 from .kernels.certainty import NONE, carry_rows, judge, widening
-from .pointmap import CHUNK, NOTHING, Cost, Orbits, PointMap, Status, Tally
+from .orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
+from .pointmap import PointMap
 from .settling import ESCAPED, UNDECIDED, inside_cover, settle
 from .starts import Starts
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells

@@ -12,8 +12,9 @@ from .attractor import Attractor, Cover, Kind
 from .coordinates import difference, turns_of
 from .exponents import BLOCKS, stretching
 from .jacobian import tangent
+from .orbit_batch import Orbits
 from .periodic import resolution
-from .pointmap import Orbits, PointMap
+from .pointmap import PointMap
 from .settling import Catalogue, box_keys, boxes_around, boxes_of, moved_boxes
 
 _EXPONENT_PERIODS = 300

@@ -11,8 +11,9 @@ import numpy as np
 from .basins import basins_memory
 from .checks import in_bytes
 from .grid import CellGrid
-from .interpolated import ALLOWED, table_memory, tabulated_nodes
-from .pointmap import CHUNK
+from .interpolated import ALLOWED, table_memory
+from .orbit_batch import CHUNK
+from .spline_coefficients import tabulated_nodes
 
 SAFETY = 2.0
 """Factor by which a predicted error stays below the accuracy that is wanted."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .multipliers import MARGIN, multipliers_of, pairs_beside_one, unstable_count
-from .pointmap import Status
+from .orbit_batch import Status
 from .roots import extrema, zeros
 
 _DIP = 0.3  # an extremum that a parabola puts this near to zero, relative to the values around, is looked into

@@ -13,7 +13,8 @@ from .checks import claim_memory, finite_number, finite_points, monotone_values,
 from .coordinates import Coordinate, difference, turns_of, wrap
 from .exponents import exponents_along, exponents_of_cycles, swept_derivatives
 from .following import Recorded, record_each, record_followed
-from .pointmap import PointMap, Status, warn_of_tolerance
+from .orbit_batch import Status
+from .pointmap import PointMap, warn_of_tolerance
 from .sweep import swept_map
 
 _CHAOTIC = 1e-3  # a largest exponent below this, per step, is no evidence of chaos, as in the search for attractors

@@ -16,7 +16,8 @@ from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
 from .kernels.options import LANES
-from .pointmap import Family, Orbits, Origin, PointMap, Status
+from .orbit_batch import Orbits, Status
+from .pointmap import Family, Origin, PointMap
 from .sweep import swept_axes, swept_function
 
 _BOUND = 1e100

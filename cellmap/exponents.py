@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jacobian import NotDifferentiableError, tangent
-from .pointmap import CHUNK, PointMap
+from .orbit_batch import CHUNK
+from .pointmap import PointMap
 from .threads import run_over, slices
 
 BLOCKS = 10

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import wrap
-from .pointmap import Orbits, PointMap
+from .orbit_batch import Orbits
+from .pointmap import PointMap
 
 PROBES = 256
 """Points whose images are compared."""

@@ -14,7 +14,7 @@ from .codegen.linear import LinearKernel, linear_kernel, values
 from .crossings import Matrices
 from .flow import Flow, steps_of_harmonics
 from .multipliers import multipliers_of, unstable_count
-from .pointmap import Orbits, Status
+from .orbit_batch import Orbits, Status
 from .system import ForcedSystem
 from .threads import run_over, slices
 

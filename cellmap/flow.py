@@ -19,7 +19,7 @@ from .coordinates import turns_of
 from .kernels.blocks import pack, unpack
 from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
 from .kernels.options import LANES
-from .pointmap import Orbits, Status
+from .orbit_batch import Orbits, Status
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import wrap
-from .pointmap import CHUNK, Orbits, PointMap
+from .orbit_batch import CHUNK, Orbits
+from .pointmap import PointMap
 from .threads import progress_bar, run_over, slices
 
 _SLICE = CHUNK // 16

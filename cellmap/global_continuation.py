@@ -18,7 +18,8 @@ from .checks import claim_memory, finite_number, finite_points, monotone_values,
 from .coordinates import wrap
 from .grid import CellGrid
 from .matching import match_attractors, thinned
-from .pointmap import Cost, PointMap
+from .orbit_batch import Cost
+from .pointmap import PointMap
 from .search import find_attractors, region_extent
 from .threads import progress_bar
 

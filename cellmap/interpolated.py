@@ -5,30 +5,26 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .checks import claim_memory, finite_number, one_of, whole_number
-from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
 from .files import as_target
 from .grid import CellGrid, grid_points
-from .kernels.contraction import WIDTH, basis_polynomials
-from .pointmap import CellTable, Cost, Family, Orbits, Origin, PointMap, Status
+from .look_ups import LookUps
+from .orbit_batch import Cost, Orbits
+from .pointmap import CellTable, Family, Origin, PointMap
+from .spline_coefficients import ORDERS, PADDING, filtered, nodes_of, tabulated_nodes, with_spare_doubles
 from .table_tiles import TableTiles, table_checkpoint
-from .threads import run_over, slices
 from .tiles import check_client
 
-ORDERS = (1, 3, 5)
-_PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
 ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
 _LEAP = 0.01  # of that difference, for tables of several periods
-_SLAB = 8192  # numbers that are filtered at a time, at least; fewer cost more than they take
 _FARTHEST = 100.0  # an image so many windows away counts as none
 _HERE = TableTiles()
 
@@ -157,7 +153,7 @@ def _made_again(
     exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost
 ) -> PointMap:
     """Return the map of a table that comes from another process."""
-    table = replace(table, coefficients=_with_spare_doubles(table.coefficients))
+    table = replace(table, coefficients=with_spare_doubles(table.coefficients))
     return _with_table(exact, table, outside, tolerance, leap, cost, False)
 
 
@@ -219,44 +215,19 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     return (16 * d * tabulated_nodes(grid, order) + 5 * grid.size) * leap.bit_length()
 
 
-def tabulated_nodes(grid: CellGrid, order: int) -> int:
-    """Count the nodes of a table, those past the ends of intervals included."""
-    past = 1 + 2 * _PADDING[order]
-    return int(
-        np.prod([n if wraps else n + past for n, wraps in zip(grid.shape, grid.wraps, strict=True)], dtype=object)
-    )
-
-
-def _nodes(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
-    """Coordinates of the tabulated nodes along each axis."""
-    axes = []
-    for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
-        past = _PADDING[order]
-        numbers = np.arange(n) if wraps else np.arange(-past, n + 1 + past)
-        axes.append(grid.lower[j] + numbers * grid.widths[j])
-    return axes
-
-
 def _coefficients(
     exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles = _HERE
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
-    values = _displacements(exact, _nodes(grid, order), progress, tiles)
+    values = _displacements(exact, nodes_of(grid, order), progress, tiles)
     extent = np.array(grid.upper) - np.array(grid.lower)
     with np.errstate(invalid="ignore"):
         failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
     if failed.any():
         _fill_from_neighbours(values, failed)
     for j in range(grid.dimension):
-        values = _filtered(values, j, order, grid.wraps[j])
-    return _with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
-
-
-def _with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return coefficients with memory behind them: look-ups read whole vectors, and so past the last coefficient."""
-    flat = np.zeros(values.size + WIDTH)
-    flat[: values.size] = values.ravel()
-    return flat[: values.size].reshape(values.shape)
+        values = filtered(values, j, order, grid.wraps[j])
+    return with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
 
 
 def _displacements(
@@ -288,73 +259,11 @@ def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.
 def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: int) -> NDArray[np.bool_]:
     corner = failed
     for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
-        first = 0 if wraps else _PADDING[order]
+        first = 0 if wraps else PADDING[order]
         lower = np.take(corner, np.arange(first, first + n), axis=j)
         upper = np.take(corner, np.arange(first + 1, first + n + 1) % corner.shape[j], axis=j)
         corner = lower | upper
     return corner
-
-
-def _filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
-    """Return B-spline coefficients along one axis, those that the cells need: one for each cell and `order` more."""
-    shape = list(values.shape)
-    past = _PADDING[order]
-    shape[axis] = shape[axis] + order if wraps else shape[axis] - 1 - 2 * past + order
-    result = np.empty(shape)
-    # In slabs across another axis: little memory besides the result, and work for all threads.
-    across = 0 if axis else values.ndim - 1 if values.ndim == 2 else 1
-    numbers = values.size // shape[across]
-    size = max(1, shape[across] // 32, _SLAB // max(numbers, 1))
-
-    def filter_slab(part: slice) -> None:
-        slab = (slice(None),) * across + (part,)
-        result[slab] = _filtered_slab(values[slab], axis, order, wraps)
-
-    run_over(slices(shape[across], size), filter_slab)
-    return result
-
-
-def _filtered_slab(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
-    if wraps:
-        n = values.shape[axis]
-        if order > 1 and n > 1:
-            from scipy.ndimage import spline_filter1d
-
-            values = spline_filter1d(values, order, axis=axis, mode="grid-wrap")
-        return np.take(values, np.arange(-(order // 2), n - order // 2 + order) % n, axis=axis)
-    if order == 1:
-        return values
-    solved = _interval_coefficients(np.moveaxis(values, axis, 0), order)
-    past = _PADDING[order]
-    return np.moveaxis(solved[past : len(solved) - past], 0, axis)
-
-
-def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Solve for the coefficients along the first axis of values at consecutive nodes; `order` - 1 more than nodes.
-
-    The surplus is fixed at the ends by differences of order `order` + 1 of the coefficients that vanish: the
-    polynomial pieces next to an end are one polynomial, so the order of convergence holds up to the end.
-    """
-    from scipy.linalg import solve_banded
-
-    nodes, half, reach = len(values), order // 2, order + 1
-    size = nodes + 2 * half
-    band = np.zeros((2 * reach + 1, size))  # band[reach + row - column, column]
-    spline = [row[0] for row in basis_polynomials(order)][:order]  # values at a node
-    vanishing = [(-1.0) ** k * comb(reach, k) for k in range(reach + 1)]
-    for k, value in enumerate(spline):
-        rows = np.arange(half, half + nodes)
-        columns = rows - half + k
-        band[reach + rows - columns, columns] = value
-    for i in range(half):
-        for k, value in enumerate(vanishing):
-            band[reach + i - (i + k), i + k] = value
-            row, column = size - 1 - i, size - 1 - i - k
-            band[reach + row - column, column] = value
-    right = np.zeros((size, *values.shape[1:]))
-    right[half : half + nodes] = values
-    solved: NDArray[np.float64] = solve_banded((reach, reach), band, right.reshape(size, -1), overwrite_b=True)
-    return solved.reshape(size, *values.shape[1:])
 
 
 def _centre_errors(
@@ -395,7 +304,9 @@ def _leap_table(
     single = _several(exact, LookUps(exact, tables[:1], outside), periods)
     indicator, rough = _centre_errors(single, smooth, allowed, progress)
     if outside == "escape":
-        ended = np.isnan(_displacements(single, _nodes(grid, order), progress)[..., 0])  # an end takes all coordinates
+        ended = np.isnan(
+            _displacements(single, nodes_of(grid, order), progress)[..., 0]
+        )  # an end takes all coordinates
         spoilt |= _cells_with_failed_corner(ended, grid, order)
         # Where no corner of the cells around leaves the window on its way, no point of the cell does.
         for j in range(grid.dimension):
@@ -411,78 +322,3 @@ def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
 
     recipe = {"kind": "several", "periods": periods, "of": dict(exact.recipe)}
     return replace(exact, advance=make, recipe=recipe, tangent=None, family=None)
-
-
-class LookUps:
-    """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
-
-    `coefficients` are those of the first table, in the memory that all of them share.
-    """
-
-    def __init__(self, exact: PointMap, tables: Sequence[CellTable], outside: str) -> None:
-        grid, coefficients = tables[0].grid, tables[0].coefficients
-        self._exact, self._integrate, self._grid = exact, outside == "integrate", grid
-        self._look_up = lookup_kernel(grid.dimension, tables[0].order)
-        lower, turn = turns_of(exact.coordinates)
-        strides = np.array([*coefficients.strides[:-1], coefficients.nbytes]) // coefficients.itemsize
-        if len(tables) == 1:
-            # Tables come with the spare doubles that the look-up reads behind them.
-            flat = np.lib.stride_tricks.as_strided(coefficients, (coefficients.size + WIDTH,), (coefficients.itemsize,))
-        else:
-            flat = np.concatenate([*(t.coefficients.ravel() for t in tables), np.zeros(WIDTH)])
-        self.coefficients = flat[: coefficients.size].reshape(coefficients.shape)
-        reach = np.zeros(0, np.uint8)
-        if len(tables) > 1 or tables[0].rough.any():
-            reach = np.sum([~t.rough.ravel() for t in tables], axis=0, dtype=np.uint8)
-        circle = np.where(grid.wraps, np.array(grid.shape, float), turn / grid.widths)
-        self._description = (
-            flat,
-            strides,
-            np.array(grid.lower),
-            1.0 / grid.widths,
-            np.array(grid.shape),
-            circle,
-            reach,
-            lower,
-            turn,
-        )
-
-    def __call__(self, orbits: Orbits, periods: int) -> None:
-        """Move a batch on, in place."""
-        for now in orbits.living():
-            left = np.full(len(now), periods, np.int64)
-            for part in self._moving(now, left):
-                stopped = now[part]
-                if not self._integrate:
-                    stopped.end(self._outside(stopped.points), Status.ESCAPED)
-                for carried in stopped.living():
-                    self._exact.advance(carried, 1)
-                now[part] = stopped
-                left[part] = np.where(stopped.alive, left[part] - 1, 0)
-
-    def _moving(self, orbits: Orbits, left: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-        """Look up until every orbit is through, yielding those that the table cannot carry on."""
-        everyone = np.arange(len(orbits))
-        part = everyone
-        while len(part):
-            if part is everyone:
-                made = self._look_up(orbits.points, orbits.turns, left, *self._description)
-            else:
-                some, remaining = orbits[part], left[part]
-                made = self._look_up(some.points, some.turns, remaining, *self._description)
-                orbits[part], left[part] = some, remaining
-            orbits.work.look_ups += made
-            part = part[left[part] > 0]
-            if len(part):
-                yield part
-
-    def _outside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        outside = np.zeros(len(points), bool)
-        _, _, origin, inverse, cells, circle, *_ = self._description
-        place = (points - origin) * inverse
-        for j in range(points.shape[1]):
-            if circle[j]:
-                place[:, j] -= circle[j] * np.floor(place[:, j] / circle[j])
-                place[:, j] = np.where((place[:, j] >= 0.0) & (place[:, j] < circle[j]), place[:, j], 0.0)
-            outside |= ~((place[:, j] >= 0.0) & (place[:, j] <= cells[j]))
-        return outside

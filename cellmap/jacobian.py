@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .checks import finite_points, whole_number
 from .coordinates import difference, wrap
-from .pointmap import Orbits, PointMap, follow
+from .orbit_batch import Orbits
+from .pointmap import PointMap, follow
 
 
 class NotDifferentiableError(TypeError):

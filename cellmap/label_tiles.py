@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor
-from .pointmap import Orbits, PointMap
+from .orbit_batch import Orbits
+from .pointmap import PointMap
 from .settling import Catalogue, Settled, settle
 from .starts import Starts
 

@@ -13,8 +13,9 @@ from .checks import claim_memory
 from .coordinates import difference
 from .crossings import Matrices
 from .orbit import PeriodicOrbit
+from .orbit_batch import CHUNK, Status
 from .orbit_problem import OrbitProblem, begin_orbit, orbit_problem
-from .pointmap import CHUNK, PointMap, Status, follow
+from .pointmap import PointMap, follow
 from .threads import progress_bar, run_over, slices
 
 _ITERATIONS = 8

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor
 from .basins import Basins
-from .pointmap import CHUNK, NOTHING, Tally
+from .orbit_batch import CHUNK, NOTHING, Tally
 from .search import Examined
 from .settling import UNDECIDED, Settled
 from .starts import BLOCK, Rows

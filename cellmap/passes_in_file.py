@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from .attractor import Attractor
 from .basins import Basins
 from .checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, digest_of, made, resumed
+from .orbit_batch import Tally
 from .passes import Kept, Pass
-from .pointmap import Tally
 from .search import Examined
 from .settling import Settled
 from .starts import BLOCK, Rows

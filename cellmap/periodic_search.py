@@ -11,8 +11,9 @@ from .checks import claim_memory, finite_points, whole_number
 from .coordinates import difference, turns_of, wrap
 from .grid import CellGrid, grid_points
 from .orbit import PeriodicOrbit
+from .orbit_batch import CHUNK, Orbits
 from .periodic import closed_orbit, damped_newton, resolution
-from .pointmap import CHUNK, Orbits, PointMap
+from .pointmap import PointMap
 from .threads import run_over, slices
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end

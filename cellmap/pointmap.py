@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,150 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of
 from .kernels.blocks import wrap_rows
+from .orbit_batch import CHUNK, Cost, Orbits, Status
 from .threads import progress_bar, run_over, slices
 from .tiles import check_client, run_tiles
 
 if TYPE_CHECKING:
     from .grid import CellGrid
 
-CHUNK = 16384
-"""Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
-
-
-class Status(IntEnum):
-    """What became of an orbit.
-
-    From ESCAPED on there is no point any more: it is NaN and stays NaN.
-    """
-
-    OK = 0
-    INACCURATE = 1
-    """The integrator did not meet its tolerance in some period; the point is its best value."""
-    ESCAPED = 2
-    """The orbit left the table of an interpolated map."""
-    DIVERGED = 3
-    """The orbit grew beyond all bounds, or the right-hand side was not finite on it, or no step was short enough."""
-    NO_RETURN = 4
-    """The orbit did not come back to the section of a map of first returns."""
-
-
-_FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison
-
 
 class ToleranceWarning(UserWarning):
     """Some orbits did not meet the tolerance of the integrator."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cost:
-    """What a map or a picture has cost.
-
-    Parameters
-    ----------
-    seconds : float
-        Wall time.
-    steps : int
-        Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
-    tabulation : float
-        Wall time of making the table; for basins that of their map, which `seconds` leaves out.
-    iteration : float
-        Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
-    evaluations : int
-        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, with
-        those of steps that were repeated; applications of a discrete map.
-    look_ups : int
-        Look-ups in the table that these steps took; one with a leap stands for several periods.
-    """
-
-    seconds: float = 0.0
-    steps: int = 0
-    tabulation: float = 0.0
-    iteration: float = 0.0
-    evaluations: int = 0
-    look_ups: int = 0
-
-
-@dataclass(eq=False)
-class Work:
-    """What was done for a batch of orbits; maps count.  See :class:`Cost`."""
-
-    evaluations: int = 0
-    look_ups: int = 0
-
-
-class Tally(NamedTuple):
-    """What labelling some starts took.
-
-    ``steps``: periods made by all of them; ``inaccurate``: starts on whose way the integrator missed its tolerance;
-    ``evaluations``, ``look_ups``: see :class:`Cost`.
-    """
-
-    steps: int = 0
-    inaccurate: int = 0
-    evaluations: int = 0
-    look_ups: int = 0
-
-    def plus(self, other: Iterable[int]) -> Tally:
-        """Return the sum of two."""
-        return Tally(*(int(a + b) for a, b in zip(self, other, strict=True)))
-
-
-NOTHING = Tally()
-
-
-@dataclass(eq=False)
-class Orbits:
-    """Working state of a batch of orbits; kernels change it in place.
-
-    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8; ``work``
-    is shared by all parts of a batch.
-    """
-
-    points: NDArray[np.float64]
-    turns: NDArray[np.int64]
-    status: NDArray[np.uint8]
-    work: Work = field(default_factory=Work)
-
-    @classmethod
-    def starting(cls, points: NDArray[np.float64]) -> Orbits:
-        """Begin orbits at the rows of an array, which is kept and changed."""
-        return cls(points, np.zeros(points.shape, np.int64), np.zeros(len(points), np.uint8))
-
-    @classmethod
-    def joined(cls, parts: Sequence[Orbits]) -> Orbits:
-        """Put batches one behind the other."""
-        points, turns, status = (np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "turns", "status"))
-        return cls(points, turns, status)
-
-    def __getitem__(self, part: Any) -> Orbits:
-        return Orbits(self.points[part], self.turns[part], self.status[part], self.work)
-
-    def __setitem__(self, part: Any, other: Orbits) -> None:
-        self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    @property
-    def alive(self) -> NDArray[np.bool_]:
-        """Orbits that have a point."""
-        return self.status < _FIRST_END
-
-    def living(self) -> Iterator[Orbits]:
-        """Yield those orbits that have a point, once, unless there are none; what is done to them is kept."""
-        alive = self.alive
-        if alive.all():
-            if len(self):
-                yield self
-        elif alive.any():
-            some = self[alive]
-            yield some
-            self[alive] = some
-
-    def end(self, where: NDArray[Any], status: Status) -> None:
-        """Mark orbits as ended."""
-        self.status[where] = status
-        self.points[where] = np.nan
 
 
 @dataclass(frozen=True, eq=False)

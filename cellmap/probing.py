@@ -16,9 +16,12 @@ from .checks import memory_available
 from .coordinates import difference, turns_of
 from .cost_model import ExactProbe, Labelling, Measurements, TableProbe, parallel, sized
 from .grid import CellGrid, grid_points
-from .interpolated import ORDERS, LookUps, interpolated_map, table_memory, tabulated_nodes
+from .interpolated import interpolated_map, table_memory
 from .kernels.contraction import WIDTH
-from .pointmap import CellTable, Orbits, PointMap, follow
+from .look_ups import LookUps
+from .orbit_batch import Orbits
+from .pointmap import CellTable, PointMap, follow
+from .spline_coefficients import ORDERS, tabulated_nodes
 from .stroboscopic import SMALLEST_TOLERANCE, stroboscopic_map
 from .system import ForcedSystem
 from .threads import run_over, slices, thread_count

@@ -13,8 +13,9 @@ from .chaos import chaotic_attractors
 from .checks import finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of, wrap
 from .equilibria import sets_of_equilibria
+from .orbit_batch import Orbits
 from .periodic import newton, resolution, stable_orbit
-from .pointmap import Orbits, PointMap
+from .pointmap import PointMap
 from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
 

@@ -17,7 +17,8 @@ from .coordinates import Coordinate, turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
-from .pointmap import CHUNK, Family, Orbits, Origin, PointMap, Status
+from .orbit_batch import CHUNK, Orbits, Status
+from .pointmap import Family, Origin, PointMap
 from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
 from .system import ForcedSystem
 from .threads import run_over, slices

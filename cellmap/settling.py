@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Cover
 from .coordinates import turns_of
 from .kernels.capture import capture
-from .pointmap import Orbits, PointMap, Status, Tally, Work
+from .orbit_batch import Orbits, Status, Tally, Work
+from .pointmap import PointMap
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""

@@ -23,7 +23,7 @@ from .coordinates import Coordinate
 from .files import StoreError as StoreError
 from .files import as_path, as_target, written_whole
 from .grid import CellGrid
-from .pointmap import Cost
+from .orbit_batch import Cost
 
 FORMAT = "cellmap basins"
 SCHEMA = 1

@@ -13,7 +13,8 @@ from .coordinates import turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
-from .pointmap import Family, Orbits, Origin, PointMap
+from .orbit_batch import Orbits
+from .pointmap import Family, Origin, PointMap
 from .sweep import swept_system
 from .system import ForcedSystem
 

@@ -15,7 +15,8 @@ import numpy as np
 from .codegen.kernel import traced_switching, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate
-from .pointmap import Orbits, Origin, PointMap
+from .orbit_batch import Orbits
+from .pointmap import Origin, PointMap
 from .system import ForcedSystem
 
 

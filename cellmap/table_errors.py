@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from .coordinates import turns_of, wrap
 from .grid import CellGrid, grid_points
-from .pointmap import CHUNK, Orbits, PointMap
+from .orbit_batch import CHUNK, Orbits
+from .pointmap import PointMap
 from .threads import run_over, slices
 
 _ACROSS = 0.49  # step of differences over a cell, in widths of it

@@ -14,7 +14,8 @@ from .checks import claim_disk
 from .coordinates import turns_of
 from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid, grid_points
-from .pointmap import CHUNK, Orbits, PointMap, Tally, Work
+from .orbit_batch import CHUNK, Orbits, Tally, Work
+from .pointmap import PointMap
 from .threads import slices
 from .tiles import run_tiles
 

@@ -12,7 +12,8 @@ from .checks import claim_memory, finite_points, whole_number
 from .coordinates import turns_of, wrap
 from .flow import flow
 from .kernels.blocks import wrap_rows
-from .pointmap import CHUNK, Orbits, PointMap, warn_of_tolerance
+from .orbit_batch import CHUNK, Orbits
+from .pointmap import PointMap, warn_of_tolerance
 from .stroboscopic import stroboscopic_map
 from .system import ForcedSystem
 from .threads import progress_bar, run_over, slices

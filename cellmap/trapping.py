@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from .attractor import Attractor, Neighbourhood
 from .coordinates import difference, turns_of
 from .jacobian import jacobian
-from .pointmap import PointMap, Status, follow
+from .orbit_batch import Status
+from .pointmap import PointMap, follow
 
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1

@@ -23,7 +23,7 @@ from cellmap import (
 )
 from cellmap.cell_owners import within
 from cellmap.kernels.certainty import carry_rows, reach_ends
-from cellmap.pointmap import Orbits
+from cellmap.orbit_batch import Orbits
 from cellmap.settling import UNDECIDED, Catalogue, settle
 from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
 

@@ -11,7 +11,7 @@ import pytest
 
 from cellmap import PointMap, angle, discrete_map, jacobian
 from cellmap.codegen.module import generated_module
-from cellmap.pointmap import Status
+from cellmap.orbit_batch import Status
 from cellmap.threads import set_threads
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import cellmap.checks
 from cellmap import ForcedSystem, PointMap, angle, discrete_map, stroboscopic_map
-from cellmap.pointmap import Status
+from cellmap.orbit_batch import Status
 
 
 @pytest.fixture(scope="module")

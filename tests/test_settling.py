@@ -25,7 +25,7 @@ from cellmap import (
 )
 from cellmap.attractor import Cover
 from cellmap.coordinates import difference
-from cellmap.pointmap import Orbits
+from cellmap.orbit_batch import Orbits
 from cellmap.settling import (
     DIVERGED,
     ESCAPED,

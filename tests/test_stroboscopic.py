@@ -15,7 +15,8 @@ from cellmap import ForcedSystem, angle, stroboscopic_map
 from cellmap.codegen.kernel import flow_kernel
 from cellmap.codegen.module import generated_module
 from cellmap.kernels.options import LANES
-from cellmap.pointmap import CHUNK, Status, ToleranceWarning
+from cellmap.orbit_batch import CHUNK, Status
+from cellmap.pointmap import ToleranceWarning
 from cellmap.threads import set_threads
 
 SPANS: dict[str, tuple[float, ...]] = {

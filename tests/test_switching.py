@@ -24,7 +24,7 @@ from cellmap import ForcedSystem, jacobian, stroboscopic_map, trajectory
 from cellmap.codegen.kernel import switching_kernel
 from cellmap.codegen.rebind import rebind
 from cellmap.kernels.options import LANES
-from cellmap.pointmap import CHUNK, Status
+from cellmap.orbit_batch import CHUNK, Status
 from cellmap.threads import set_threads
 from systems import dimensionless_pendulum, double_pendulum, stick_slip_oscillator, triple_pendulum
 from systems.drives import VerticalDrive

@@ -11,7 +11,8 @@ from scipy.stats import t as student
 from ..checks import finite_number, finite_points, whole_number
 from ..coordinates import wrap
 from ..jacobian import tangent
-from ..pointmap import CHUNK, Orbits, PointMap, Status
+from ..orbit_batch import CHUNK, Orbits, Status
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .chaos_tests import FOLDS, UNDECIDED, ChaosTest, settle_verdicts
 from .lyapunov import GROUPS

@@ -12,7 +12,8 @@ from ..attractor import Attractor
 from ..checks import finite_number, whole_number
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
-from ..pointmap import CHUNK, Orbits, PointMap
+from ..orbit_batch import CHUNK, Orbits
+from ..pointmap import PointMap
 from ..search import check_attractors
 from ..settling import Catalogue, inside_cover
 from ..threads import run_over, slices

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ..attractor import Attractor
-from ..pointmap import Cost
+from ..orbit_batch import Cost
 from .binomial import binomial_interval
 from .fit import Fit, fit_line
 

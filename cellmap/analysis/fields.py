@@ -14,7 +14,8 @@ from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid, grid_points
 from ..jacobian import tangent
 from ..kernels.stretching import append_steps
-from ..pointmap import CHUNK, Cost, PointMap
+from ..orbit_batch import CHUNK, Cost
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 
 

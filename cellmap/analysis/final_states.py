@@ -15,7 +15,8 @@ from ..basins import Basins
 from ..checks import whole_number
 from ..coordinates import wrap
 from ..grid import CellGrid
-from ..pointmap import Orbits, PointMap, Status
+from ..orbit_batch import Orbits, Status
+from ..pointmap import PointMap
 from ..settling import DIVERGED, ESCAPED, UNDECIDED
 from .labelling import Labeller, labeller
 

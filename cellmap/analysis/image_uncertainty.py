@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
 from ..checks import whole_number
-from ..pointmap import Cost
+from ..orbit_batch import Cost
 from .exponent import UncertaintyExponent, fit_exponent
 from .fit import fit_line, with_drift
 from .labels import NO_BASIN, LabelImage, label_image

@@ -12,7 +12,8 @@ from ..attractor import Attractor
 from ..basins import Basins
 from ..checks import whole_number
 from ..coordinates import Coordinate, wrap
-from ..pointmap import CHUNK, Orbits, PointMap
+from ..orbit_batch import CHUNK, Orbits
+from ..pointmap import PointMap
 from ..search import check_attractors
 from ..settling import Catalogue, settle
 from ..threads import run_over, slices

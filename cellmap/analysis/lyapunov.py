@@ -12,7 +12,8 @@ from scipy.stats import t as student
 from ..checks import claim_memory, finite_number, finite_points, whole_number
 from ..coordinates import Coordinate, wrap
 from ..jacobian import tangent
-from ..pointmap import CHUNK, Orbits, PointMap, Status
+from ..orbit_batch import CHUNK, Orbits, Status
+from ..pointmap import PointMap
 from ..threads import progress_bar, run_over, slices
 
 STRETCHES = 100

@@ -13,7 +13,8 @@ from ..attractor import Attractor
 from ..basins import Basins
 from ..checks import finite_number, whole_number
 from ..grid import CellGrid
-from ..pointmap import CHUNK, Cost, PointMap
+from ..orbit_batch import CHUNK, Cost
+from ..pointmap import PointMap
 from ..settling import UNDECIDED
 from ..threads import progress_bar, run_over, slices
 from .exponent import UncertaintyExponent, fit_exponent

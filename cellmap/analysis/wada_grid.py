@@ -15,7 +15,8 @@ from ..basin_finding import find_basins
 from ..basins import Basins
 from ..checks import finite_number, whole_number
 from ..grid import CellGrid, grid_points
-from ..pointmap import CHUNK, Cost, PointMap
+from ..orbit_batch import CHUNK, Cost
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .final_states import FinalStates, Outcome, final_states
 from .labels import NO_BASIN, also_labels, label_image

@@ -11,7 +11,8 @@ from scipy.stats import binom
 
 from ..checks import claim_memory, finite_number, finite_points, whole_number
 from ..coordinates import Coordinate
-from ..pointmap import PointMap, Status
+from ..orbit_batch import Status
+from ..pointmap import PointMap
 from ..threads import run_over
 from .chaos_tests import UNDECIDED, ChaosTest, verdicts
 

@@ -14,7 +14,8 @@ from ..attractor import Attractor
 from ..basins import Basins
 from ..checks import claim_memory, finite_number, whole_number
 from ..grid import CellGrid
-from ..pointmap import Cost, PointMap
+from ..orbit_batch import Cost
+from ..pointmap import PointMap
 from ..settling import UNDECIDED
 from .images import DIVERGED, LEFT, check_map_and_grid, warn_of_inaccurate
 from .markov import Components, Sparse, components_of, invariant_measure, periods_of, solve_transient

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..coordinates import turns_of, wrap
 from ..grid import CellGrid, grid_points
-from ..pointmap import Orbits, PointMap, Status, ToleranceWarning
+from ..orbit_batch import Orbits, Status
+from ..pointmap import PointMap, ToleranceWarning
 from ..settling import NO_RETURN
 
 LEFT, DIVERGED = -1, -2

@@ -15,7 +15,8 @@ from ..basins import Basins
 from ..checks import claim_memory, whole_number
 from ..grid import CellGrid
 from ..kernels.cells import unravel
-from ..pointmap import CHUNK, Cost, Orbits, PointMap, Status
+from ..orbit_batch import CHUNK, Cost, Orbits, Status
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
 from .recurrent import adjacent_sets, basins_from_cells, polished_sets

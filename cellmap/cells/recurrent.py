@@ -14,7 +14,8 @@ from ..basin_finding import find_basins
 from ..basins import Basins
 from ..coordinates import Coordinate
 from ..grid import CellGrid
-from ..pointmap import Cost, PointMap
+from ..orbit_batch import Cost
+from ..pointmap import PointMap
 from ..settling import NO_RETURN
 from .images import DIVERGED, LEFT, centres_of, label_of_no_image
 

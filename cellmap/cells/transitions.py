@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..checks import claim_memory, finite_number, whole_number
 from ..grid import CellGrid
 from ..kernels.cells import tally
-from ..pointmap import CHUNK, PointMap, Status
+from ..orbit_batch import CHUNK, Status
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .images import DIVERGED, LEFT, cells_of, centres_of, images_of
 from .markov import Sparse

@@ -259,7 +259,7 @@ def plot_stability_map(
         Name the classes and the boundaries that occur.
     measured : array_like, shape (n, 2) or (n, 3), optional
         Measured points of a boundary, drawn over it as white dots: places along both axes, in the units of the map,
-        then standard errors of the second, if they are known.
+        then standard errors of the second, if they are known.  The legend counts those outside of the map.
 
     Returns
     -------
@@ -305,7 +305,9 @@ def plot_stability_map(
     handles += [Line2D([], [], color=palette[c], label=CROSSING_NAMES[c]) for c in Crossing if c in found]
     if dots is not None:
         errors = dots[:, 2] if dots.shape[1] == 3 else None
-        handles.append(ax.errorbar(dots[:, 0], dots[:, 1], errors, label="measured", **_DOTS))
+        away = _outside(dots[:, 0], stability.x) | _outside(dots[:, 1], stability.y)
+        label = f"measured ({away.sum()} of {away.size} outside of the map)" if away.any() else "measured"
+        handles.append(ax.errorbar(dots[:, 0], dots[:, 1], errors, label=label, **_DOTS))
     ax.set(
         xlabel=stability.names[0],
         ylabel=stability.names[1],
@@ -315,6 +317,10 @@ def plot_stability_map(
     if legend:
         ax.legend(handles=handles, fontsize="small")
     return ax
+
+
+def _outside(places: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (places < axis.min()) | (places > axis.max())
 
 
 def _measured(given: ArrayLike) -> NDArray[np.float64]:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from ..analysis.fields import growth
 from ..checks import claim_memory, whole_number
 from ..coordinates import wrap
-from ..pointmap import CHUNK, PointMap
+from ..orbit_batch import CHUNK
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .boxes import BoxSet
 from .images import check_boxes

@@ -16,7 +16,8 @@ from ..coordinates import difference, turns_of
 from ..grid import CellGrid
 from ..kernels.blocks import wrap_rows
 from ..kernels.box_images import points_of_cells, tally_rows
-from ..pointmap import CHUNK, Orbits, PointMap
+from ..orbit_batch import CHUNK, Orbits
+from ..pointmap import PointMap
 from ..threads import run_over, slices
 from .boxes import BoxSet, Locator, finer
 
