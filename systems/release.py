@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cellmap import Attractor, ForcedSystem, find_basins, stroboscopic_map
 from cellmap.checks import finite_number
 from cellmap.flow import flow
-from cellmap.pointmap import Orbits
+from cellmap.orbit_batch import Orbits
 
 _PARTS = 16  # parts into which a bracket is cut in one batch
 
