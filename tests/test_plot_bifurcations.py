@@ -248,6 +248,12 @@ def test_measured_points_are_white_dots_over_the_map(henon: StabilityMap) -> Non
     assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
 
 
+def test_measured_points_outside_of_the_map_are_counted(henon: StabilityMap) -> None:
+    """Amplitudes in mm on a map in m would be out of sight."""
+    ax = plot_stability_map(henon, measured=[[0.4, 0.2], [0.4, 200.0], [-0.7, 0.1]])
+    assert legend_of(ax)[-1] == "measured (2 of 3 outside of the map)"
+
+
 def test_errors_of_measured_points_stand_up_and_down(henon: StabilityMap) -> None:
     ax = plot_stability_map(henon, measured=[[0.4, 0.2, 0.05], [0.9, -0.1, 0.0]], background=False, legend=False)
     (bars,) = dots(ax)[2]

@@ -16,6 +16,9 @@ from .tracks import Tracks
 
 Pivot = int | tuple[float, float] | None
 
+_LOOSE = 0.005  # share by which the length of a rigid rod may vary, and
+_LOOSE_ERRORS = 5.0  # standard errors
+
 
 @dataclass(frozen=True, eq=False)
 class JointAngles:
@@ -44,11 +47,24 @@ class JointAngles:
     rates: NDArray[np.float64]
     rate_errors: NDArray[np.float64]
     stretches: NDArray[np.int64]
+    lengths: NDArray[np.float64]
 
     def __repr__(self) -> str:
         known = ", ".join(f"{int(k):,}" for k in np.isfinite(self.angles).sum(axis=0))
         parts = ", ".join(str(int(k) + 1) for k in self.stretches.max(axis=0))
-        return f"JointAngles({len(self.times):,} frames, angles in {known}, stretches: {parts})"
+        loose = "".join(
+            f"; joint {k} is not rigid, {low:.4g} to {high:.4g} pixels: its pivot?"
+            for k, (low, high) in enumerate(zip(*self._lengths(), strict=True))
+            if high > low
+        )
+        return f"JointAngles({len(self.times):,} frames, angles in {known}, stretches: {parts}{loose})"
+
+    def _lengths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return between what nine tenths of the lengths are; twice the median where no more than noise parts them."""
+        low, middle, high = np.nanpercentile(self.lengths, [5.0, 50.0, 95.0], axis=0)
+        noise = np.nan_to_num(np.nanmedian(np.nan_to_num(self.errors), axis=0))
+        varies = 0.5 * (high - low) / middle > np.maximum(_LOOSE, _LOOSE_ERRORS * noise)
+        return np.where(varies, low, middle), np.where(varies, high, middle)
 
 
 def joint_angles(
@@ -78,14 +94,15 @@ def joint_angles(
         Degree of the polynomials, at least 1.
     turn_limit : float, optional
         Turns that the rod may make in a gap before turns are no longer counted across it, by its fastest step between
-        two frames elsewhere; at most 0.5.
+        two frames elsewhere; at most 0.5.  A rod that is pushed in a gap, or fast in gaps alone, it cannot foresee.
     one_sided : bool, optional
         Give rates near gaps and ends too, from windows that do not reach equally far to both sides.
 
     Returns
     -------
     JointAngles
-        Angles, rates and their standard errors; one joint for each marker with a pivot, in their order.
+        Angles, rates and their standard errors; one joint for each marker with a pivot, in their order.  Where the
+        distance of marker and pivot varies by more than noise, its text says so.
 
     Raises
     ------
@@ -117,10 +134,10 @@ def joint_angles(
     if not rods:
         raise ValueError("pivots are all None: give the pivot of at least one marker")
     shape = len(tracks.times), len(rods)
-    angles, errors, rates, rate_errors = np.full((4, *shape), np.nan)
+    angles, errors, rates, rate_errors, lengths = np.full((5, *shape), np.nan)
     stretches = np.full(shape, -1)
     for joint, (marker, pivot) in enumerate(rods):
-        angle, error = _directions(tracks, marker, pivot)
+        angle, error, lengths[:, joint] = _directions(tracks, marker, pivot)
         known = np.flatnonzero(np.isfinite(angle))
         if known.size < 2:
             raise ValueError(f"tracks: marker {marker} and its pivot are known in {known.size} frames; 2 are needed")
@@ -129,11 +146,13 @@ def joint_angles(
         for part in _runs(tracks.times, np.isfinite(angle), stretches[:, joint]):
             slopes = _slopes(tracks.times[part], angles[part, joint], errors[part, joint], window, degree, one_sided)
             rates[part, joint], rate_errors[part, joint] = slopes
-    return JointAngles(tracks.times, angles, errors, rates, rate_errors, stretches)
+    return JointAngles(tracks.times, angles, errors, rates, rate_errors, stretches, lengths)
 
 
-def _directions(tracks: Tracks, marker: int, pivot: Pivot) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the angles of a rod within a turn, and their standard errors."""
+def _directions(
+    tracks: Tracks, marker: int, pivot: Pivot
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the angles of a rod within a turn, their standard errors, and its lengths (pixels)."""
     end, spread = tracks.positions[:, marker], tracks.errors[:, marker] ** 2
     if isinstance(pivot, tuple):
         base = np.array([finite_number(f"pivots[{marker}][{k}]", v) for k, v in enumerate(pivot)])
@@ -148,7 +167,7 @@ def _directions(tracks: Tracks, marker: int, pivot: Pivot) -> tuple[NDArray[np.f
     squared = across**2 + down**2
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.sqrt(down**2 * spread[:, 0] + across**2 * spread[:, 1]) / squared
-    return np.arctan2(across, down), error
+    return np.arctan2(across, down), error, np.sqrt(squared)
 
 
 def _unwrapped(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -26,7 +27,8 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> Film:
     """Read a film from a file, or from a folder of pictures in the order of their names.
 
-    Colours become grey by their luminance (ITU-R BT.601).
+    Numbers in names count by their value, so that frame_2 comes before frame_10.  Colours become grey by their
+    luminance (ITU-R BT.601).
 
     Parameters
     ----------
@@ -34,7 +36,8 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
         A GIF, a TIFF stack, a video, or a folder of pictures.
     frame_rate : float, optional
         Frames a second, where the file does not say, or says wrongly: a GIF counts in hundredths of a second, and
-        cameras of high speed write files that play slowly.
+        cameras of high speed write files that play slowly.  A frame that a GIF shows for several times as long as the
+        shortest stands for as many frames.
 
     Returns
     -------
@@ -67,6 +70,9 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
         raise StoreError(
             f"{str(place)!r} cannot be read as a film, it is truncated or of another kind: {error}"
         ) from error
+    if rate is not None and durations is not None and min(durations) > 0.0:
+        shown = np.rint(np.array(durations) / min(durations))
+        return Film(frames, np.concatenate([[0.0], np.cumsum(shown[:-1])]) / rate)
     if rate is not None:
         return film_at_rate(frames, rate)
     if durations is None or not all(d > 0.0 for d in durations):
@@ -78,8 +84,9 @@ def write_film(film: Film, path: str | os.PathLike[str], frame_rate: float | Non
     """Write a film to a file, or to a new folder of PNG pictures; whole, or not at all.
 
     Times are not kept but for the frame rate: a GIF rounds it to hundredths of a second for each frame, and joins equal
-    frames; a video rounds it to a whole number, loses an odd last row or column, and alters grey values by a few; TIFF
-    and folders have none.  Dropped frames are written as they are, so that the others keep their times.
+    frames; a video rounds it to a whole number, loses an odd last row or column, and alters grey values, by tens at
+    the edges of what moves; TIFF and folders have none.  Dropped frames are written as they are, so that the others
+    keep their times.
 
     Parameters
     ----------
@@ -170,7 +177,8 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
 
 
 def _pictures(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
-    names = sorted(p for p in folder.iterdir() if p.suffix.lower() in _PICTURES and not p.name.startswith("."))
+    found = [p for p in folder.iterdir() if p.suffix.lower() in _PICTURES and not p.name.startswith(".")]
+    names = sorted(found, key=_by_number)
     if not names:
         raise StoreError(f"{str(folder)!r} holds no pictures: give a folder of {', '.join(_PICTURES)}")
     grey = []
@@ -182,6 +190,12 @@ def _pictures(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
         if len(grey) == 1:
             claim_memory(f"{len(names):,} frames", len(names) * grey[0].nbytes, "take fewer or smaller frames")
     return _stack(grey, folder), None
+
+
+def _by_number(path: Path) -> tuple[list[tuple[str, int]], str]:
+    """Return what paths are sorted by: their names, with the numbers in them by value."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [(text, int(digits)) for text, digits in zip(parts[::2], [*parts[1::2], "0"], strict=True)], path.name
 
 
 def _grey(picture: NDArray[Any]) -> NDArray[Any]:

@@ -90,7 +90,8 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
         if contrast < _STANDS_OUT * spread:
             raise ValueError(
                 f"starts: nothing bright stands out there (by {contrast / spread:.1f} deviations of the dark); "
-                f"give starts at markers, or a threshold between {low:g} and {high:g}"
+                f"give starts at markers, or a threshold between {low:g} and {high:g}; of dark markers, give the "
+                "negative of the film"
             )
         return limit
     limit = finite_number("threshold", given)

@@ -53,7 +53,7 @@ class Search:
         for marker, memory in enumerate(self.memories):
             reach = memory.reach(self.setup.window, time, self.setup.interval)
             reaches.append(min(reach, diagonal))
-            places.append(memory.ahead(time, self._pivot(marker, places), self.rods.get(marker)))
+            places.append(self._foreseen(marker, time, self._pivot(marker, places)))
         blobs = self._blobs(picture, places, reaches)
         costs = np.full((len(places), len(blobs)), np.inf)
         ratios = np.ones_like(costs)
@@ -68,6 +68,15 @@ class Search:
         self._share(sights, choice, blobs, places)
         self._remember(sights, places, time, frame)
         return sights
+
+    def _foreseen(self, marker: int, time: float, pivot: Place | None) -> Place:
+        """Return where a marker will be; one that is free and lost is still looked for within the picture."""
+        memory = self.memories[marker]
+        place = memory.ahead(time, pivot, self.rods.get(marker))
+        if memory.steps == 0 or pivot is not None:
+            return place
+        height, width = self.film.shape
+        return min(max(place[0], 0.0), width - 1.0), min(max(place[1], 0.0), height - 1.0)
 
     def _pivot(self, marker: int, places: Sequence[Place]) -> Place | None:
         """Return the place of a marker's pivot; None without a rod, and where the pivot is a marker not seen."""

@@ -8,6 +8,7 @@ that a rod allows.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,15 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from cellmap.checks import finite_number, whole_number
 from cellmap.threads import progress_bar
 
+from .doubts import doubt_areas, doubt_standing
 from .film import Film
 from .first_sight import first_sight
+from .following import Memory
 from .search import Search
 from .tracks import MarkerStatus, Rail, Rod, Tracks
 
 _OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual one is larger by more
-# How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
-_STANDS_OUT = (0.04, 4.5)
-_DOUBTFUL = (0.02, 2.5)
 
 
 def track_markers(
@@ -37,12 +37,13 @@ def track_markers(
     weighted: bool = True,
     progress: bool = False,
 ) -> Tracks:
-    """Follow bright markers through a film.
+    """Follow bright markers through a film; dark ones through its negative, of frames such as 255 - frames.
 
     In each frame a marker is looked for around the place to which its velocity takes it, or the rate at which it turns
     about its pivot.  Blobs above the threshold are matched to markers, one to one, at the least sum of distances and
     differences of area; where there are rods they must fit.  The window grows while a marker is lost; a bright object
-    that stood at a place before the marker was lost is not taken for it.
+    that stood at a place before the marker was lost is not taken for it, and what is found again and stands, where the
+    marker moved before and never stood a third as long, is LOST in the end.
 
     A blob is the marker's only where its area is what it should be, with the smear of its motion during the exposure.
     With less than 0.9 of it the status is PARTIAL, with more than 1.15 MERGED; so it is, in the end, where the area
@@ -86,7 +87,8 @@ def track_markers(
     ------
     TypeError, ValueError
         For arguments that do not fit, a film without frames, a constant picture, a threshold that nothing or everything
-        exceeds, and a start where no marker is, or the same as another's.
+        exceeds, a start where no marker is, or the same as another's, and a marker that is not on its rod or rail in
+        the first frame.
 
     References
     ----------
@@ -106,6 +108,7 @@ def track_markers(
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     setup, memories = first_sight(film, starts, threshold, window, weighted)
     hung, led = _rods_of(rods, len(memories)), _rails_of(rails, len(memories))
+    _check_fit(memories, hung, led, tolerance)
     status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
     usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
     if (usual > 1.0 + _OTHER_AREA).any():
@@ -113,7 +116,8 @@ def track_markers(
         for memory, factor in zip(memories, usual, strict=True):
             memory.radius *= float(np.sqrt(max(factor, 1.0)))
         status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
-    _doubt(status, areas)
+    doubt_areas(status, areas)
+    doubt_standing(status, centroids, errors, film.times, [memory.radius for memory in memories])
     seen = (status == MarkerStatus.SEEN)[..., None]
     positions = np.where(seen, centroids, np.nan)
     return Tracks(film.times, positions, np.where(seen, errors, np.nan), status, centroids, areas, setup.threshold)
@@ -141,27 +145,6 @@ def _followed(
     return status, centroids, errors, areas
 
 
-def _doubt(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
-    """Flag sights whose areas stand out among those of the marker, and less sure ones next to flagged frames."""
-    for marker in range(status.shape[1]):
-        column, area = status[:, marker], areas[:, marker]
-        seen = column == MarkerStatus.SEEN
-        if not seen.any():
-            continue
-        away = area - np.median(area[seen])
-        spread = 1.4826 * float(np.median(np.abs(away[seen])))
-        limit, near = (max(least, times * spread) for least, times in (_STANDS_OUT, _DOUBTFUL))
-        column[seen & (away < -limit)] = MarkerStatus.PARTIAL
-        column[seen & (away > limit)] = MarkerStatus.MERGED
-        frames = np.flatnonzero(column != MarkerStatus.NO_FRAME)
-        for order in (frames, frames[::-1]):
-            flagged = False
-            for k in order:
-                if flagged and column[k] == MarkerStatus.SEEN and abs(away[k]) > near:
-                    column[k] = MarkerStatus.PARTIAL if away[k] < 0.0 else MarkerStatus.MERGED
-                flagged = bool(column[k] != MarkerStatus.SEEN)
-
-
 def _rods_of(rods: Sequence[Rod], markers: int) -> dict[int, Rod]:
     found: dict[int, Rod] = {}
     for rod in rods:
@@ -175,8 +158,32 @@ def _rods_of(rods: Sequence[Rod], markers: int) -> dict[int, Rod]:
 
 
 def _rails_of(rails: Sequence[Rail], markers: int) -> dict[int, Rail]:
+    found: dict[int, Rail] = {}
     for rail in rails:
         if not isinstance(rail, Rail):
             raise TypeError(f"rails hold {rail!r}: give Rail(marker, column)")
         whole_number("rail.marker", rail.marker, 0, markers - 1)
-    return {rail.marker: rail for rail in rails}
+        if rail.marker in found:
+            raise ValueError(f"rails: marker {rail.marker} moves on two of them; give one for each marker")
+        found[rail.marker] = rail
+    return found
+
+
+def _check_fit(memories: list[Memory], rods: dict[int, Rod], rails: dict[int, Rail], tolerance: float) -> None:
+    """Refuse rods and rails that the markers of the first frame are not on."""
+    for marker, rod in rods.items():
+        place = memories[marker].place
+        pivot = memories[rod.pivot].place if isinstance(rod.pivot, int) else rod.pivot
+        if rod.misfit(place, pivot) > tolerance:
+            raise ValueError(
+                f"rods: marker {marker} begins {hypot(place[0] - pivot[0], place[1] - pivot[1]):.1f} pixels from its "
+                f"pivot, and its rod has {rod.length:g}: measure both again, with fit_circle say, or give more than "
+                f"tolerance={tolerance:g}"
+            )
+    for marker, rail in rails.items():
+        column = memories[marker].place[0]
+        if abs(column - rail.column) > tolerance:
+            raise ValueError(
+                f"rails: marker {marker} begins at the column {column:.1f}, and its rail is at {rail.column:g}: "
+                f"measure it again, or give more than tolerance={tolerance:g}"
+            )

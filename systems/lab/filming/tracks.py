@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from math import hypot, sqrt
+from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ class MarkerStatus(IntEnum):
     MERGED = 3
     """In one blob with something else."""
     LOST = 4
-    """Not found."""
+    """Not found, or something that stands was found in its place."""
     NO_FRAME = 5
     """The frame is missing."""
 
@@ -123,8 +123,9 @@ class Tracks:
         Pixels (column, row), NaN unless the status is SEEN or CONSTRAINED.
     errors : ndarray, shape (n, markers, 2)
         Their standard errors (pixels): from the noise of the pixels, and from where a disc's edge falls on them where
-        the optics spread it by about 0.8 pixels; with sharper ones errors are up to three times as large.  NaN for
-        plain centroids.
+        the optics spread it by about 0.8 pixels.  True errors are up to five times as large with sharper optics,
+        squares along the pixels, and light that changes by a tenth across a marker; up to eight times in compressed
+        videos.  NaN for plain centroids.
     status : ndarray of uint8, shape (n, markers)
         A :class:`MarkerStatus` each.
     centroids : ndarray, shape (n, markers, 2)
@@ -167,9 +168,10 @@ def pivot_on_rail(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the pivot that moves only vertically, from the other end of its rod.
 
-    Of the two points of the column at this distance from the end the one nearest to the row `near` is taken for the
-    first end, and for each further one the one nearest to the row before.  Where the rod lies so flat that the two are
-    within a tenth of its length they cannot be told apart, and from there on the nearest to `near` counts again.
+    Two points of the column are at this distance from each end.  From frame to frame the point nearest to the one
+    before is taken.  Where the rod lies so flat that the two are within a tenth of its length they cannot be told
+    apart; over each run of frames between such ones, and between gaps, the points that stay nearest to the row `near`
+    are taken, if the others go at least twice as far from it.
 
     Parameters
     ----------
@@ -185,8 +187,8 @@ def pivot_on_rail(
     Returns
     -------
     pivots : ndarray, shape (n, 2)
-        Pixels of the pivot; NaN where the end is not known, is farther than `length` from the column, or the rod lies
-        too flat.
+        Pixels of the pivot; NaN where the end is not known, is farther than `length` from the column, the rod lies
+        too flat, or for so short a time otherwise that the two points are not told apart.
     slopes : ndarray, shape (n,)
         Change of the pivot's row for each pixel by which the end moves to the right, by which errors grow.
 
@@ -204,18 +206,24 @@ def pivot_on_rail(
     length = finite_number("length", length, above=0.0)
     column, near = finite_number("column", column), finite_number("near", near)
     pivots, slopes = np.full(places.shape, np.nan), np.full(len(places), np.nan)
-    row = near
-    for k, (c, r) in enumerate(places):
-        across = c - column
-        if not np.isfinite(c + r):
+    across, rows = places[:, 0] - column, places[:, 1]
+    squares = length**2 - across**2
+    known = np.isfinite(rows) & (squares >= (0.05 * length) ** 2)
+    up = np.sqrt(np.where(known, squares, 0.0))
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, past in edges.reshape(-1, 2).tolist():
+        signs, row = np.ones(past - first), near
+        for k in range(first, past):
+            above = abs(rows[k] - up[k] - row) <= abs(rows[k] + up[k] - row)
+            signs[k - first] = 1.0 if above else -1.0
+            row = rows[k] - signs[k - first] * up[k]
+        part = slice(first, past)
+        far, other = (float(np.abs(rows[part] - s * up[part] - near).max()) for s in (signs, -signs))
+        if min(far, other) > 0.5 * max(far, other):
             continue
-        if not abs(across) < length or 2.0 * sqrt(length**2 - across**2) < 0.1 * length:
-            row = near
-            continue
-        up = sqrt(length**2 - across**2)
-        row, sign = min(((r - up, 1.0), (r + up, -1.0)), key=lambda choice: abs(choice[0] - row))
-        pivots[k] = column, row
-        slopes[k] = sign * across / up
+        signs *= 1.0 if far < other else -1.0
+        pivots[part, 0], pivots[part, 1] = column, rows[part] - signs * up[part]
+        slopes[part] = signs * across[part] / up[part]
     return pivots, slopes
 
 

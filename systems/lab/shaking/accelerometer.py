@@ -32,9 +32,10 @@ def recover_drive(
 
     The frequency is sought in the periodogram and then fitted together with amplitudes, phases, offset and drift by
     least squares.  Where the strongest line is a harmonic of a weaker one, with 3 % of its acceleration and more,
-    that one is taken for the fundamental.  The number of harmonics is the one with the least Bayesian information
-    criterion, among all up to the limit of Nyquist, at most 50: it is consistent, whereas Akaike's would keep a
-    harmonic of nothing but noise in every seventh record.
+    that one is taken for the fundamental; in slow noise of the sensor this may be a mistake where the record has fewer
+    than about six periods, for which give `frequency`.  The number of harmonics is the one with the least Bayesian
+    information criterion, among all up to the limit of Nyquist, at most 50: it is consistent, whereas Akaike's would
+    keep a harmonic of nothing but noise in every seventh record.
 
     Standard errors take the noise to be stationary and to have, at each harmonic, the density of the periodogram of the
     residuals about it, over 40 independent ordinates or up to the next harmonic.  So they hold for coloured noise too,
@@ -48,10 +49,13 @@ def recover_drive(
         Increasing times (s), at any distances.
     acceleration : array_like, shape (n,)
         Upward acceleration (m/s^2), with any offset; of volts make it by
-        :func:`systems.lab.shaking.conversion.acceleration_from_volts`.  NaN is a lost sample.
+        :func:`systems.lab.shaking.conversion.acceleration_from_volts`.  NaN is a lost sample.  In units of g all
+        amplitudes come out 9.8 times too small: the `mean` of a sensor that feels gravity, 1 and not 9.8, tells.
     frequency : float, optional
         Frequency of the drive (Hz) where it is known, by the generator say: the nearest line within 2 %, or one period
-        more or less in the record, is fitted.  A record of hum and drive needs it, or a drive without fundamental.
+        more or less in the record, is fitted, or the strongest line near its harmonics where there is none.  A record
+        of hum and drive needs it, or a drive without fundamental.  Hum nearer to the drive than about a period in the
+        record is not told apart: `autocorrelation` far from 0 is the sign of it.
     harmonics : int, optional
         Number of harmonics, from the first on; by default chosen by the criterion.
     drift : bool, optional
@@ -100,7 +104,7 @@ def recover_drive(
     if bad.mean() > (0.5 if limits is None else 0.9):
         raise ValueError(
             f"acceleration: {100.0 * bad.mean():.0f} % of the samples stand at the extremes: the sensor is saturated; "
-            "widen its range, or give limits=(-inf, inf) if the wave is square"
+            "widen its range, give its limits to fit the rest, or limits=(-inf, inf) if the wave is square"
         )
     fit, around, ordinates = find_drive(whole, frequency, harmonics)
     for _ in range(3 if bad.any() else 0):

@@ -27,8 +27,11 @@ MOST_HARMONICS = 50
 FEWEST_PERIODS = 2.0
 _CHANCE = 1e-3  # of a line among all frequencies where there is noise alone
 _LARGEST_DIVISOR = 8  # of the strongest harmonic
+_PLAUSIBLE, _FEW_PERIODS = 3, 4.0  # a divisor beyond which a fundamental needs so many periods
 _FAINTEST = 16.0  # power of a fundamental below the strongest line, to the noise about it
 _WEAKEST = 1e-3  # and to that line: what aliases of far harmonics, and steps of a converter, do not reach
+_RESOLVED = 8.0  # periods, over which no more than 0.002 of a harmonic's power leaks to the fundamental
+_PLAIN = 0.02  # power of a plain fundamental, to that of the strongest harmonic
 _NEAR = 0.02  # within which the frequency is sought about a given one
 _RUN = 3  # equal samples in a row at an extreme look like saturation
 _WORK = 2e9  # products of columns that one fit may take
@@ -115,11 +118,15 @@ def _starts(record: Record, spectrum: Spectrum, frequency: float | None) -> Iter
         yield _highest(spectrum, least, record.nyquist), 1
         yield _highest(_whitened(record, spectrum), least, record.nyquist), 1
         return
-    best = (-1.0, frequency, 1)
+    lines = []
     for k in range(1, min(5, max(1, record.most_harmonics(frequency))) + 1):
         reach = min(max(1.0 / record.span, _NEAR * frequency) * k, 0.3 * frequency)
         top = _highest(spectrum, k * frequency - reach, min(k * frequency + reach, record.nyquist))
-        best = max(best, (float(spectrum.at(top)), top, k))
+        lines.append((float(spectrum.at(top)), top, k))
+    best = max(lines)
+    # A stronger line near a harmonic may be hum.
+    if frequency * record.span > _RESOLVED and lines[0][0] > _PLAIN * best[0]:
+        best = lines[0]
     yield best[1:]
 
 
@@ -177,7 +184,8 @@ def _fundamental(record: Record, choice: Choice, harmonics: int | None) -> Choic
     for divisor in range(2, _LARGEST_DIVISOR + 1):
         rate = choice.fit.rate / divisor
         frequency = rate / (2.0 * np.pi)
-        if frequency * record.span < FEWEST_PERIODS:
+        # The comb of a far fundamental with few periods takes up slow noise almost whole.
+        if frequency * record.span < (FEWEST_PERIODS if divisor <= _PLAUSIBLE else _FEW_PERIODS):
             break
         apart = np.concatenate([np.arange(-24, -1), np.arange(2, 25)])
         apart = apart[np.abs(apart) <= max(4.0, frequency * record.span)]

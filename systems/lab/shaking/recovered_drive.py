@@ -13,6 +13,7 @@ from ...harmonics import HarmonicDrive
 
 Array = NDArray[np.float64]
 
+_SHOWN = 4  # harmonics in the text of a drive
 _PHASES = 4096  # of a period, at which the extremes of the acceleration are looked for
 
 
@@ -73,12 +74,12 @@ class RecoveredDrive:
     clipped: int
 
     def __repr__(self) -> str:
-        heights = ", ".join(
-            f"{1e3 * a:.4g} +- {1e3 * e:.2g}" for a, e in zip(self.amplitudes, self.amplitude_errors, strict=True)
-        )
+        shown = zip(self.amplitudes[:_SHOWN], self.amplitude_errors[:_SHOWN], strict=True)
+        heights = ", ".join(f"{1e3 * a:.4g} +- {1e3 * e:.2g}" for a, e in shown)
+        more = f" and {len(self.amplitudes) - _SHOWN} harmonics more" if len(self.amplitudes) > _SHOWN else ""
         lost = "".join(f", {n} {word}" for n, word in ((self.missing, "missing"), (self.clipped, "clipped")) if n)
         return (
-            f"RecoveredDrive({self.frequency:.7g} +- {self.frequency_error:.2g} Hz; {heights} mm; "
+            f"RecoveredDrive({self.frequency:.7g} +- {self.frequency_error:.2g} Hz; {heights} mm{more}; "
             f"{self.samples} samples{lost})"
         )
 

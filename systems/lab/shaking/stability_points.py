@@ -112,8 +112,11 @@ def read_stability_points(path: str | Path, rod: str = "") -> StabilityPoints:
     ...     print(path.read_text().split(), read_stability_points(path))
     ['frequency_hz,amplitude_mm', '15.0,8.25'] StabilityPoints(1 points, 15 to 15 Hz)
     """
-    with Path(path).open(encoding="utf-8-sig", newline="") as file:
-        rows = [[field.strip() for field in row] for row in csv.reader(file) if any(field.strip() for field in row)]
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            rows = [[field.strip() for field in row] for row in csv.reader(file) if any(field.strip() for field in row)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: it is no text in UTF-8 with comma-separated values: {error}") from None
     heading = tuple(rows[0]) if rows else ()
     if heading not in (HEADING[:2], HEADING):
         raise ValueError(f"{path}: its heading must be {','.join(HEADING[:2])}, or {','.join(HEADING)}")

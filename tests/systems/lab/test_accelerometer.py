@@ -265,6 +265,33 @@ def test_hum_beside_the_drive() -> None:
     assert np.abs(deviations(drive, found)).max() < 3.0
 
 
+def test_hum_near_a_harmonic_is_not_followed() -> None:
+    """Hum of 50 Hz, stronger than a drive of 24.3 Hz that is given, is no second harmonic of 25 Hz."""
+    drive = VerticalDrive(0.003, 24.3, 1.0)
+    hum = 150.0 * np.cos(2.0 * pi * 50.0 * TIMES)
+    found = recover_drive(TIMES, record_acceleration(drive, TIMES, noise=1.0) + hum, frequency=24.3)
+    assert np.abs(deviations(drive, found)).max() < 3.0
+
+
+@pytest.mark.slow
+def test_slow_noise_is_no_far_fundamental() -> None:
+    """Of 40 drives of some ten periods in noise that forgets itself in 50 ms none is taken for a multiple."""
+    rng = np.random.default_rng(4)
+    times = np.arange(1000) / 2000.0
+    for seed in range(40):
+        rate = rng.uniform(17.0, 24.0)
+        drive = HarmonicDrive((0.003, 0.0003, 0.0001), (rng.uniform(-3.0, 3.0), 1.0, 2.0), rate)
+        found = recover_drive(times, record_acceleration(drive, times, noise=3.0, noise_time=0.05, seed=seed))
+        assert found.frequency == pytest.approx(rate, abs=0.1)
+
+
+def test_a_long_list_of_harmonics_is_shortened() -> None:
+    times = TIMES[:400]
+    square = 200.0 * np.sign(np.sin(2.0 * pi * 41.3 * times))
+    found = recover_drive(times, square + np.random.default_rng(0).normal(0.0, 1.0, times.size))
+    assert f"mm and {len(found.amplitudes) - 4} harmonics more; 400 samples" in repr(found)
+
+
 # --- difficult records
 
 

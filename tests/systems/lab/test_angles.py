@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from typing import Any
 
@@ -41,6 +42,18 @@ def test_angles_from_below_counter_clockwise() -> None:
     found = joint_angles(tracks_of(np.arange(9.0), turn), [PIVOT], window=5)
     assert found.angles[:, 0] == pytest.approx(turn)
     assert repr(found) == "JointAngles(9 frames, angles in 9, stretches: 1)"
+
+
+def test_a_pivot_given_wrongly_shows() -> None:
+    """3 pixels off, a rod of 50 seems 47 to 53 long, and angles err by up to 3/50; noise alone is no such sign."""
+    angles = 9.0 * np.sin(3.0 * TIMES)
+    for noise in (0.0, 0.02, 0.2):
+        tracks = tracks_of(TIMES, angles, noise=noise)
+        right, wrong = joint_angles(tracks, [PIVOT]), joint_angles(tracks, [(PIVOT[0] + 3.0, PIVOT[1])])
+        assert "not rigid" not in repr(right)
+        assert right.lengths == pytest.approx(np.full((200, 1), 50.0), abs=5.0 * noise + 1e-9)
+        assert re.search(r"; joint 0 is not rigid, 4[67]\.\d+ to 5[23]\.\d+ pixels", repr(wrong))
+        assert np.abs(wrong.angles - right.angles).max() == pytest.approx(0.06, rel=0.1)
 
 
 def test_a_chain_has_absolute_angles() -> None:

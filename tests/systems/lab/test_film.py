@@ -181,6 +181,25 @@ def test_there_and_back(tmp_path: Path, name: str) -> None:
             read_film(tmp_path / name)
 
 
+def test_pictures_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """Many cameras number without leading zeros; the grey value of each picture is its number."""
+    imageio = pytest.importorskip("imageio.v3")
+    (tmp_path / "film").mkdir()
+    for k in range(12):
+        imageio.imwrite(tmp_path / "film" / f"img{k}.png", np.full((4, 5), k, np.uint8))
+    assert read_film(tmp_path / "film", 10.0).frames[:, 0, 0].tolist() == list(range(12))
+
+
+def test_equal_frames_of_a_gif_keep_their_times(tmp_path: Path) -> None:
+    """Four dropped frames are black and become one; those after them keep their times, exact multiples of 5 ms."""
+    pytest.importorskip("imageio")
+    film = film_at_rate(np.where(np.isin(np.arange(6), [2, 3])[:, None, None], np.uint8(0), FRAMES), 200.0)
+    write_film(film, tmp_path / "film.gif")
+    back = read_film(tmp_path / "film.gif", 200.0)
+    assert back.times == pytest.approx(film.times[[0, 1, 2, 4, 5]], abs=1e-12)
+    assert (back.frames == film.frames[[0, 1, 2, 4, 5]]).all()
+
+
 def test_deep_pictures(tmp_path: Path) -> None:
     pytest.importorskip("imageio")
     film = film_at_rate((FRAMES.astype(np.uint16) * 257), 100.0)

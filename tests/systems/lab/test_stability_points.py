@@ -78,6 +78,13 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None
         read_stability_points(path)
 
 
+def test_a_table_of_another_encoding_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("frequency_hz,amplitude_mm\n15,3\n", encoding="utf-16")
+    with pytest.raises(ValueError, match=r"points\.csv: it is no text in UTF-8"):
+        read_stability_points(path)
+
+
 def test_points_from_volts_are_those_of_the_report() -> None:
     points = stability_points_from_volts([15.0, 35.0], [1.5, 3.5], volts_error=[0.03, 0.07], rod="short")
     expected = [9.8 * v / 2 * 10 / (2 * pi * f) ** 2 for f, v in ((15.0, 1.5), (35.0, 3.5))]

@@ -189,6 +189,34 @@ def test_a_long_absence() -> None:
     assert repr(found) == f"Tracks(145 frames, 1 markers seen whole in {(found.status == SEEN).sum()} of them)"
 
 
+@pytest.mark.parametrize("stays", [True, False])
+def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
+    """A disc put on the circle of the rod while the marker is hidden: for good, or until after that comes back."""
+    motion = turning((0.055,), (0.5,), (9.0,))
+    hidden = [Bar(0.0, 159.0, 0.0, 159.0, grey=40.0, start=0.2, end=0.6)]
+    plain = render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, seed=1)
+    other = CENTRE[0] + 55.0 * np.sin(2.4), CENTRE[1] + 55.0 * np.cos(2.4)
+    there = (plain.film.times > 0.4) & (stays | (plain.film.times < 0.65))
+    disc = picture(other, shape=(160, 160)).astype(np.uint8)
+    frames = np.where(there[:, None, None], np.maximum(plain.film.frames, disc), plain.film.frames)
+    found = track_markers(film_at_rate(frames, 150.0), plain.truth[0], [Rod(0, CENTRE, 55.0)])
+    seen = found.status[:, 0] == SEEN
+    assert errors(plain, found)[seen].max() < 0.2
+    assert seen[plain.film.times < 0.19].all()
+    assert seen[plain.film.times > 0.75].all() == (not stays)
+    assert (found.status[there & (plain.film.times > 0.45) & (plain.film.times < 0.6), 0] == LOST).all()
+
+
+def test_a_free_marker_is_found_after_a_long_time() -> None:
+    """Without a rod, straight on it would be far outside of the picture by then."""
+    bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.2, end=0.7)]
+    recording = render_film(turning((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
+    found = track_markers(recording.film, recording.truth[0])
+    after = recording.film.times > 0.71
+    assert (found.status[after, 0] == SEEN).all()
+    assert errors(recording, found)[after].max() < 0.2
+
+
 def test_markers_that_cross() -> None:
     """Two links folded over each other: merged, flagged, and told apart again."""
     rods = (Rod(0, CENTRE, 35.0), Rod(1, 0, 34.0))
@@ -252,6 +280,26 @@ def test_a_hidden_pivot_that_moves_vertically() -> None:
     assert (filled.positions[~hidden & (found.status[:, 0] == SEEN), 0] == found.positions[~hidden, 0][:1000]).all()
 
 
+def test_a_shaken_pivot_of_a_rod_that_goes_round() -> None:
+    """Fifty shakes a second at 1000 frames, twice a turn flat: known points within rounding, or none at all."""
+    times = np.arange(1000) / 1000.0
+    rows, angles = 40.0 + 4.0 * np.cos(2.0 * pi * 50.0 * times + 1.0), 25.0 * times
+    ends = np.stack([60.0 + 50.0 * np.sin(angles), rows + 50.0 * np.cos(angles)], axis=-1)
+    ends[300:330] = np.nan
+    for near in (38.0, 40.0, 43.0):
+        pivots, slopes = pivot_on_rail(ends, 50.0, 60.0, near)
+        known = np.isfinite(pivots[:, 1])
+        assert known.mean() > 0.9
+        assert (known == np.isfinite(slopes)).all()
+        assert np.abs(pivots[known, 1] - rows[known]).max() < 1e-9
+        assert slopes[known] == pytest.approx(np.tan(angles[known]), abs=1e-9)
+    flat = np.abs(np.cos(angles)) < 0.08
+    pivots = pivot_on_rail(np.where(flat[:, None], ends, np.nan), 50.0, 60.0, 40.0)[0]
+    known = np.isfinite(pivots[:, 1])
+    assert known.sum() < 0.5 * flat.sum()
+    assert np.abs(pivots[known, 1] - rows[known]).max(initial=0.0) < 1e-9
+
+
 def test_solutions_that_are_not_sure_are_left_out() -> None:
     ends = [[149.0, 80.0], [135.0, 80.0], [np.nan, 1.0], [112.0, 106.0], [48.0, 122.0]]
     pivots, slopes = pivot_on_rail(ends, length=55.0, column=80.0, near=70.0)
@@ -288,6 +336,9 @@ def filmed(*frames: Any) -> Film:
         ([(30, 30)], {"window": np.inf}, "window=inf: give a finite number"),
         ([(30, 30)], {"rods": [Rod(1, CENTRE, 5.0)]}, "rod.marker=1: give a whole number of at most 0"),
         ([(30, 30)], {"rods": [Rod(0, CENTRE, 5.0), Rod(0, CENTRE, 6.0)]}, "hangs on two of them"),
+        ([(30, 30)], {"rods": [Rod(0, (30.0, 10.0), 25.0)]}, "begins 20.0 pixels from its pivot, and its rod has 25"),
+        ([(30, 30)], {"rails": [Rail(0, 36.0)]}, "begins at the column 30.0, and its rail is at 36"),
+        ([(30, 30)], {"rails": [Rail(0, 30.0), Rail(0, 31.0)]}, "moves on two of them"),
         ([(60, 30)], {}, "times as long as wide"),
     ],
 )

@@ -1,0 +1,80 @@
+"""Second thoughts about a whole track: areas that stand out, and things found again that stand still."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .tracks import MarkerStatus
+
+# How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
+_STANDS_OUT = (0.04, 4.5)
+_DOUBTFUL = (0.02, 2.5)
+_STILL = 0.25  # pixels within which a thing stands
+_LONGER = 3.0  # times as long as the marker ever stood before
+_MISSED = 20.0  # pixels, and
+_MISSED_RADII = 4.0  # radii, that it would usually have moved meanwhile: six times what it does at a turning point
+
+
+def doubt_areas(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
+    """Flag sights whose areas stand out among those of the marker, and less sure ones next to flagged frames."""
+    for marker in range(status.shape[1]):
+        column, area = status[:, marker], areas[:, marker]
+        seen = column == MarkerStatus.SEEN
+        if not seen.any():
+            continue
+        away = area - np.median(area[seen])
+        spread = 1.4826 * float(np.median(np.abs(away[seen])))
+        limit, near = (max(least, times * spread) for least, times in (_STANDS_OUT, _DOUBTFUL))
+        column[seen & (away < -limit)] = MarkerStatus.PARTIAL
+        column[seen & (away > limit)] = MarkerStatus.MERGED
+        frames = np.flatnonzero(column != MarkerStatus.NO_FRAME)
+        for order in (frames, frames[::-1]):
+            flagged = False
+            for k in order:
+                if flagged and column[k] == MarkerStatus.SEEN and abs(away[k]) > near:
+                    column[k] = MarkerStatus.PARTIAL if away[k] < 0.0 else MarkerStatus.MERGED
+                flagged = bool(column[k] != MarkerStatus.SEEN)
+
+
+def doubt_standing(
+    status: NDArray[np.uint8],
+    centroids: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    times: NDArray[np.float64],
+    radii: list[float],
+) -> None:
+    """Flag what was found again after a loss and stands, where the marker never stood so long before, as lost."""
+    for marker, radius in enumerate(radii):
+        column = status[:, marker]
+        frames = np.flatnonzero(column == MarkerStatus.SEEN)
+        places, moments = centroids[frames, marker], times[frames]
+        spread = errors[frames, marker]
+        noise = float(np.median(spread[np.isfinite(spread)])) if np.isfinite(spread).any() else 0.0
+        still = max(_STILL, 4.0 * noise)
+        absent = np.cumsum(column == MarkerStatus.LOST)[frames]
+        first = np.flatnonzero(np.diff(absent, prepend=-1))
+        longest, passed, path = 0.0, 0.0, 0.0
+        for k, (begin, end) in enumerate(pairwise([*first.tolist(), len(frames)])):
+            stood = _standing(places[begin:end], still)
+            lasted = moments[begin:end][stood - 1] - moments[begin:end]
+            missed = path / passed * float(lasted[0]) if passed > 0.0 else 0.0
+            if k and lasted[0] > _LONGER * longest and missed > max(_MISSED, _MISSED_RADII * radius):
+                column[frames[begin : begin + stood[0]]] = MarkerStatus.LOST
+                continue
+            longest = max(longest, float(lasted.max()))
+            passed += float(moments[end - 1] - moments[begin])
+            path += float(np.linalg.norm(np.diff(places[begin:end], axis=0), axis=1).sum())
+
+
+def _standing(places: NDArray[np.float64], still: float) -> NDArray[np.intp]:
+    """Return for each place the number of the first one later that is elsewhere, or how many there are."""
+    ends, end = np.zeros(len(places), np.intp), 0
+    for k, place in enumerate(places):
+        end = max(end, k + 1)
+        while end < len(places) and float(np.abs(places[end] - place).max()) <= still:
+            end += 1
+        ends[k] = end
+    return ends
