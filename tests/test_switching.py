@@ -288,6 +288,13 @@ def test_derivatives_agree_with_the_oracle(name: str) -> None:
         assert matrix == pytest.approx(expected, abs=1e-9 + 1e-6 * np.abs(expected).max())
 
 
+def test_sections_at_negative_times_are_those_a_period_later() -> None:
+    make, span = CASES["weak dry friction"]
+    system, starts = make(), starts_of(span, 64)
+    before, after = (stroboscopic_map(system, phase=phase).iterate(starts, 1).unwrapped for phase in (-1.3, 0.7))
+    np.testing.assert_allclose(before, after, atol=1e-8)
+
+
 @pytest.mark.slow
 def test_the_cases_see_every_mode() -> None:
     """Of two switches each slides alone, on both sides of the other, and both at once."""

@@ -77,7 +77,7 @@ def switching_module(traced: SwitchingTrace, order: int, parameters: int, one_st
         *indent(5, _load(size, count)),
         "                    landed = switching.land("
         f"series[i:], state, signs, slides, errors, fresh, hits, a, held, t, {order}, end)",
-        "                    if landed >= 0.0:",
+        "                    if landed > switching.NO_EVENT:",
         "                        t = landed",
         "                        surfaces(t, state, p, values, rates, gains, jumps, normals)",
         "                        switching.project(state, values, normals, hits, slides, on_surface, held)",

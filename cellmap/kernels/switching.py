@@ -9,6 +9,7 @@ from .options import INLINE, LANES
 
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
+NO_EVENT = -1e300  # a time before all others
 
 _NOTHING = 1e-300  # coefficients that hold no digits
 _NARROW = 0.05  # interval from which on all coefficients are looked at
@@ -193,7 +194,7 @@ def begin_on_surface(
 
 @njit(**INLINE)
 def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, order, end):
-    """Take a lane back to the first event in its last step; return its time then, -1 if there is no event.
+    """Take a lane back to the first event in its last step; return its time then, NO_EVENT if there is none.
 
     Rows of ``series`` hold coefficients of states and events, then estimates of the local errors, step, and time before
     the step; see :mod:`cellmap.codegen.switching`.  ``fresh[e]`` is the order of the zero that event e has at the
@@ -204,10 +205,10 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
     local = (size + count) * length
     step, begun = series[(local + size) * LANES], series[(local + size + 1) * LANES]
     if step == 0.0:
-        return -1.0
+        return NO_EVENT
     for j in range(size):
         if not abs(state[j]) < np.inf:
-            return -1.0
+            return NO_EVENT
     first = NEVER
     for e in range(count):
         shift, total = int(fresh[e]), 0.0
@@ -216,7 +217,7 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
             total += abs(a[k])
         if not total < np.inf:
             errors[:] = 1e300  # a mode that cannot be told is no mode
-            return -1.0
+            return NO_EVENT
         if slides[e] > 0.0 and -10.0 * _TIE < a[0] < 0.0:
             a[0] = 0.0
         roots[e] = first_root(a, order - shift)
@@ -224,11 +225,11 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
     if first > 1e-9:
         fresh[:] = 0.0
     if first == NEVER:
-        return -1.0
+        return NO_EVENT
     fresh[count] += 1.0
     if fresh[count] > _STALLS:
         errors[:] = 1e300
-        return -1.0
+        return NO_EVENT
     for j in range(size):
         value = series[(j * length + order) * LANES]
         for k in range(order - 1, -1, -1):
