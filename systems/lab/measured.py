@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -103,3 +105,46 @@ def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> floa
     parts = np.abs((weights * v).sum(axis=1))
     rough = float(np.median(parts)) / _MEDIAN
     return float(np.sqrt(np.mean(parts[parts <= _OUTLYING * rough] ** 2)))
+
+
+def neighbour_correlation(residuals: NDArray[np.float64]) -> float:
+    """Return the correlation of neighbouring residuals: near 0 for independent ones, near 1 for a model that is wrong.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n,) or (n, m)
+        Residuals in the order of time; NaN marks a gap.
+
+    Returns
+    -------
+    float
+        Correlation; 0 where there are no neighbours, or nothing is left.
+    """
+    now, later = residuals[:-1], residuals[1:]
+    both = np.isfinite(now) & np.isfinite(later)
+    scale = float(np.nanmean(residuals**2))
+    return float(np.mean(now[both] * later[both])) / scale if both.any() and scale > 0.0 else 0.0
+
+
+def widening(residuals: NDArray[np.float64]) -> float:
+    """Return by what factor standard errors widen for residuals that follow each other.
+
+    They hold less than as many independent ones, by the factor of a first-order autoregression with their correlation.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n,) or (n, m)
+        Residuals in the order of time; NaN marks a gap.
+
+    Returns
+    -------
+    float
+        Factor, at least 1.
+
+    Examples
+    --------
+    >>> widening(np.array([1.0, -1.0, 1.0, -1.0]))
+    1.0
+    """
+    correlation = max(neighbour_correlation(residuals), 0.0)
+    return sqrt((1.0 + correlation) / max(1.0 - correlation, 1e-6))

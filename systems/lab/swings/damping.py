@@ -82,7 +82,7 @@ def fit_damping(
     Parameters
     ----------
     times : array_like, shape (n,)
-        Times (s), increasing.
+        Times (s), increasing; the rod is free from the first one on.
     angles : array_like, shape (n,)
         Angles from the downward vertical (rad), continuous; NaN marks a gap.
     kinds : sequence of str, optional
@@ -117,6 +117,8 @@ def fit_damping(
     0.4000
     """
     g = finite_number("gravity", gravity, above=0.0)
+    if isinstance(kinds, str) or not kinds:
+        raise ValueError(f"kinds={kinds!r}: name at least one of {', '.join(map(repr, KINDS))}, in a list")
     envelope = swing_envelope(times, angles)
     w = natural_frequency(envelope)
     size = effective_length(w, g).value if length is None else finite_number("length", length, above=0.0)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
+from cellmap.checks import finite_number
+
 from .envelope import Envelope
 
 
@@ -43,7 +45,8 @@ class QuadraticDecay:
     def half_widths(self, confidence: float = 0.95) -> NDArray[np.float64]:
         """Return half the widths of the intervals of a, b and c (Student's distribution)."""
         freedom = len(self.envelope.times) - 3
-        return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_errors
+        share = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
+        return float(stdtrit(freedom, 0.5 + 0.5 * share)) * self.standard_errors
 
     @property
     def curvature(self) -> float:
@@ -89,7 +92,7 @@ def quadratic_decay(envelope: Envelope, start: float | None = None) -> Quadratic
     array([ 0. , -0.1,  0.9])
     """
     check_decay(envelope, fewest=5)
-    begin = float(envelope.times[0]) if start is None else float(start)
+    begin = float(envelope.times[0]) if start is None else finite_number("start", start)
     powers = np.vander(envelope.times - begin, 3)
     factors = np.asarray(np.linalg.lstsq(powers, envelope.amplitudes, rcond=None)[0], dtype=np.float64)
     rest = envelope.amplitudes - powers @ factors

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 from scipy.special import ellipk
 
 from cellmap.checks import finite_number
@@ -21,6 +22,7 @@ _FEWEST_SAMPLES = 4  # of a cap
 _QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
 _WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
 _ROUNDS = 4
+_GAUSS = np.polynomial.legendre.leggauss(6)
 
 
 class _Extreme(NamedTuple):
@@ -72,10 +74,19 @@ class Envelope:
     @property
     def half_swings(self) -> NDArray[np.int64]:
         """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
-        times = np.diff(self.times) / slowing(0.5 * (self.amplitudes[1:] + self.amplitudes[:-1]))
+        times = np.diff(self.times) / self.slowings
         odd = np.diff(self.sides) != 0
         pairs = np.rint((times / np.median(times) - odd) / 2.0).astype(np.int64)
         return np.where(odd, 2 * np.maximum(pairs, 0) + 1, 2 * np.maximum(pairs, 1))
+
+    @property
+    def slowings(self) -> NDArray[np.float64]:
+        """Mean of :func:`slowing` from each extreme to the next, shape (n - 1,), along a smooth decay."""
+        nodes, weights = _GAUSS
+        late = self.times[:-1, None] + 0.5 * np.diff(self.times)[:, None] * (nodes + 1.0)
+        amplitudes = np.exp(PchipInterpolator(self.times, np.log(self.amplitudes))(late))
+        # A slow swing gets less far in its time, so the mean over the time is that of 1/slowing.
+        return np.asarray(2.0 / ((1.0 / slowing(amplitudes)) @ weights))
 
 
 def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = None) -> Envelope:
@@ -205,6 +216,8 @@ def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.int
     value = place ** np.arange(degree + 1)
     slope = np.concatenate([[0.0], np.arange(1, degree + 1) * value[:-1]])
     shift = float(slope @ spread @ slope) / -bend
+    if shift > -bend:  # so flat for its scatter that the extreme may be anywhere in the cap
+        return None
     return _Extreme(
         time=centre + scale * place,
         height=float(curve(place)) - 0.5 * shift,  # the maximum of a noisy curve is too high by this much

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log, sqrt
+from math import inf, log
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,16 @@ from scipy.special import stdtrit
 from cellmap import ForcedSystem
 from cellmap.checks import finite_number, finite_points
 
-from ..measured import measured_series
+from ..measured import measured_series, neighbour_correlation, widening
 from .simulation import Simulation
 
 Bounds = Mapping[str, tuple[float, float]]
 
 _NEAR = 1e-4  # of the size of a parameter, from its bound
-_HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of the series that are fitted in turn, so that no phase slips by a turn
+_DOUBLINGS = 8  # of the part that is fitted, from the first swing to the whole series, so that no phase slips by a turn
+_BEFORE = (0.95, 0.85, 0.7)  # shares of the time until a motion stops
+_UNTOLD = 1e-6  # of the largest singular value, what is nothing
+_FOLLOWING = 0.5  # correlation of neighbouring residuals from which on a fit says that they follow each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,8 @@ class MotionFit:
             if n in self.system.params
         )
         flaws = [f"{n} on its bound" for n in self.at_bound] + ([] if self.converged else ["not converged"])
+        if self.correlation > _FOLLOWING:
+            flaws.append(f"residuals follow each other, {self.correlation:.2f}")
         return f"MotionFit({'; '.join([values, f'RMSE {self.rmse:.3g}', *flaws])})"
 
     @property
@@ -84,8 +89,9 @@ class MotionFit:
         """Return an interval for one of the estimates (Student's distribution)."""
         if name not in self.estimates:
             raise ValueError(f"name={name!r}: the estimates are {', '.join(self.estimates)}")
+        share = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         freedom = int(np.isfinite(self.measured).sum()) - len(self.estimates)
-        reach = float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_errors[name]
+        reach = float(stdtrit(freedom, 0.5 + 0.5 * share)) * self.standard_errors[name]
         low = self.estimates[name] - reach
         return max(low, 0.0) if name in self.at_bound else low, self.estimates[name] + reach
 
@@ -152,7 +158,7 @@ def fit_motion(
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem")
     t, x = _measured(times, measured)
-    names = tuple(vary)
+    names = (vary,) if isinstance(vary, str) else tuple(vary)
     for name in names:
         if name not in system.params:
             raise ValueError(f"vary has {name!r}: the parameters of {system.name} are {', '.join(system.params)}")
@@ -166,11 +172,12 @@ def fit_motion(
     low, high = _bounds(names, begin, bounds or {})
     if job.seen.sum() <= begin.size + 2:
         raise ValueError(f"measured has {job.seen.sum()} values besides gaps for {begin.size} unknowns: give more")
-    for share in _HORIZONS[:-1]:
-        part = job.until(share)
+    for doublings in range(_DOUBLINGS, 0, -1):
+        part = job.until(0.5**doublings)
         if part.seen.sum() >= 5 * begin.size and part.swings >= 1.0:
             begin = _least_squares(part, begin, low, high, fine=False).x
-    return _record(job, _least_squares(job, begin, low, high, fine=True), low, high)
+    found = _least_squares(job, begin, low, high, fine=True)
+    return _record(job, found if system.switches is None else _past_stops(job, found, low, high), low, high)
 
 
 def _least_squares(
@@ -190,6 +197,27 @@ def _least_squares(
     )
 
 
+def _past_stops(
+    job: Simulation, found: OptimizeResult, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> OptimizeResult:
+    """Fit again from what the motion says before it stops, and keep the best.
+
+    Where friction may stop it a half swing earlier or later, the sum of squares jumps and has many minima; the part
+    before has one.
+    """
+    for share in _BEFORE:
+        path = job(found.x[None])[0]
+        moving = np.flatnonzero((np.diff(path, axis=0) != 0.0).any(axis=1))
+        if not moving.size or moving[-1] + 2 >= len(path):  # it never rests
+            break
+        last, begun = job.times[moving[-1] + 1], job.times[0]
+        part = job.until(share * float((last - begun) / (job.times[-1] - begun)))
+        if part.seen.sum() >= 5 * found.x.size and part.swings >= 1.0:
+            again = _least_squares(job, _least_squares(part, found.x, low, high, fine=True).x, low, high, fine=True)
+            found = min(found, again, key=lambda f: float(f.cost))
+    return found
+
+
 def _record(job: Simulation, found: OptimizeResult, low: NDArray[np.float64], high: NDArray[np.float64]) -> MotionFit:
     q, simulated = found.x, job(found.x[None])[0]
     if not np.isfinite(simulated).all():
@@ -197,11 +225,10 @@ def _record(job: Simulation, found: OptimizeResult, low: NDArray[np.float64], hi
     rest = job.measured - simulated
     count, free = int(job.seen.sum()), q.size
     total = float(np.nansum(rest**2))
-    correlation = _correlation(rest)
-    # Residuals that follow each other hold less than as many independent ones.
-    wider = sqrt((1.0 + max(correlation, 0.0)) / max(1.0 - correlation, 1e-6))
-    spread = np.linalg.pinv(found.jac.T @ found.jac) * total / (count - free)
-    errors = wider * np.sqrt(np.diag(spread))
+    # What the motion does not tell, such as length and gravity but for their ratio, has an error without bound.
+    _, stretches, axes = np.linalg.svd(found.jac * job.sizes, full_matrices=False)
+    reaches = axes / np.maximum(stretches, max(_UNTOLD * stretches[0], 1e-300))[:, None]
+    errors = widening(rest) * job.sizes * np.sqrt((reaches**2).sum(axis=0) * total / (count - free))
     on_bound = np.minimum(q - low, high - q) <= _NEAR * job.sizes
     return MotionFit(
         system=job.system.with_params(**dict(zip(job.names, q.tolist(), strict=False))),
@@ -210,19 +237,11 @@ def _record(job: Simulation, found: OptimizeResult, low: NDArray[np.float64], hi
         times=job.times,
         measured=job.measured,
         simulated=simulated,
-        correlation=correlation,
+        correlation=neighbour_correlation(rest),
         aicc=count * log(max(total, 1e-300) / count) + 2.0 * (free + 1) * count / max(count - free - 2, 1),
         at_bound=tuple(label for label, on in zip(job.labels, on_bound, strict=True) if on),
         converged=found.status > 0,
     )
-
-
-def _correlation(rest: NDArray[np.float64]) -> float:
-    """Correlation of neighbouring residuals."""
-    now, later = rest[:-1], rest[1:]
-    both = np.isfinite(now) & np.isfinite(later)
-    scale = float(np.nanmean(rest**2))
-    return float(np.mean(now[both] * later[both])) / scale if both.any() and scale > 0.0 else 0.0
 
 
 def _bounds(
@@ -241,7 +260,10 @@ def _bounds(
 
 def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (n,) and columns (n, m), checked."""
-    columns = np.array(measured, dtype=np.float64)
+    try:
+        columns = np.array(measured, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError("measured: give real numbers in an array of shape (n,) or (n, m)") from None
     if columns.ndim not in (1, 2) or not columns.size:
         raise ValueError(f"measured has the shape {columns.shape}: give (n,) or (n, m)")
     columns = columns.reshape(len(columns), -1)

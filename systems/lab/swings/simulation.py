@@ -15,6 +15,7 @@ from cellmap.sweep import swept_system
 
 _STEP = 1e-4  # of a difference quotient, relative to the size of what changes
 _FINE = 100  # samples of a swing between which a spline is as good as the motion, for any measurement
+_WIDE = 100.0  # factor by which a period that is fitted may differ from its first guess
 _FINER = 8  # samples between two measured ones, at most
 
 
@@ -92,16 +93,38 @@ class Simulation:
         """Return the measured coordinates of rows of unknowns, shape (rows, n, m); NaN where the integration failed."""
         p, d, m = len(self.names), self.system.dimension, self.measured.shape[1]
         starts = np.concatenate([rows[:, p : p + d], rows[:, :p]], axis=1)
-        swept, length = self._swept_system(), self.system.length
-        periods, samples = self._sampling(length)
-        motion = trajectory(swept, starts, periods, samples, self.times[0] / length, self.tolerance, self.tolerance)
-        states = np.moveaxis(motion.states[:, :, :m], 1, 0)
-        # Where the period is itself a function of parameters, the swept system counts time in periods.
-        moments = motion.times * (length / swept.length)
-        good = np.isfinite(states).all(axis=(1, 2))
         values = np.full((len(rows), len(self.times), m), np.nan)
-        values[good] = CubicSpline(moments, states[good], axis=1)(self.times)
+        lengths = np.array([self._length(row[:p]) for row in rows])
+        # Where the period is itself a function of parameters, rows of one period run together.
+        for length in np.unique(lengths[lengths > 0.0]).tolist():
+            mine = np.flatnonzero(lengths == length)
+            values[mine] = self._motions(starts[mine], length)
         return values + rows[:, None, p + d :] if self.zero else values
+
+    def _length(self, parameters: NDArray[np.float64]) -> float:
+        """Return the period at values of the varied parameters; 0 where it is out of all proportion."""
+        period, usual = self.system.period, self.system.length
+        if not callable(period):
+            return usual
+        changes = {n: v for n, v in zip(self.names, parameters.tolist(), strict=True) if v != self.system.params[n]}
+        try:
+            length = float(period(self.system.parameters._replace(**changes)))
+        except ArithmeticError:
+            return 0.0
+        return length if usual / _WIDE < length < usual * _WIDE else 0.0
+
+    def _motions(self, starts: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+        """Return the measured coordinates of starts with one period; NaN where the integration failed."""
+        periods, samples = self._sampling(length)
+        # The forcing repeats itself, so that whole periods before the first time do not matter.
+        phase = float(np.remainder(self.times[0] / length, 1.0))
+        motion = trajectory(self._swept_system(), starts, periods, samples, phase, self.tolerance, self.tolerance)
+        states = np.moveaxis(motion.states[:, :, : self.measured.shape[1]], 1, 0)
+        good = np.isfinite(states).all(axis=(1, 2))
+        values = np.full((len(starts), len(self.times), self.measured.shape[1]), np.nan)
+        moments = np.arange(states.shape[1]) * (length / samples)
+        values[good] = CubicSpline(moments, states[good], axis=1)(self.times - self.times[0])
+        return values
 
     def residuals(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return simulated less measured values where there are any; huge ones for a motion that ends nowhere."""

@@ -142,6 +142,10 @@ def test_bad_arguments() -> None:
         quadratic_decay(short)
     with pytest.raises(TypeError, match="give an Envelope"):
         quadratic_decay([1.0, 0.9])  # type: ignore[arg-type]
+    with pytest.raises((TypeError, ValueError), match="start=nan"):
+        quadratic_decay(good, start=float("nan"))
+    with pytest.raises(ValueError, match="confidence=95"):
+        quadratic_decay(good).half_widths(95)
     with pytest.raises(ValueError, match="kinds has 'cubic': choose among 'viscous'"):
         compare_decays(good, kinds=["cubic"])
     with pytest.raises(ValueError, match="name at least one"):
@@ -185,6 +189,24 @@ def test_frequencies_of_a_decaying_swing() -> None:
     gapped = motion.copy()
     gapped[300:460] = np.nan
     assert natural_frequency(swing_envelope(TIMES, gapped)).value == pytest.approx(shifted, rel=3e-4)
+
+
+def test_a_long_gap_in_a_wide_swing_bends_no_frequency() -> None:
+    """Amplitudes fall to a third within it, and most of the slowing is at its beginning."""
+    motion = film(1.0, {"damping": 0.4}, noise=0.001)
+    shifted = FREQUENCY * (1.0 - 0.4**2 / (8.0 * FREQUENCY**2))
+    motion[100:900] = np.nan
+    found = swing_envelope(TIMES, motion)
+    assert found.half_swings.max() == 16
+    assert natural_frequency(found).value == pytest.approx(shifted, rel=4e-4)
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 1.3, 2.0])
+def test_what_a_sine_misses_widens_its_error(amplitude: float) -> None:
+    """Without noise the misfit of the wave is all there is; three periods of a decay that is no exponential."""
+    fit = sine_fit(TIMES, film(amplitude, {"damping": 0.4}), periods=3.0).natural_frequency
+    shifted = FREQUENCY * (1.0 - 0.4**2 / (8.0 * FREQUENCY**2))
+    assert fit.value == pytest.approx(shifted, abs=4.0 * fit.standard_error)
 
 
 def test_errors_of_the_sine_cover() -> None:

@@ -7,8 +7,9 @@ from math import atan2, cos, pi
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from systems.lab.measured import measured_series, noise_level
+from systems.lab.measured import measured_series, neighbour_correlation, noise_level, widening
 from systems.lab.swings.envelope import slowing, swing_envelope
 
 FREQUENCY, RATE = 11.9, 0.15
@@ -84,6 +85,24 @@ def test_dropped_and_uneven_samples() -> None:
     np.testing.assert_allclose(found.times, times, atol=5e-3)
     np.testing.assert_allclose(found.amplitudes, heights, atol=3e-3)
     assert found.noise == pytest.approx(1e-3, rel=0.1)
+
+
+def test_coarse_steps_make_no_monstrous_extremes() -> None:
+    """Angles rounded to a third of the amplitude: caps are flat, and no extreme may leave the range of the samples."""
+    coarse = np.round(damped() / 0.1) * 0.1
+    found = swing_envelope(TIMES, coarse)
+    assert found.amplitudes.max() < 0.35
+    assert found.amplitudes.min() > 0.0
+
+
+def test_negative_correlation_narrows_no_error() -> None:
+    alternating = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    assert neighbour_correlation(alternating) == pytest.approx(-1.0)
+    assert widening(alternating) == 1.0
+    # An autoregression of first order with the coefficient 0.5 widens errors by the square root of 1.5/0.5.
+    noise = np.random.default_rng(0).normal(size=200_000)
+    following = lfilter([1.0], [1.0, -0.5], noise)
+    assert widening(following) == pytest.approx(np.sqrt(3.0), rel=0.02)
 
 
 def test_noise_is_seen_past_a_cubic_and_gaps() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import cos, pi
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
 from systems import double_pendulum, driven_pendulum
@@ -81,9 +83,21 @@ def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64
     undamped = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
     found = fit_motion(undamped, times, noisy(angles, 0), ["length"])
     assert found.correlation > 0.95
+    assert "residuals follow each other" in repr(found)
     assert found.rmse > 0.05
     right = fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
     assert right.aicc < found.aicc - 1000.0
+
+
+def test_what_a_motion_does_not_tell_has_no_small_error(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    """Length and gravity act by their ratio alone; that of damping is told as well as with gravity known."""
+    times, angles = film
+    known = fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
+    found = fit_motion(rod(length=0.075), times, noisy(angles, 0), ["length", "gravity", "damping"])
+    assert found.standard_errors["length"] > 0.069
+    assert found.standard_errors["gravity"] > 9.8
+    assert found.standard_errors["damping"] == pytest.approx(known.standard_errors["damping"], rel=0.01)
+    assert found.estimates["gravity"] / found.estimates["length"] == pytest.approx(9.8 / 0.069, rel=1e-4)
 
 
 def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
@@ -96,6 +110,54 @@ def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
     assert high < 3e-3
     if found.estimates["damping"] < 1e-6:
         assert found.at_bound == ("damping",)
+
+
+def test_a_poor_guess_slips_no_turn_in_a_long_film() -> None:
+    """Some 57 swings of a rod whose length is guessed 30 % too long; exact within the scatter of the noise."""
+    true = rod(damping=0.08)
+    motion = trajectory(true, [0.9, 0.0], periods=57, samples=50)
+    guess = rod(length=1.3 * 0.069, damping=0.1)
+    found = fit_motion(guess, motion.times, noisy(motion.states[:, 0], 5, 0.003), ["length", "damping"])
+    assert found.converged
+    for name, value in {"length": 0.069, "damping": 0.08}.items():
+        assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begin", [0.0, -0.37, 1.2345])
+def test_the_frequency_of_a_drive(begin: float) -> None:
+    """A driven oscillator by SciPy, filmed from some moment; the period of the system is that of the drive."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[Any, Any]:
+        q, v = x
+        return v, -q - p.damping * v + cos(p.omega * t)
+
+    def driven(t: float, x: NDArray[np.float64]) -> list[float]:
+        return [x[1], -x[0] - 0.2 * x[1] + cos(1.4 * t)]
+
+    times = begin + np.arange(0.0, 40.0, 0.1)
+    exact = solve_ivp(driven, (begin, times[-1]), [0.5, 0.0], t_eval=times, rtol=1e-10, atol=1e-11).y[0]
+    guess = ForcedSystem(rhs, {"damping": 0.25, "omega": 1.37}, lambda p: 2.0 * pi / p.omega, ("q", "v"))
+    found = fit_motion(guess, times, exact, ["damping", "omega"])
+    assert found.estimates["omega"] == pytest.approx(1.4, abs=1e-6)
+    assert found.estimates["damping"] == pytest.approx(0.2, abs=1e-6)
+    assert found.rmse < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begin", [0.0, -1.0])
+def test_a_film_that_goes_on_after_the_rod_has_stopped(begin: float) -> None:
+    """Half of it at rest.  The sum of squares has a minimum for each stop; the truth fits no better than the fit."""
+    coefficients = {"damping": 0.3, "friction": 0.366}
+    motion = trajectory(free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples=60)
+    exact = motion.states[:, 0]
+    assert (exact[-100:] == exact[-1]).all()
+    for seed in range(4):
+        angles = noisy(exact, seed, 0.013)
+        found = fit_damping(begin + motion.times, angles, ["viscous and dry"]).best
+        assert found.rmse <= np.sqrt(np.mean((angles - exact) ** 2))
+        for name, value in {**coefficients, "length": 0.069}.items():
+            assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
 
 
 @pytest.mark.slow
@@ -143,6 +205,14 @@ def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) ->
     both = np.stack([angles, np.gradient(angles, times)], axis=-1)
     with pytest.raises(ValueError, match="give a first guess of the state at the first time"):
         fit_motion(rod(), times, both, ["damping"])
+    with pytest.raises(ValueError, match=r"kinds=\[\]: name at least one of 'viscous'"):
+        fit_damping(times, angles, kinds=[])
+    with pytest.raises(ValueError, match=r"kinds='viscous': name at least one of .*, in a list"):
+        fit_damping(times, angles, kinds="viscous")
+    with pytest.raises(TypeError, match="measured: give real numbers"):
+        fit_motion(rod(), times, ["a"] * times.size, ["damping"])
+    with pytest.raises(ValueError, match=r"confidence=95: give a number"):
+        fit_motion(rod(), times, angles, "damping").interval("damping", 95)
     with pytest.raises(ValueError, match="kinds has 'sticky'"):
         fit_damping(times, angles, kinds=["sticky"])
     with pytest.raises(ValueError, match="coefficients has 'stickiness': choose among damping, friction, drag"):
