@@ -212,6 +212,7 @@ def test_bounded_share_of_henons_map_on_a_coarse_grid():
     assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.003)
 
 
+@pytest.mark.slow
 def test_shares_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
     """Two exact maps disagree on single starts, and agree on shares to 0.3 points."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
@@ -366,6 +367,7 @@ def test_shares_add_up_and_have_standard_errors():
         assert f.standard_error == pytest.approx(sqrt(f.share * (1 - f.share) / 3600), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_standard_error_is_that_of_random_starts():
     """The share of the left well among 200 random starts scatters as its standard error says."""
     rng = np.random.default_rng(0)

@@ -69,6 +69,7 @@ def test_evidence_adds_up(fractal):
     assert counts[Evidence.ORBIT] > 0
 
 
+@pytest.mark.slow
 def test_open_labels_are_those_on_which_exact_integrators_differ(fractal):
     certificate, basins, direct = fractal
     finer = stroboscopic_map(two_well_duffing(), rtol=1e-13, atol=1e-13)

@@ -179,7 +179,9 @@ def dying(monkeypatch: pytest.MonkeyPatch, moment: int, torn: bool) -> None:
     monkeypatch.setattr(cellmap.checkpoint.Checkpoint, "finish", finish)
 
 
-@pytest.mark.parametrize(("moment", "torn"), [(0, False), (1, True), (2, False), (4, False), (5, False)])
+@pytest.mark.parametrize(
+    ("moment", "torn"), [(1, True), *(pytest.param(k, False, marks=pytest.mark.slow) for k in (0, 2, 4)), (5, False)]
+)
 @pytest.mark.parametrize("name", CASES)
 def test_a_run_goes_on_where_it_died(name, moment, torn, plain, tmp_path, monkeypatch):
     path = tmp_path / "basins.h5"
@@ -248,7 +250,7 @@ TABLE = CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 150))  # three tiles of nodes, 
 
 
 @pytest.mark.parametrize("torn", [False, True], ids=["clean", "torn"])
-@pytest.mark.parametrize("moment", [0, 2, 3, 4])
+@pytest.mark.parametrize("moment", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3)), 4])
 def test_a_table_goes_on_where_it_died(moment, torn, tmp_path, monkeypatch):
     path = tmp_path / "table.h5"
     expected = interpolated_map(DUFFING, TABLE).table

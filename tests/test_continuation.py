@@ -373,6 +373,7 @@ def test_a_step_may_end_on_a_bifurcation(begin: float, upper: float) -> None:
     assert doubling.value == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_neimark_sacker_bifurcation_at_a_round_number() -> None:
     # Bogdanov map: det = 1 + e at the origin.
     def bogdanov(x: Any, p: Any) -> tuple[float, float]:
@@ -416,6 +417,7 @@ def test_multipliers_that_cross_together_are_reported() -> None:
     assert branch.ends == ("left the interval", "left the interval")
 
 
+@pytest.mark.slow
 def test_a_neutral_saddle_beside_a_pair_near_the_circle() -> None:
     c, s = 0.99 * cos(1.0), 0.99 * np.sin(1.0)
     exact = discrete_map(
@@ -426,6 +428,7 @@ def test_a_neutral_saddle_beside_a_pair_near_the_circle() -> None:
     assert branch.ends == ("left the interval", "left the interval")
 
 
+@pytest.mark.slow
 def test_krein_collisions() -> None:
     # Froeschle's map with different kicks, coupled antisymmetrically: pairs collide on the circle at |c| = 0.15.
     def coupled(x: Any, p: Any) -> tuple[float, ...]:
@@ -457,6 +460,7 @@ def test_a_branch_around_a_circle_is_traced_once() -> None:
     np.testing.assert_allclose(sorted(b.value for b in branch.bifurcations), [-0.5, 0.5], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_closed_curve_over_two_parameters() -> None:
     exact = discrete_map(lambda x, p: (-(2.0 - p.q**2 - p.s**2) * x[0] - x[0] ** 3,), {"q": 0.1, "s": 0.1}, ("x",))
     branch = continue_orbit(exact, at_rest(exact), "q", -1.5, 1.5)

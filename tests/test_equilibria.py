@@ -39,6 +39,7 @@ def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
         assert attractor.period == 1 and attractor.turns == (0, 0)
 
 
+@pytest.mark.slow
 def test_every_end_is_where_its_label_says(stuck) -> None:
     """Upright, the set repels what slips beside it; hanging, orbits creep towards its edges for ever."""
     starts = stuck.grid.centres().reshape(-1, 2)
@@ -52,6 +53,7 @@ def test_every_end_is_where_its_label_says(stuck) -> None:
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
 
 
+@pytest.mark.slow
 def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
     save_basins(stuck, tmp_path / "stuck.h5")
     again = load_basins(tmp_path / "stuck.h5")
@@ -61,6 +63,7 @@ def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
         assert np.array_equal(one.cover.boxes, other.cover.boxes)
 
 
+@pytest.mark.slow
 def test_mirror_images_have_equal_shares(stuck) -> None:
     shares = [stuck.fractions[k].share for k in range(4)]
     assert shares[0] == shares[1]

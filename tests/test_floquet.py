@@ -126,6 +126,7 @@ def test_both_ways_to_the_derivative_agree() -> None:
         assert np.sort_complex(result.multipliers[k]) == pytest.approx(np.sort_complex(eigenvalues), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_right_hand_sides_without_quick_series() -> None:
     """A forcing that saturates is stepped by a Runge-Kutta method; the third variable decays by itself."""
 

@@ -105,9 +105,11 @@ def pendulum_table(pendulum) -> PointMap:
 
 # --- order of convergence
 
+LARGE = ("tube", "coupled standard maps")
+
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in SMOOTH])
 def test_order_of_convergence(name, order):
     """The error falls as h^(order + 1): slope of log(error) over three tables, each twice as fine."""
     coarsest = SMOOTH[name][3][order]
@@ -586,6 +588,7 @@ def test_bits_of_leaps_do_not_depend_on_threads_or_neighbours(pendulum):
 
 
 @pytest.mark.parametrize("damping", [10.0, 2.0])
+@pytest.mark.slow
 def test_leaps_settle_starts_in_the_same_period(damping):
     """Within a leap a start can only enter a neighbourhood, for those are known to hold what is in them."""
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.003, damping=damping))

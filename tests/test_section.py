@@ -67,6 +67,7 @@ def by_events(system, place, value, direction, start, time=60.0):
         pytest.param(THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]], marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_returns_are_those_of_an_event_finder(system, section, starts):
     place = [c.name for c in system.axes].index(section[0])
     returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(starts)

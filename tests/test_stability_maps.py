@@ -32,6 +32,7 @@ def pendulum() -> PointMap:
     return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_an_equilibrium_as_an_orbit(pendulum: PointMap) -> None:
     as_orbit = stability_map(pendulum, periodic_orbit(pendulum, [pi, 0.0]), AMPLITUDES, FREQUENCIES)
     as_state = stability_map(driven_pendulum(), [pi, 0.0], AMPLITUDES, FREQUENCIES)

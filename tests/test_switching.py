@@ -427,6 +427,7 @@ def test_amplitudes_fall_by_twice_the_friction_each_half_swing(tolerance: float)
     assert 0.1 < (images.points[:, 1] == 0.0).mean() < 0.9
 
 
+@pytest.mark.slow
 def test_rest_after_many_half_swings() -> None:
     strobe = stroboscopic_map(table(friction=0.1), rtol=1e-12, atol=1e-12)
     for x in (0.95, 1.0 - 1e-9, -3.77):
@@ -594,6 +595,7 @@ def test_a_start_on_two_surfaces() -> None:
         assert (np.abs(image - [0.1, 0.05, 0.0, 0.0]).max() < 1e-15) == stuck
 
 
+@pytest.mark.slow
 def test_what_sticks_stays_to_the_last_bit() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
     settled = strobe.iterate(starts_of((pi, 2.0), 500), 60).points

@@ -89,7 +89,7 @@ def assert_same(ours, theirs) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
-@pytest.mark.parametrize("name", MAPS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "jumps" else n for n in MAPS])
 def test_a_map_that_was_pickled_has_the_same_bits(name):
     original = MAPS[name]()
     again = pickle.loads(cloudpickle.dumps(original))

@@ -70,6 +70,7 @@ def test_grid_with_a_node_on_an_unstable_equilibrium():
     assert np.count_nonzero(basins.labels == 0) >= grid.size - 1
 
 
+@pytest.mark.slow
 def test_saddle_between_two_wells_on_a_node():
     """x'' = x - x^3 - 0.2 x', unforced: the node (0, 0) rests on the saddle for ever."""
     wells = ForcedSystem(lambda t, x, p: (x[1], x[0] - x[0] ** 3 - p.d * x[1]), {"d": 0.2}, 2 * pi, ("x", "v"))

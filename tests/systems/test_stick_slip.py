@@ -82,6 +82,7 @@ def test_stick_slip_vibrations() -> None:
     assert motion.states[..., 0].max(axis=0) == pytest.approx(np.full(3, motion.states[..., 0].max()), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_pure_sliding_vibrations_have_the_amplitude_of_thomsen_and_fidlin() -> None:
     """2 sqrt(v_1^2 - v_b^2) for belts little slower than the critical speed v_1, by averaging."""
     static, least, damping = 0.04, 0.025, 0.001

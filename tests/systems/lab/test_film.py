@@ -278,6 +278,7 @@ def test_what_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_video_keeps_what_tracking_needs(tmp_path: Path) -> None:
     """A coded video alters grey values at the rims of moving things; an odd last row and column are lost."""
     rows, columns = np.mgrid[:49, :65]

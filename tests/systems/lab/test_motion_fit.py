@@ -89,6 +89,7 @@ def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64
     assert right.aicc < found.aicc - 1000.0
 
 
+@pytest.mark.slow
 def test_what_a_motion_does_not_tell_has_no_small_error(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     """Length and gravity act by their ratio alone; that of damping is told as well as with gravity known."""
     times, angles = film

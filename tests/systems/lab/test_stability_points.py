@@ -139,6 +139,7 @@ def test_chances_are_even_where_the_curve_is_true() -> None:
 # --- the experiment
 
 
+@pytest.mark.slow
 def test_measured_points_lie_on_the_curve() -> None:
     """Steps of 2 %; a release from 0.05 rad needs 0.0625 % more, a ninth of an error."""
     frequencies = np.array([15.0, 22.0, 28.0, 35.0])
