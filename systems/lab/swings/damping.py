@@ -15,7 +15,7 @@ from cellmap.checks import finite_number
 from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
 from ...pendulum import Pendulum
 from ...scene import scene
-from .decay_models import KINDS, DecayComparison, compare_decays
+from .decay_models import KINDS, DecayComparison, checked_kinds, compare_decays
 from .envelope import swing_envelope
 from .frequency import effective_length, natural_frequency
 from .motion_fit import MotionFit, fit_motion
@@ -117,16 +117,15 @@ def fit_damping(
     0.4000
     """
     g = finite_number("gravity", gravity, above=0.0)
-    if isinstance(kinds, str) or not kinds:
-        raise ValueError(f"kinds={kinds!r}: name at least one of {', '.join(map(repr, KINDS))}, in a list")
+    named = checked_kinds(kinds)
     envelope = swing_envelope(times, angles)
     w = natural_frequency(envelope)
     size = effective_length(w, g).value if length is None else finite_number("length", length, above=0.0)
     singles = [kind for kind, names in KINDS.items() if len(names) == 1]
-    profile = compare_decays(envelope, w.value, [*dict.fromkeys([*kinds, *singles])])
+    profile = compare_decays(envelope, w.value, [*named, *singles])
     alone = {name: value for kind in singles for name, value in profile[kind].coefficients.items()}
     fits = {}
-    for kind in dict.fromkeys(kinds):
+    for kind in named:
         begin = {n: max(profile[kind].coefficients[n], _LEAST * alone[n]) for n in KINDS[kind]}
         rod = free_pendulum(size, begin, g)
         vary = [*KINDS[kind]] if length is not None else ["length", *KINDS[kind]]

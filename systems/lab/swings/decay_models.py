@@ -166,13 +166,18 @@ def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Se
     """
     check_decay(envelope, fewest=6)
     w = natural_frequency(envelope).value if frequency is None else finite_number("frequency", frequency, above=0.0)
+    models = [_fitted(kind, envelope, w) for kind in checked_kinds(kinds)]
+    return DecayComparison(tuple(sorted(models, key=lambda m: m.aicc)), envelope)
+
+
+def checked_kinds(kinds: Sequence[str]) -> list[str]:
+    """Return kinds of damping, each once."""
     if isinstance(kinds, str) or not kinds:
         raise ValueError(f"kinds={kinds!r}: name at least one of {', '.join(map(repr, KINDS))}, in a list")
     for kind in kinds:
         if kind not in KINDS:
             raise ValueError(f"kinds has {kind!r}: choose among {', '.join(map(repr, KINDS))}")
-    models = [_fitted(kind, envelope, w) for kind in dict.fromkeys(kinds)]
-    return DecayComparison(tuple(sorted(models, key=lambda m: m.aicc)), envelope)
+    return list(dict.fromkeys(kinds))
 
 
 def decaying(

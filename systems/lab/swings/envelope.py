@@ -22,7 +22,7 @@ _FEWEST_SAMPLES = 4  # of a cap
 _QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
 _WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
 _ROUNDS = 4
-_GAUSS = np.polynomial.legendre.leggauss(6)
+GAUSS = np.polynomial.legendre.leggauss(6)
 
 
 class _Extreme(NamedTuple):
@@ -82,7 +82,7 @@ class Envelope:
     @property
     def slowings(self) -> NDArray[np.float64]:
         """Mean of :func:`slowing` from each extreme to the next, shape (n - 1,), along a smooth decay."""
-        nodes, weights = _GAUSS
+        nodes, weights = GAUSS
         late = self.times[:-1, None] + 0.5 * np.diff(self.times)[:, None] * (nodes + 1.0)
         amplitudes = np.exp(PchipInterpolator(self.times, np.log(self.amplitudes))(late))
         # A slow swing gets less far in its time, so the mean over the time is that of 1/slowing.

@@ -13,10 +13,9 @@ from scipy.special import ellipj
 from cellmap.checks import finite_number, one_of
 
 from ..measured import measured_series, widening
-from .envelope import Envelope, slowing, swing_envelope
+from .envelope import GAUSS, Envelope, slowing, swing_envelope
 
 _WIDEST = 3.14159
-_GAUSS = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
@@ -249,7 +248,7 @@ def swing(amplitude: ArrayLike, phase: ArrayLike) -> NDArray[np.float64]:
 
 def _pendulum(amplitude: float, decay: float, w: float, phase: float, late: NDArray[np.float64]) -> NDArray[np.float64]:
     """Wave of a swing whose amplitude falls, with the frequency that goes with it, integrated by Gauss's rule."""
-    nodes, weights = _GAUSS
+    nodes, weights = GAUSS
     between = 0.5 * late[:, None] * (nodes + 1.0)
     relative = slowing(amplitude) / slowing(np.clip(amplitude * np.exp(-decay * between), -_WIDEST, _WIDEST))
     turned = 0.5 * late * (relative @ weights)
