@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,8 @@ from .first_sight import first_sight
 from .following import Memory
 from .search import Search
 from .tracks import MarkerStatus, Rail, Rod, Tracks
+
+_Hold = TypeVar("_Hold", Rod, Rail)
 
 _OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual one is larger by more
 
@@ -107,7 +110,8 @@ def track_markers(
     """
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     setup, memories = first_sight(film, starts, threshold, window, weighted)
-    hung, led = _rods_of(rods, len(memories)), _rails_of(rails, len(memories))
+    hung = _by_marker(rods, Rod, "rod", "hangs", "Rod(marker, pivot, length)", len(memories))
+    led = _by_marker(rails, Rail, "rail", "moves", "Rail(marker, column)", len(memories))
     _check_fit(memories, hung, led, tolerance)
     status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
     usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
@@ -145,27 +149,18 @@ def _followed(
     return status, centroids, errors, areas
 
 
-def _rods_of(rods: Sequence[Rod], markers: int) -> dict[int, Rod]:
-    found: dict[int, Rod] = {}
-    for rod in rods:
-        if not isinstance(rod, Rod):
-            raise TypeError(f"rods hold {rod!r}: give Rod(marker, pivot, length)")
-        whole_number("rod.marker", rod.marker, 0, markers - 1)
-        if rod.marker in found:
-            raise ValueError(f"rods: marker {rod.marker} hangs on two of them; give one for each marker")
-        found[rod.marker] = rod
-    return found
-
-
-def _rails_of(rails: Sequence[Rail], markers: int) -> dict[int, Rail]:
-    found: dict[int, Rail] = {}
-    for rail in rails:
-        if not isinstance(rail, Rail):
-            raise TypeError(f"rails hold {rail!r}: give Rail(marker, column)")
-        whole_number("rail.marker", rail.marker, 0, markers - 1)
-        if rail.marker in found:
-            raise ValueError(f"rails: marker {rail.marker} moves on two of them; give one for each marker")
-        found[rail.marker] = rail
+def _by_marker(
+    holds: Sequence[_Hold], kind: type[_Hold], name: str, verb: str, form: str, markers: int
+) -> dict[int, _Hold]:
+    """Return rods or rails by the number of their marker, at most one for each."""
+    found: dict[int, _Hold] = {}
+    for hold in holds:
+        if not isinstance(hold, kind):
+            raise TypeError(f"{name}s hold {hold!r}: give {form}")
+        whole_number(f"{name}.marker", hold.marker, 0, markers - 1)
+        if hold.marker in found:
+            raise ValueError(f"{name}s: marker {hold.marker} {verb} on two of them; give one for each marker")
+        found[hold.marker] = hold
     return found
 
 
