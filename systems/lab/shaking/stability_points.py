@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from cellmap.checks import monotone_values
+from cellmap.files import as_target, written_whole
 
 from .conversion import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
 
@@ -138,10 +139,15 @@ def write_stability_points(points: StabilityPoints, path: str | Path) -> None:
     points : StabilityPoints
         What to write.
     path : str or Path
-        File; an old one is replaced.
+        File; an old one is replaced, by a whole one or not at all.
+
+    Raises
+    ------
+    TypeError, OSError
+        For a path that is none, or in no folder.
     """
     table = points.table * np.array([1.0, 1e3, 1e3][: points.table.shape[1]])
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with written_whole(as_target("path", path)) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HEADING[: table.shape[1]])
         # Ten digits are more than any sensor has, and free of the rounding of the change of units.
