@@ -160,7 +160,10 @@ def test_a_finished_picture_can_be_saved_elsewhere_and_in_its_own_place(plain, t
 
 
 def dying(monkeypatch: pytest.MonkeyPatch, moment: int, torn: bool) -> None:
-    """Let the run die with the entry of one of its tiles, before it is made or in the middle of the contents."""
+    """Let the run die with the entry of one of its tiles, before it is made or in the middle of the contents.
+
+    The other threads die with it: a checksum that one of them takes later would vouch for contents that were torn here.
+    """
     original, left = cellmap.checkpoint.Checkpoint.finish, moment
     lock = threading.Lock()
 
@@ -170,10 +173,10 @@ def dying(monkeypatch: pytest.MonkeyPatch, moment: int, torn: bool) -> None:
             left -= 1
             if left >= 0:
                 return original(self, tiles, number, tally, contents)
-        if torn:  # contents that are not those of the tile, and an entry that says otherwise
-            original(self, tiles, number, tally, contents)
-            for name in {"tiles": ("labels", "settling_time")}.get(tiles, (tiles.removeprefix("tiles of "),)):
-                self[name].view(np.uint8).reshape(-1)[:: self[name].nbytes // 7] ^= 1
+            if torn and left == -1:  # contents that are not those of the tile, and an entry that says otherwise
+                original(self, tiles, number, tally, contents)
+                for name in {"tiles": ("labels", "settling_time")}.get(tiles, (tiles.removeprefix("tiles of "),)):
+                    self[name].view(np.uint8).reshape(-1)[:: self[name].nbytes // 7] ^= 1
         raise Died
 
     monkeypatch.setattr(cellmap.checkpoint.Checkpoint, "finish", finish)
