@@ -70,11 +70,12 @@ def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
         raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
 
 
-def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def noise_level(times: NDArray[np.float64], values: NDArray[np.float64], neighbours: int = _NEIGHBOURS) -> float:
     """Return the standard deviation of independent noise on a smooth series, from its divided differences.
 
     Of five neighbours the fourth divided difference has no part of any cubic, and its weights are known.  Those far
-    beyond the median are left out as outliers.  A motion that is sampled badly counts as noise.
+    beyond the median are left out as outliers.  A motion that is sampled badly counts as noise, the less the more
+    neighbours are taken.
 
     Parameters
     ----------
@@ -82,11 +83,13 @@ def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> floa
         Times (s), increasing.
     values : ndarray, shape (n,)
         Values; NaN marks a gap.
+    neighbours : int, optional
+        Values of a difference.
 
     Returns
     -------
     float
-        Standard deviation; NaN for fewer than five values.
+        Standard deviation; NaN for fewer values than `neighbours`.
 
     Examples
     --------
@@ -96,10 +99,10 @@ def noise_level(times: NDArray[np.float64], values: NDArray[np.float64]) -> floa
     0.01
     """
     seen = np.isfinite(values)
-    if np.count_nonzero(seen) < _NEIGHBOURS:
+    if np.count_nonzero(seen) < neighbours:
         return np.nan
-    t, v = (np.lib.stride_tricks.sliding_window_view(a[seen], _NEIGHBOURS) for a in (times, values))
-    apart = t[:, :, None] - t[:, None, :] + np.eye(_NEIGHBOURS)
+    t, v = (np.lib.stride_tricks.sliding_window_view(a[seen], neighbours) for a in (times, values))
+    apart = (t[:, :, None] - t[:, None, :]) / np.ptp(t, axis=1)[:, None, None] + np.eye(neighbours)
     weights = 1.0 / apart.prod(axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     parts = np.abs((weights * v).sum(axis=1))

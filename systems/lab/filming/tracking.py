@@ -21,6 +21,7 @@ from .doubts import doubt_areas, doubt_standing
 from .film import Film
 from .first_sight import first_sight
 from .following import Memory
+from .scatter import widen_errors
 from .search import Search
 from .tracks import MarkerStatus, Rail, Rod, Tracks
 
@@ -123,8 +124,9 @@ def track_markers(
     doubt_areas(status, areas)
     doubt_standing(status, centroids, errors, film.times, [memory.radius for memory in memories])
     seen = (status == MarkerStatus.SEEN)[..., None]
-    positions = np.where(seen, centroids, np.nan)
-    return Tracks(film.times, positions, np.where(seen, errors, np.nan), status, centroids, areas, setup.threshold)
+    positions, errors = np.where(seen, centroids, np.nan), np.where(seen, errors, np.nan)
+    widen_errors(film.times, positions, errors)
+    return Tracks(film.times, positions, errors, status, centroids, areas, setup.threshold)
 
 
 def _followed(

@@ -123,9 +123,11 @@ class Tracks:
         Pixels (column, row), NaN unless the status is SEEN or CONSTRAINED.
     errors : ndarray, shape (n, markers, 2)
         Their standard errors (pixels): from the noise of the pixels, and from where a disc's edge falls on them where
-        the optics spread it by about 0.8 pixels.  True errors are up to five times as large with sharper optics,
-        squares along the pixels, and light that changes by a tenth across a marker; up to eight times in compressed
-        videos.  NaN for plain centroids.
+        the optics spread it by about 0.8 pixels.  For each marker, across and down, they are widened to the scatter of
+        40 places or more about a smooth motion, which is larger with sharper optics, squares along the pixels or
+        compressed frames; not where frames follow each other so slowly that they do not show the motion.  What stays
+        the same from frame to frame they do not hold: a marker that is a tenth brighter on one side than in its middle
+        is found 0.1 pixels off.  NaN for plain centroids.
     status : ndarray of uint8, shape (n, markers)
         A :class:`MarkerStatus` each.
     centroids : ndarray, shape (n, markers, 2)
