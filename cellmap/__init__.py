@@ -18,7 +18,6 @@ from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .certificate import Certificate as Certificate
 from .certificate import Evidence as Evidence
 from .certification import certify as certify
-from .cost_model import Option as Option
 from .cells import CellChain as CellChain
 from .cells import CellClass as CellClass
 from .cells import generalized_cell_mapping as generalized_cell_mapping
@@ -50,6 +49,7 @@ from .orbit import jury_margins as jury_margins
 from .periodic_search import find_periodic_orbits as find_periodic_orbits
 from .periodic_search import periodic_orbit as periodic_orbit
 from .planning import AccuracyWarning as AccuracyWarning
+from .planning import Option as Option
 from .planning import Outcome as Outcome
 from .planning import Plan as Plan
 from .planning import plan as plan

@@ -11,21 +11,10 @@ import numpy as np
 import pytest
 
 from cellmap import AccuracyWarning, CellGrid, discrete_map, interpolated_map, plan, plot_plan, stroboscopic_map
-from cellmap.cost_model import (
-    SAFETY,
-    ExactProbe,
-    Labelling,
-    Measurements,
-    TableProbe,
-    choose,
-    error_of,
-    fallback_of,
-    options_of,
-    parallel,
-    sized,
-    table_grids,
-)
 from cellmap.interpolated import table_memory
+from cellmap.planning.extrapolation import error_of, fallback_of, sized, table_grids
+from cellmap.planning.measurements import ExactProbe, Labelling, Measurements, TableProbe
+from cellmap.planning.options import SAFETY, choose, options_of, parallel
 from systems import dimensionless_pendulum, henon_map
 
 mpl.use("Agg")

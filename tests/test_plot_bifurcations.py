@@ -26,7 +26,7 @@ from cellmap import (
     stroboscopic_map,
     switch_branch,
 )
-from cellmap.plot.bifurcations import CROSSING_COLOURS
+from cellmap.plot.stability import CROSSING_COLOURS
 from systems import driven_pendulum, henon_map, logistic_map
 
 mpl.use("Agg")

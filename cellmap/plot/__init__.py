@@ -2,8 +2,6 @@
 
 from .animation import animate as animate
 from .basins import plot_basins as plot_basins
-from .bifurcations import plot_branches as plot_branches
-from .bifurcations import plot_stability_map as plot_stability_map
 from .boundary_measures import plot_basin_entropy as plot_basin_entropy
 from .boundary_measures import plot_uncertainty_exponent as plot_uncertainty_exponent
 from .boundary_measures import plot_wada as plot_wada
@@ -11,6 +9,7 @@ from .boundary_objects import plot_boundary_distance as plot_boundary_distance
 from .boundary_objects import plot_chaotic_saddle as plot_chaotic_saddle
 from .boundary_objects import plot_edge_orbit as plot_edge_orbit
 from .boundary_objects import plot_manifolds as plot_manifolds
+from .branches import plot_branches as plot_branches
 from .cell_mappings import plot_absorption as plot_absorption
 from .cell_mappings import plot_cell_mapping as plot_cell_mapping
 from .cell_mappings import plot_invariant_measure as plot_invariant_measure
@@ -36,3 +35,4 @@ from .sets import plot_boxes as plot_boxes
 from .sets import plot_eigenvalues as plot_eigenvalues
 from .sets import plot_eigenvector as plot_eigenvector
 from .sets import plot_morse_graph as plot_morse_graph
+from .stability import plot_stability_map as plot_stability_map

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from ..cost_model import Option
-from ..planning import Plan
+from ..planning import Option, Plan
 from .axes import axes_or_new
 
 

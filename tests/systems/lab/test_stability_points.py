@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from cellmap import critical_values, stability_map, stroboscopic_map, swept_map
-from cellmap.plot.bifurcations import plot_stability_map
+from cellmap import critical_values, plot_stability_map, stability_map, stroboscopic_map, swept_map
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD
 from systems.lab.shaking.stability_measurement import measure_least_amplitudes, stays_up
