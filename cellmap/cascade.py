@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from .attractor import Attractor
 from .branch import Bifurcation, BifurcationKind, Branch
 from .checks import finite_number, whole_number
-from .continuation import Walker, born_orbit
 from .orbit import PeriodicOrbit
 from .orbit_problem import begin_orbit, orbit_problem
 from .pointmap import PointMap
 from .tracing import corrected
+from .walker import Walker, born_orbit
 
 _STEP = 0.02  # of the parameter's interval that is looked at
 _AHEAD = 2.0  # gaps between doublings that are looked through for the next one

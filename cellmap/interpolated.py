@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .cell_table import CellTable
 from .checks import claim_memory, finite_number, one_of, whole_number
 from .coordinates import turns_of
 from .files import as_target
 from .grid import CellGrid, grid_points
 from .look_ups import LookUps
 from .orbit_batch import Cost, Orbits
-from .pointmap import CellTable, Family, Origin, PointMap
+from .pointmap import Family, Origin, PointMap
 from .spline_coefficients import ORDERS, PADDING, filtered, nodes_of, tabulated_nodes, with_spare_doubles
 from .table_tiles import TableTiles, table_checkpoint
 from .tiles import check_client

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .cell_table import CellTable
 from .codegen.lookup import lookup_kernel
 from .coordinates import turns_of
 from .kernels.contraction import WIDTH
 from .orbit_batch import Orbits, Status
-from .pointmap import CellTable, PointMap
+from .pointmap import PointMap
 
 
 class LookUps:

@@ -5,20 +5,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .cell_table import CellTable, MapError
 from .checks import claim_memory, finite_points, whole_number
 from .coordinates import Coordinate, difference, turns_of
 from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Cost, Orbits, Status
 from .threads import progress_bar, run_over, slices
 from .tiles import check_client, run_tiles
-
-if TYPE_CHECKING:
-    from .grid import CellGrid
 
 
 class ToleranceWarning(UserWarning):
@@ -57,54 +55,6 @@ class Iterate:
     def unwrapped(self) -> NDArray[np.float64]:
         """Images with whole turns put back, shape (..., dimension)."""
         return self.points + self.turns * turns_of(self.coordinates)[1]
-
-
-@dataclass(frozen=True, eq=False)
-class CellTable:
-    """Table of an interpolated map.
-
-    Parameters
-    ----------
-    grid : CellGrid
-        Cells between the nodes.
-    order : int
-        Degree of the B-splines.
-    coefficients : ndarray, shape (n_1 + order, ..., n_d + order, d)
-        B-spline coefficients of the displacement in one period.
-    indicator : ndarray of float32, shape of the grid
-        Distance between the interpolated and the exact image of each cell's centre, in cell widths (largest over the
-        components); infinite where there is no exact image.
-    rough : ndarray of bool, shape of the grid
-        Cells that are left to the exact map.
-    """
-
-    grid: CellGrid
-    order: int
-    coefficients: NDArray[np.float64]
-    indicator: NDArray[np.float32]
-    rough: NDArray[np.bool_]
-
-    def __repr__(self) -> str:
-        share = 100.0 * float(self.rough.mean())
-        return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % of the cells left to the exact map)"
-
-
-@dataclass(frozen=True, eq=False)
-class MapError:
-    """Measured error of one period of an interpolated map, at random points of its window.
-
-    Parameters
-    ----------
-    median, percentile_99, largest : float
-        Of the largest component of the difference to the exact image, in the units of the coordinates.
-    points : int
-        Points at which both maps have an image.
-    """
-
-    median: float
-    percentile_99: float
-    largest: float
-    points: int
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,6 @@
 
 from .chain import CellChain as CellChain
 from .chain import CellClass as CellClass
-from .chain import generalized_cell_mapping as generalized_cell_mapping
+from .generalized import generalized_cell_mapping as generalized_cell_mapping
 from .mapping import CellMapping as CellMapping
 from .mapping import simple_cell_mapping as simple_cell_mapping

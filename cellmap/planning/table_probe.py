@@ -9,13 +9,14 @@ from threading import Lock
 
 import numpy as np
 
+from ..cell_table import CellTable
 from ..checks import memory_available
 from ..grid import CellGrid
 from ..interpolated import interpolated_map, table_memory
 from ..kernels.contraction import WIDTH
 from ..look_ups import LookUps
 from ..orbit_batch import Orbits
-from ..pointmap import CellTable, PointMap, follow
+from ..pointmap import PointMap, follow
 from ..spline_coefficients import tabulated_nodes
 from ..threads import thread_count
 from .extrapolation import sized

@@ -1,0 +1,58 @@
+"""What an interpolated map keeps: its table, and its measured error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .grid import CellGrid
+
+
+@dataclass(frozen=True, eq=False)
+class CellTable:
+    """Table of an interpolated map.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        Cells between the nodes.
+    order : int
+        Degree of the B-splines.
+    coefficients : ndarray, shape (n_1 + order, ..., n_d + order, d)
+        B-spline coefficients of the displacement in one period.
+    indicator : ndarray of float32, shape of the grid
+        Distance between the interpolated and the exact image of each cell's centre, in cell widths (largest over the
+        components); infinite where there is no exact image.
+    rough : ndarray of bool, shape of the grid
+        Cells that are left to the exact map.
+    """
+
+    grid: CellGrid
+    order: int
+    coefficients: NDArray[np.float64]
+    indicator: NDArray[np.float32]
+    rough: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        share = 100.0 * float(self.rough.mean())
+        return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % of the cells left to the exact map)"
+
+
+@dataclass(frozen=True, eq=False)
+class MapError:
+    """Measured error of one period of an interpolated map, at random points of its window.
+
+    Parameters
+    ----------
+    median, percentile_99, largest : float
+        Of the largest component of the difference to the exact image, in the units of the coordinates.
+    points : int
+        Points at which both maps have an image.
+    """
+
+    median: float
+    percentile_99: float
+    largest: float
+    points: int
