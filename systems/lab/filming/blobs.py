@@ -21,8 +21,11 @@ _ROD = 0.1  # share of the contrast by which something beyond the edge stands ou
 _RIM = 4  # pixels around a labelled blob in which its blurred edge ends
 _EDGE = (0.2, 0.8)  # shares of the contrast between which a pixel counts as covered in part
 # Measured: a disc's centre errs by this over its radius, from where its edge falls on the pixels, where the optics
-# spread it by 0.8 pixels (tests/systems/lab/test_tracking.py).
+# spread it by 0.8 pixels (tests/systems/lab/test_tracking.py),
 _PHASE_ERROR = 0.035
+# and by this over the root of its radius for each pixel by which the edge is narrower than a soft one: 0.55 pixels
+# without optics, 1.4 where they spread it by 0.8 (tests/systems/lab/test_scatter.py).
+_SHARP_ERROR, _SOFT_EDGE = 0.09, 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,10 +188,12 @@ def _measure(
         return None
     y, x = np.arange(top + first, top + past), np.arange(left + begin, left + end)
     row, column = float(down @ y) / total, float(across @ x) / total
-    pulls = noise.variance(values) * ((cover > 0.0) & (cover < 1.0))
+    edge = (cover > 0.0) & (cover < 1.0)
+    pulls = noise.variance(values) * edge
     squares = float(pulls.sum(axis=1) @ (y - row) ** 2), float(pulls.sum(axis=0) @ (x - column) ** 2)
     scale = total * contrast * (_EDGE[1] - _EDGE[0])
-    errors = [sqrt(s / scale**2 + _PHASE_ERROR**2 * pi / area) if weighted else nan for s in squares]
+    phase = _phase_error(sqrt(area / pi), float(edge.sum()))
+    errors = [sqrt(s / scale**2 + phase**2) if weighted else nan for s in squares]
     moments = float(down @ (y - row) ** 2), float(across @ (x - column) ** 2), float((y - row) @ weights @ (x - column))
     half, spread = 0.5 * (moments[0] + moments[1]), hypot(0.5 * (moments[0] - moments[1]), moments[2])
     sides = rows.start == 0, rows.stop == bottom - top, columns.start == 0, columns.stop == right - left
@@ -205,6 +210,12 @@ def _measure(
         any(s and e for s, e in zip(sides, ends, strict=True)),
         any(s and not e for s, e in zip(sides, ends, strict=True)),
     )
+
+
+def _phase_error(radius: float, edge: float) -> float:
+    """Return by how much the centre of a disc errs from where its edge, of an area in pixels, falls on them."""
+    width = edge / (2.0 * pi * radius)
+    return max(_PHASE_ERROR / radius, _SHARP_ERROR * (_SOFT_EDGE - width) / sqrt(radius))
 
 
 def _surroundings(

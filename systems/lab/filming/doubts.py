@@ -1,4 +1,4 @@
-"""Second thoughts about a whole track: areas that stand out, and things found again that stand still."""
+"""Second thoughts about a whole track: repeated frames, areas that stand out, things found again that stand still."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from .tracks import MarkerStatus
 # How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
 _STANDS_OUT = (0.04, 4.5)
 _DOUBTFUL = (0.02, 2.5)
+_REPEATED = 5.0  # standard errors that markers move before and after a frame in which nothing does
 _STILL = 0.25  # pixels within which a thing stands
 _LONGER = 3.0  # times as long as the marker ever stood before
 _MISSED = 20.0  # pixels, and
@@ -37,6 +38,28 @@ def doubt_areas(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
                 if flagged and column[k] == MarkerStatus.SEEN and abs(away[k]) > near:
                     column[k] = MarkerStatus.PARTIAL if away[k] < 0.0 else MarkerStatus.MERGED
                 flagged = bool(column[k] != MarkerStatus.SEEN)
+
+
+def doubt_repeats(
+    status: NDArray[np.uint8], centroids: NDArray[np.float64], errors: NDArray[np.float64], areas: NDArray[np.float64]
+) -> None:
+    """Flag frames that repeat the one before to the last bit, in the middle of a motion, as missing.
+
+    Recorders put them in the place of frames that they lost.  Where markers stand, a repeated frame tells the truth.
+    """
+    known = np.isfinite(areas)
+    frames = np.flatnonzero(known.any(axis=1))
+    if frames.size < 3:
+        return
+    seen = np.nan_to_num(np.concatenate([centroids, areas[..., None]], axis=2))[frames]
+    same = (known[frames][1:] == known[frames][:-1]).all(axis=1) & (seen[1:] == seen[:-1]).all(axis=(1, 2))
+    moved = np.abs(np.diff(centroids[frames], axis=0))
+    noise = np.nanmedian(np.where(np.isfinite(errors), errors, np.nan), axis=0) if np.isfinite(errors).any() else 0.0
+    moving = (np.nan_to_num(moved) > _REPEATED * np.nan_to_num(noise)).any(axis=(1, 2))
+    repeated = np.zeros(len(frames), bool)
+    for first, past in np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2).tolist():
+        repeated[first + 1 : past + 1] = first > 0 and past < len(same) and moving[first - 1] and moving[past]
+    status[frames[repeated]] = MarkerStatus.NO_FRAME
 
 
 def doubt_standing(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,12 +87,13 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
     if given is None:
         limit = otsu_threshold(pixels)[0]
         dark, bright = pixels[pixels <= limit], pixels[pixels > limit]
-        contrast, spread = float(bright.mean() - dark.mean()), float(dark.std())
+        rounding = 0.0 if pixels.dtype.kind == "f" else sqrt(1.0 / 12.0)
+        contrast, spread = float(bright.mean() - dark.mean()), hypot(float(dark.std()), rounding)
         if contrast < _STANDS_OUT * spread:
             raise ValueError(
                 f"starts: nothing bright stands out there (by {contrast / spread:.1f} deviations of the dark); "
-                f"give starts at markers, or a threshold between {low:g} and {high:g}; of dark markers, give the "
-                "negative of the film"
+                f"give starts at markers, or a threshold between {low:g} and {high:g}; for markers that fill the "
+                "surroundings, a larger window=; of dark markers, the negative of the film"
             )
         return limit
     limit = finite_number("threshold", given)
@@ -120,9 +122,15 @@ def _blob_at(
     if not near or near[0][0] > max(0.5 * reach, blobs[near[0][1]].radius):
         raise ValueError(
             f"{name}: no marker is above the grey value {threshold:g} within {0.5 * reach:g} pixels; give a start "
-            "at one, or another threshold"
+            "at one, or another threshold; of dark markers, the negative of the film"
         )
     blob = blobs[near[0][1]]
+    here = float(picture[round(place[1]), round(place[0])])
+    if (blob.clipped or blob.cut) and here <= threshold < blob.plateau:
+        raise ValueError(
+            f"{name}: it is dark there, {here:g}, and what is above the grey value {threshold:g} around it goes beyond "
+            "the window; give a start at a bright marker, or of dark markers the negative of the film"
+        )
     if blob.clipped:
         raise ValueError(f"{name}: the marker touches the border of the picture; begin with a frame that shows it")
     if blob.cut:

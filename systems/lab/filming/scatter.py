@@ -13,21 +13,22 @@ _LEVEL = 0.85  # of the scatter among fewer neighbours: what falls farther with 
 
 
 def widen_errors(times: NDArray[np.float64], positions: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
-    """Widen the errors of each marker, across and down, where its places scatter by more, in place.
+    """Widen the errors of each marker, across and down, where its places scatter by more, by as much in every frame.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
         Times (s).
     positions, errors : ndarray, shape (n, markers, 2)
-        Places and their standard errors (pixels); NaN in gaps.
+        Places and their standard errors (pixels), which are changed in place; NaN in gaps.
     """
     for marker in range(positions.shape[1]):
         for axis in range(2):
             spread = errors[:, marker, axis]
             expected = float(np.sqrt(np.nanmean(spread**2))) if np.isfinite(spread).any() else 0.0
             if expected > 0.0:
-                spread *= max(1.0, _scatter(times, positions[:, marker, axis]) / expected)
+                more = max(0.0, _scatter(times, positions[:, marker, axis]) ** 2 - expected**2)
+                spread[:] = np.sqrt(spread**2 + more)
 
 
 def _scatter(times: NDArray[np.float64], places: NDArray[np.float64]) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from cellmap.checks import finite_number, whole_number
 from cellmap.threads import progress_bar
 
-from .doubts import doubt_areas, doubt_standing
+from .doubts import doubt_areas, doubt_repeats, doubt_standing
 from .film import Film
 from .first_sight import first_sight
 from .following import Memory
@@ -55,6 +55,9 @@ def track_markers(
     more than 0.02 (or 2.5).  So a centre can be off by about 0.04 radii where something hides the rim of a marker.  The
     area of the first frame is the measure, unless the usual one is larger: a marker may be hidden in part there, but
     not merged with something.
+
+    A frame that repeats the one before to the last bit, while markers move before and after it, is one that the
+    recorder lost: its status is NO_FRAME.
 
     Two markers that look alike and are hidden at the same time may be exchanged, unless they have rods of their own.
 
@@ -121,6 +124,7 @@ def track_markers(
         for memory, factor in zip(memories, usual, strict=True):
             memory.radius *= float(np.sqrt(max(factor, 1.0)))
         status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
+    doubt_repeats(status, centroids, errors, areas)
     doubt_areas(status, areas)
     doubt_standing(status, centroids, errors, film.times, [memory.radius for memory in memories])
     seen = (status == MarkerStatus.SEEN)[..., None]

@@ -27,7 +27,7 @@ class MarkerStatus(IntEnum):
     LOST = 4
     """Not found, or something that stands was found in its place."""
     NO_FRAME = 5
-    """The frame is missing."""
+    """The frame is missing, or repeats the one before in the middle of a motion."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,10 @@ class Tracks:
     positions : ndarray, shape (n, markers, 2)
         Pixels (column, row), NaN unless the status is SEEN or CONSTRAINED.
     errors : ndarray, shape (n, markers, 2)
-        Their standard errors (pixels): from the noise of the pixels, and from where a disc's edge falls on them where
-        the optics spread it by about 0.8 pixels.  For each marker, across and down, they are widened to the scatter of
-        40 places or more about a smooth motion, which is larger with sharper optics, squares along the pixels or
-        compressed frames; not where frames follow each other so slowly that they do not show the motion.  What stays
+        Their standard errors (pixels): from the noise of the pixels, and from where a disc's edge, sharp or soft, falls
+        on them.  For each marker, across and down, they are widened to the scatter of 40 places or more about a smooth
+        motion, which is larger for squares along the pixels or compressed frames; not where frames follow each other so
+        slowly that they do not show the motion, nor where what moves slowly stays long on the same pixels.  What stays
         the same from frame to frame they do not hold: a marker that is a tenth brighter on one side than in its middle
         is found 0.1 pixels off.  NaN for plain centroids.
     status : ndarray of uint8, shape (n, markers)

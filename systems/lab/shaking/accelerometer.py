@@ -12,7 +12,16 @@ from cellmap.checks import finite_number, one_of, whole_number
 
 from ..measured import measured_series
 from .accelerometer_record import record_acceleration as record_acceleration
-from .drive_search import FEWEST_PERIODS, beyond_limits, find_drive, saturated, without
+from .drive_search import (
+    FEWEST_PERIODS,
+    MOST_SATURATED,
+    beyond_limits,
+    crowded,
+    dead_times,
+    find_drive,
+    saturated,
+    without,
+)
 from .harmonic_fit import Array, Fit, Record, resolution_of
 from .recovered_drive import RecoveredDrive as RecoveredDrive
 
@@ -43,6 +52,9 @@ def recover_drive(
     87 %, of ten and more 94 to 98 %.  What is not in the record no fit can tell: at even times a drive beyond the limit
     of Nyquist is taken for one below it, and a wave's harmonics beyond it disturb those below.
 
+    A sensor that is dead for a while repeats one reading: eight and more equal samples in a row, less often than in
+    every second period, that the fit of the others misses by far, are missing samples.
+
     Parameters
     ----------
     times : array_like, shape (n,)
@@ -62,8 +74,9 @@ def recover_drive(
         Fit a slope of the offset.
     limits : tuple of float, optional
         Readings (m/s^2) at and beyond which the sensor is saturated; these samples are left out.  By default three and
-        more equal samples at an extreme count as saturation if the fit of the others passes beyond them.  Minus and
-        plus infinity switch it off.
+        more equal samples at an extreme count as saturation if the fit of the others passes beyond them, and so do
+        samples that crowd there as narrowly as the noise, where it comes in after the saturation.  Minus and plus
+        infinity switch it off.
     noise : {"coloured", "white"}, optional
         What errors are worked out from: the noise next to each harmonic, or the mean one.
 
@@ -101,12 +114,18 @@ def recover_drive(
     whole = Record(kept - middle, (readings - shift) / scale, bool(drift), resolution_of(readings) / scale)
     _check_request(whole, frequency, harmonics)
     bad = saturated(readings, _checked(limits))
-    if bad.mean() > (0.5 if limits is None else 0.9):
+    if bad.mean() > (0.5 if limits is None else MOST_SATURATED):
         raise ValueError(
             f"acceleration: {100.0 * bad.mean():.0f} % of the samples stand at the extremes: the sensor is saturated; "
             "widen its range, give its limits to fit the rest, or limits=(-inf, inf) if the wave is square"
         )
+    if limits is None and not bad.any():
+        bad = crowded(readings)
     fit, around, ordinates = find_drive(whole, frequency, harmonics)
+    dead = dead_times(whole, frequency, harmonics, fit.rate)
+    if dead.any():
+        whole, bad = without(whole, dead), bad[~dead]
+        fit, around, ordinates = find_drive(whole, frequency, harmonics)
     for _ in range(3 if bad.any() else 0):
         # Cut off, a wave keeps its frequency; of the rest alone the gaps would make lines.
         fit, around, ordinates = find_drive(without(whole, bad), frequency, harmonics, fit.rate / (2.0 * pi))
@@ -121,7 +140,7 @@ def recover_drive(
         factors, degrees = around / max(fit.variance, 1e-300), 2 * ordinates
     # The noise is itself an estimate: Student's factor makes 1.96 standard errors cover 95 % all the same.
     factors = factors * float(stats.t.ppf(0.975, degrees) / stats.norm.ppf(0.975)) ** 2
-    counts = int((~here).sum()), int(bad.sum())
+    counts = int((~here).sum() + dead.sum()), int(bad.sum())
     return _described(without(whole, bad), fit, factors, middle, shift, scale, counts)
 
 

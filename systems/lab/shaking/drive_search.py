@@ -34,6 +34,13 @@ _RESOLVED = 8.0  # periods, over which no more than 0.002 of a harmonic's power 
 _PLAIN = 0.02  # power of a plain fundamental, to that of the strongest harmonic
 _NEAR = 0.02  # within which the frequency is sought about a given one
 _RUN = 3  # equal samples in a row at an extreme look like saturation
+MOST_SATURATED = 0.9  # of the samples, where the others are fitted
+_BAND = 8.0  # standard deviations of the noise below an extreme, in which a noisy plateau lies
+_CROWDED = 10.0  # times as many samples there as in the next band make a plateau; of a sine there are 2.4 times as many
+_NARROW = 0.1  # of the range, at most, is a band that can tell
+_STUCK = 8  # equal samples in a row anywhere look like a dead time of the sensor,
+_RARE = 0.5  # if they are rarer than that for each period, or else they belong to the wave,
+_FAR = 4.0  # and if the fit of the others passes them, on average, at so many standard deviations of its noise
 _WORK = 2e9  # products of columns that one fit may take
 
 
@@ -205,13 +212,60 @@ def saturated(readings: Array, limits: tuple[float, float] | None) -> NDArray[np
     """Tell which samples look saturated: at the limits of the sensor, or else in runs of equal extremes."""
     if limits is not None:
         return (readings <= limits[0]) | (readings >= limits[1])
-    bad = np.zeros(len(readings), bool)
+    return _plateaus(readings, [np.abs(readings - e) == 0.0 for e in (readings.min(), readings.max())])
+
+
+def crowded(readings: Array) -> NDArray[np.bool_]:
+    """Tell which samples crowd at an extreme as narrowly as the noise: saturated ones, if noise came in after that.
+
+    Where hardly any are left besides, the wave is square, and there are none.
+    """
+    bands, width = [], _BAND * _roughness(readings)
     for extreme in (readings.min(), readings.max()):
-        equal = readings == extreme
-        runs = np.convolve(equal, np.ones(_RUN), "valid") == _RUN
-        if runs.any():
-            bad |= equal
+        below = np.abs(readings - extreme)
+        near, next_to = below <= width, (below > width) & (below <= 2.0 * width)
+        if width < _NARROW * np.ptp(readings) and near.sum() > _CROWDED * next_to.sum():
+            bands.append(near)
+    found = _plateaus(readings, bands)
+    return found & (found.mean() <= MOST_SATURATED)
+
+
+def _plateaus(readings: Array, bands: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Return the samples of the bands in which some follow each other."""
+    bad = np.zeros(len(readings), bool)
+    for band in bands:
+        if (np.convolve(band, np.ones(_RUN), "valid") == _RUN).any():
+            bad |= band
     return bad
+
+
+def _roughness(readings: Array) -> float:
+    """Return the standard deviation of independent noise on a smooth wave, by fourth differences."""
+    return 1.4826 * float(np.median(np.abs(np.diff(readings, 4)))) / sqrt(70.0)
+
+
+def dead_times(record: Record, frequency: float | None, harmonics: int | None, rate: float) -> NDArray[np.bool_]:
+    """Tell which samples a sensor repeated while it was dead: runs of equal ones that the fit of the others misses."""
+    none = np.zeros(len(record.values), bool)
+    edges = np.flatnonzero(np.diff(record.values) != 0.0) + 1
+    equal = [run for run in np.split(np.arange(len(none)), edges) if len(run) >= _STUCK]
+    groups: list[list[NDArray[np.intp]]] = [[], [], []]  # saturation, at the extremes, apart from what is between
+    for run in equal:
+        value = record.values[run[0]]
+        groups[0 if value == record.values.min() else 2 if value == record.values.max() else 1].append(run)
+    runs = [run for group in groups if len(group) < _RARE * rate * record.span / (2.0 * np.pi) for run in group]
+    if not runs:
+        return none
+    still = none.copy()
+    still[np.concatenate(runs)] = True
+    others = without(record, still)
+    fit = find_drive(others, frequency, harmonics)[0]
+    missed = np.abs(model(record, fit.rate, fit.coefficients) - record.values)
+    far = _FAR * sqrt(fit.variance) + record.resolution
+    dead = [run for run in runs if missed[run].mean() > far]
+    for run in dead:
+        none[run] = True
+    return none
 
 
 def without(record: Record, bad: NDArray[np.bool_]) -> Record:
@@ -220,7 +274,7 @@ def without(record: Record, bad: NDArray[np.bool_]) -> Record:
 
 
 def beyond_limits(record: Record, fit: Fit, bad: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which samples the fit of the others puts beyond the extremes of the record; none if it puts them on these.
+    """Tell which samples the fit of the others puts beyond the plateaus of the record; none if it puts them on these.
 
     A coarse converter gives runs of equal samples as well, where the motion turns, and the fit passes through them
     within half of a step of the converter.  Judged by the fit, and not by the samples, those left are not a selection
@@ -228,9 +282,11 @@ def beyond_limits(record: Record, fit: Fit, bad: NDArray[np.bool_]) -> NDArray[n
     """
     predicted, noise = model(record, fit.rate, fit.coefficients), sqrt(fit.variance)
     found = np.zeros(len(bad), bool)
-    for side, extreme in ((1.0, record.values.max()), (-1.0, record.values.min())):
-        there = bad & (record.values == extreme)
+    middle = 0.5 * float(record.values.max() + record.values.min())
+    for side in (1.0, -1.0):
+        there = bad & (side * (record.values - middle) > 0.0)
         if there.any():
+            extreme = float(record.values[there].mean())
             excess = side * (predicted[there] - extreme)
             if excess.mean() > 0.55 * record.resolution + 4.0 * noise / sqrt(there.sum()):
                 found |= there | (side * (predicted - extreme) > -3.0 * noise)

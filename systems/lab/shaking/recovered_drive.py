@@ -50,7 +50,7 @@ class RecoveredDrive:
     span : float
         Length of the record (s).
     samples, missing, clipped : int
-        Samples that were used, that were not numbers, and that the sensor cut off.
+        Samples that were used, that were not numbers or of a dead time, and that the sensor cut off.
     """
 
     frequency: float

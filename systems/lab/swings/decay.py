@@ -107,7 +107,7 @@ def check_decay(envelope: Envelope, fewest: int) -> None:
         raise TypeError(f"envelope={envelope!r}: give an Envelope, as swing_envelope returns it")
     count = len(envelope.times)
     if count < fewest:
-        raise ValueError(f"envelope has {count} extremes: give at least {fewest}, by a longer film")
+        raise ValueError(f"envelope has {count} extremes: give at least {fewest}, by a longer film or less noise")
     t = envelope.times - envelope.times.mean()
     slope = float(t @ envelope.amplitudes / (t @ t))
     rest = envelope.amplitudes - envelope.amplitudes.mean() - slope * t

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from scipy.special import ellipk
 from cellmap.checks import finite_number
 
 from ..measured import measured_series, noise_level
+from .rhythm import SURE, counted, half_period, in_step
 
 _CLEAR = 4.0  # standard deviations of the noise beyond rest that tell a swing from it
 _CAP = 0.75  # samples of a half swing above this share of its height go into the fit of its extreme
@@ -21,6 +22,8 @@ _FEWEST_EXTREMES = 4
 _FEWEST_SAMPLES = 4  # of a cap
 _QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
 _WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
+_BESIDE = 0.15  # of the width of a cap, that the series goes on beyond it at least: else the cap itself may be cut
+_STEEP = 0.6  # of its height, the bend of a cap over its half width squared; that of a cosine is 0.52
 _ROUNDS = 4
 GAUSS = np.polynomial.legendre.leggauss(6)
 
@@ -74,10 +77,22 @@ class Envelope:
     @property
     def half_swings(self) -> NDArray[np.int64]:
         """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
-        times = np.diff(self.times) / self.slowings
-        odd = np.diff(self.sides) != 0
-        pairs = np.rint((times / np.median(times) - odd) / 2.0).astype(np.int64)
-        return np.where(odd, 2 * np.maximum(pairs, 0) + 1, 2 * np.maximum(pairs, 1))
+        times, odd = self._intervals()
+        return counted(times / half_period(times, odd), odd)
+
+    @property
+    def misfits(self) -> NDArray[np.float64]:
+        """By how much each interval differs from its `half_swings`, as a share of one, shape (n - 1,); at most 1.
+
+        The count is a guess where it is large: beyond :data:`SURE` the nearest counts may be as good.
+        """
+        times, odd = self._intervals()
+        lasted = times / half_period(times, odd)
+        return np.abs(lasted - counted(lasted, odd))
+
+    def _intervals(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Times from each extreme to the next, as they would be at small amplitude, and whether sides change."""
+        return np.diff(self.times) / self.slowings, np.diff(self.sides) != 0
 
     @property
     def slowings(self) -> NDArray[np.float64]:
@@ -95,7 +110,8 @@ def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = Non
     A half swing is what lies between two passages through rest, told apart with a hysteresis of four standard
     deviations of the noise, so that noise makes no extremes.  A polynomial of degree 4 through the samples near the
     extreme, or of degree 2 where there are few, gives its time and height with their errors.  Half swings that the
-    series begins or ends with, or whose extreme falls into a gap, are left out.
+    series begins or ends with, or whose extreme falls into a gap, are left out, and so are the last extremes, up to a
+    quarter of them, from where their times lose the step or many are missing without a gap: the swing has died there.
 
     Parameters
     ----------
@@ -135,7 +151,12 @@ def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = Non
     found = _extremes(t, x, middle, noise)
     _check(found, t, x, middle, noise)
     moments, heights, sides, errors, time_errors = np.array(found).T
-    return Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
+    envelope = Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
+    kept = in_step(moments, envelope.half_swings, envelope.misfits, t[np.isfinite(x)])
+    if _FEWEST_EXTREMES <= kept < len(found):
+        columns = ("times", "amplitudes", "sides", "standard_errors", "time_errors")
+        envelope = replace(envelope, **{name: getattr(envelope, name)[:kept] for name in columns})
+    return envelope
 
 
 def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> None:
@@ -153,14 +174,23 @@ def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64]
 
 
 def _middle(t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float:
-    """Angle midway between maxima and minima; a parabola through three neighbours in turn takes out their decay."""
-    middle = 0.5 * float(np.nanmin(x) + np.nanmax(x))
+    """Angle midway between maxima and minima; a parabola through three neighbours in turn takes out their decay.
+
+    A swing that loses most of its height at once is not about the middle of all angles: then their median is near it.
+    """
+    begin = 0.5 * float(np.nanmin(x) + np.nanmax(x))
+    found = (_middle_from(start, t, x, noise) for start in (begin, float(np.nanmedian(x))))
+    return next((middle for middle in found if middle is not None), begin)
+
+
+def _middle_from(middle: float, t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float | None:
+    """Return the same from a first guess; None where too few extremes are about it."""
     for _ in range(_ROUNDS):
         found = _extremes(t, x, middle, noise)
         values = np.array([middle + e.side * e.height for e in found])
         turns = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
         if not turns:
-            break
+            return None
         middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in turns]))
     return middle
 
@@ -194,6 +224,8 @@ def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.int
     if not (before.size and after.size):
         return None
     width = t[cap[-1]] - t[cap[0]]
+    if min(t[cap[0]] - t[seen[0]], t[seen[-1]] - t[cap[-1]]) < _BESIDE * width:
+        return None
     if np.diff(t[[before[-1], *cap, after[0]]]).max() > _WIDEST * width:
         return None
     centre, scale = 0.5 * (t[cap[0]] + t[cap[-1]]), 0.5 * width
@@ -223,8 +255,34 @@ def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.int
         height=float(curve(place)) - 0.5 * shift,  # the maximum of a noisy curve is too high by this much
         side=1,
         error=float(np.sqrt(value @ spread @ value)),
-        time_error=scale * float(np.sqrt(shift / -bend)),
+        # Noise bends a curve more than the swing does, and would seem to fix its extreme the better for it.
+        time_error=scale * float(np.sqrt(shift * -bend)) / min(-bend, _STEEP * float(curve(place))),
     )
+
+
+def check_rhythm(envelope: Envelope, first: int) -> None:
+    """Refuse an envelope of whose first intervals one is no whole number of half swings.
+
+    Parameters
+    ----------
+    envelope : Envelope
+        Extremes.
+    first : int
+        How many intervals.
+
+    Raises
+    ------
+    ValueError
+        Where one misses its count by more than :data:`SURE`.
+    """
+    misfits = envelope.misfits[:first]
+    if misfits.max() > SURE:
+        k = int(np.argmax(misfits))
+        raise ValueError(
+            f"envelope: from the extreme at {envelope.times[k]:.4g} s to the next one at {envelope.times[k + 1]:.4g} s "
+            "it is no whole number of half swings by the rhythm of the others; cut the series before the swing drowns "
+            "in noise, or give more samples a swing"
+        )
 
 
 def slowing(amplitude: ArrayLike) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from cellmap import ForcedSystem
 from cellmap.checks import finite_number, finite_points
 
 from ..measured import measured_series, neighbour_correlation, widening
-from .simulation import Simulation
+from .simulation import Simulation, clear_of_noise
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -166,7 +166,8 @@ def fit_motion(
         raise ValueError(f"vary={vary!r}: give names of parameters, each once")
     if x.shape[1] > system.dimension:
         raise ValueError(f"measured has {x.shape[1]} columns: {system.name} has {system.dimension} coordinates")
-    job = Simulation(system, names, t, x, zero, finite_number("tolerance", tolerance, at_least=1e-13, at_most=1e-3))
+    fine = finite_number("tolerance", tolerance, at_least=1e-13, at_most=1e-3)
+    job = Simulation(system, names, t, x, zero, fine, clear_of_noise(t, x))
     guess = [*(system.params[n] for n in names), *_start(t, x, system, start), *([0.0] * x.shape[1] if zero else ())]
     begin = np.array(guess)
     low, high = _bounds(names, begin, bounds or {})

@@ -13,10 +13,16 @@ from scipy.interpolate import CubicSpline
 from cellmap import ForcedSystem, trajectory
 from cellmap.sweep import swept_system
 
+from ..measured import noise_level
+
 _STEP = 1e-4  # of a difference quotient, relative to the size of what changes
 _FINE = 100  # samples of a swing between which a spline is as good as the motion, for any measurement
 _WIDE = 100.0  # factor by which a period that is fitted may differ from its first guess
 _FINER = 8  # samples between two measured ones, at most
+_SHARE = 0.2  # of the widest swing, what counts as one
+_CLEAR = 4.0  # standard deviations of the noise, but no more than
+_CLEAR_SHARE = 0.5  # of the widest swing of all
+_NEIGHBOURS = 13  # that tell noise from a motion with few samples in a swing
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +45,8 @@ class Simulation:
         Whether there are zeros, one for each measured coordinate.
     tolerance : float
         Tolerance of a period.
+    clear : ndarray, shape (m,)
+        Distance from the middle beyond which a swing is no noise, as :func:`clear_of_noise` returns it.
     """
 
     system: ForcedSystem
@@ -47,6 +55,7 @@ class Simulation:
     measured: NDArray[np.float64]
     zero: bool
     tolerance: float
+    clear: NDArray[np.float64]
     _swept: dict[str, ForcedSystem] = field(default_factory=dict)
 
     @property
@@ -63,12 +72,12 @@ class Simulation:
 
     @functools.cached_property
     def swings(self) -> float:
-        """Number of swings of the coordinate that swings most often."""
+        """Number of swings of the coordinate that swings most often, clear of the noise."""
         crossings = []
-        for column in self.measured.T:
+        for column, least in zip(self.measured.T, self.clear.tolist(), strict=True):
             values = column[np.isfinite(column)]
             values = values - np.median(values) if values.size else values
-            clear = values[np.abs(values) > 0.2 * np.abs(values).max(initial=0.0)]
+            clear = values[np.abs(values) > max(_SHARE * np.abs(values).max(initial=0.0), least)]
             crossings.append(np.count_nonzero(np.diff(np.signbit(clear))))
         return 0.5 * max(crossings)
 
@@ -156,3 +165,23 @@ class Simulation:
         spacing, span = float(np.median(np.diff(self.times))), float(self.times[-1] - self.times[0])
         fine = max(min(spacing, span / max(self.swings, 1.0) / _FINE), spacing / _FINER)
         return max(1, ceil(span / length - 1e-9)), max(4, ceil(length / fine - 1e-9))
+
+
+def clear_of_noise(times: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance from the middle beyond which each coordinate swings, and does not merely scatter.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Times of the samples.
+    measured : ndarray, shape (n, m)
+        Coordinates; NaN marks a gap.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Distances.
+    """
+    noise = np.nan_to_num([noise_level(times, column, _NEIGHBOURS) for column in measured.T])
+    widest = np.nanmax(np.abs(measured - np.nanmedian(measured, axis=0)), axis=0)
+    return np.minimum(_CLEAR * noise, _CLEAR_SHARE * widest)

@@ -339,6 +339,39 @@ def test_saturated_samples_are_left_out() -> None:
     assert naive.amplitudes[0] < 0.0028
 
 
+@pytest.mark.parametrize("share", [0.65, 0.85])
+def test_saturation_before_the_noise_is_found_by_its_crowd(share: float) -> None:
+    """A sensor that saturates, and a converter that adds noise: extremes are not equal, but crowd."""
+    top = share * 0.003 * (2.0 * pi * 47.37) ** 2
+    for seed in range(4):
+        noise = np.random.default_rng(seed).normal(0.0, 0.5, TIMES.size)
+        found = recover_drive(TIMES, np.clip(record_acceleration(SINE, TIMES), -top, top) + noise)
+        assert found.clipped > 0.25 * TIMES.size
+        assert len(found.amplitudes) == 1
+        assert np.abs(deviations(SINE, found)).max() < 4.0
+
+
+@pytest.mark.parametrize("value", [0.0, -150.0, None])
+def test_a_dead_time_is_a_gap(value: float | None) -> None:
+    """For a seventh of the record the sensor repeats one reading; taken for data, 0.003 m come out 15 % too small."""
+    dead = slice(600, 900)
+    for limits in (inf, 600.0):
+        record = np.clip(record_acceleration(SINE, TIMES, noise=1.0, seed=4), -limits, limits)
+        record[dead] = record[600] if value is None else value
+        found = recover_drive(TIMES, record)
+        assert found.missing in (300, 301)
+        assert np.abs(deviations(SINE, found)).max() < 4.0
+
+
+def test_a_wave_that_rests_in_every_period_is_not_dead() -> None:
+    """Two of five parts of each period are even: they belong to the wave, and nothing is left out."""
+    turns = 20.0 * TIMES
+    shape = np.where(np.mod(turns, 1.0) < 0.6, np.sin(2.0 * pi * np.mod(turns, 1.0) / 0.6), 0.0)
+    found = recover_drive(TIMES, 300.0 * shape)
+    assert found.missing == 0
+    assert found.frequency == pytest.approx(20.0, rel=1e-3)
+
+
 def test_an_alias_is_taken_for_what_it_looks_like() -> None:
     """90 Hz, sampled at 100 Hz, is 10 Hz; told the truth, there is an error."""
     times = np.arange(200) / 100.0

@@ -15,6 +15,7 @@ from systems import double_pendulum, driven_pendulum
 from systems.effects import Gravity
 from systems.lab.swings.damping import fit_damping, free_pendulum
 from systems.lab.swings.motion_fit import fit_motion
+from systems.lab.swings.simulation import Simulation, clear_of_noise
 from systems.pendulum import Pendulum
 from systems.scene import scene
 
@@ -159,6 +160,37 @@ def test_a_film_that_goes_on_after_the_rod_has_stopped(begin: float) -> None:
         assert found.rmse <= np.sqrt(np.mean((angles - exact) ** 2))
         for name, value in {**coefficients, "length": 0.069}.items():
             assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
+
+
+def test_noise_between_dense_samples_is_no_swing() -> None:
+    """A thousand samples a swing: the first ones show none, so that no fit begins with them alone."""
+    times = np.linspace(0.0, 4.0, 4001)
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, times.size)
+    angles = (0.1 * np.exp(-0.02 * times) * np.cos(2.0 * pi * times) + noise)[:, None]
+    job = Simulation(rod(), ("length",), times, angles, True, 1e-8, clear_of_noise(times, angles))
+    assert job.swings == pytest.approx(4.0, abs=0.51)
+    assert max(job.until(0.5**k).swings for k in (7, 6, 5, 4)) < 1.0
+    assert job.until(0.5).swings == pytest.approx(2.0, abs=0.51)
+
+
+@pytest.mark.slow
+def test_dense_samples_of_a_small_swing() -> None:
+    period = 2.0 * pi * (0.069 / 9.8) ** 0.5
+    times = np.linspace(0.0, 4.0 * period, 4000)
+    swing = solve_ivp(
+        lambda t, x: [x[1], -9.8 / 0.069 * np.sin(x[0]) - 0.4 * x[1]],
+        (0.0, times[-1]),
+        [0.1, 0.0],
+        "DOP853",
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[0]
+    for seed in range(6):
+        found = fit_damping(times, noisy(swing, seed, 1e-3), ["viscous"]).best
+        for name, value in TRUE.items():
+            assert abs(found.estimates[name] - value) < 4.0 * found.standard_errors[name]
+        assert found.rmse == pytest.approx(1e-3, rel=0.05)
 
 
 @pytest.mark.slow

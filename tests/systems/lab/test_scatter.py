@@ -69,6 +69,15 @@ def test_markers_that_suit_the_pixels_less(draw: Any, blur: float, least: float)
     assert (ratio(found, truth) < 1.3).all()
 
 
+@pytest.mark.parametrize("blur", [0.2, 0.4, 0.6])
+def test_a_sharp_disc_that_hardly_moves(blur: float) -> None:
+    """Over a tenth of a pixel in ten frames its error does not scatter; the width of its edge tells of it."""
+    truth = np.array([80.3, 80.2]) + np.arange(200)[:, None] * np.array([0.013, 0.0087])
+    found = track_markers(filmed(disc, truth, blur), truth[:1])
+    assert (ratio(found, truth) > 0.6).all()
+    assert (ratio(found, truth) < 1.4).all()
+
+
 def test_compressed_frames(tmp_path: Path) -> None:
     pytest.importorskip("imageio")
     pytest.importorskip("av")

@@ -356,12 +356,43 @@ def test_films_without_light_or_frames() -> None:
     noise = np.random.default_rng(0).normal(100.0, 5.0, (2, 80, 100))
     with pytest.raises(ValueError, match="nothing bright stands out"):
         track_markers(filmed(*noise), [(30, 30)])
+    dark = 255.0 - picture((50.0, 40.0), radius=8.0)
+    for frame, message in ((dark, "no marker is above"), (dark + 0.4 * (noise[0] - 100.0), "it is dark there")):
+        with pytest.raises(ValueError, match=rf"{message}.*of dark markers,? the negative of the film"):
+            track_markers(filmed(frame), [(50, 40)], window=25.0)
+    faint = np.where(picture((50.0, 40.0)) > 120.0, 86.0, 85.0)
+    with pytest.raises(ValueError, match=r"nothing bright stands out there \(by 3.5 deviations"):
+        track_markers(filmed(faint), [(50, 40)])
+    with pytest.raises(ValueError, match="for markers that fill the surroundings, a larger window="):
+        track_markers(filmed(picture((50.0, 40.0), radius=14.0)), [(50, 40)])
     with pytest.raises(ValueError, match="all frames are missing"):
         track_markers(film_at_rate(np.full((2, 80, 100), np.nan), 10.0), [(30, 30)])
     with pytest.raises(ValueError, match="count markers from the pivot outwards"):
         Rod(0, 0, 5.0)
     with pytest.raises(TypeError, match="give Rod"):
         track_markers(filmed(picture((30.0, 30.0))), [(30, 30)], rods=[3])  # type: ignore[list-item]
+
+
+def test_frames_that_repeat_the_one_before_are_missing() -> None:
+    """A recorder that fills in for lost frames: the truth is elsewhere, by 6 pixels at most, and nothing else tells."""
+    rng = np.random.default_rng(3)
+    times = np.arange(120) / 100.0
+    truth = np.stack([50.0 + 30.0 * np.sin(6.0 * times), 40.0 + 10.0 * np.cos(6.0 * times)], axis=-1)
+    frames = [picture(tuple(place)) + rng.normal(0.0, 2.0, (80, 100)) for place in truth.tolist()]
+    repeated = [7, 20, 21, 60, 90]
+    for k in repeated:
+        frames[k] = frames[k - 1]
+    found = track_markers(filmed(*frames), truth[:1])
+    assert np.flatnonzero(found.status[:, 0] == MarkerStatus.NO_FRAME).tolist() == repeated
+    assert np.nanmax(np.abs(found.positions[:, 0] - truth)) < 0.1
+    assert np.nanmax(found.errors) < 0.02
+
+
+def test_a_marker_that_stands_is_seen_in_equal_frames() -> None:
+    """Without noise, frames repeat as long as nothing moves; before and after it moves by 3 pixels a frame."""
+    frames = [picture((30.0 + 3.0 * min(k, 5) + 3.0 * max(k - 8, 0), 30.0)) for k in range(14)]
+    found = track_markers(filmed(*frames[:9]), [(30, 30)])
+    assert (found.status == SEEN).all()
 
 
 def test_missing_and_constant_frames_are_gaps() -> None:
