@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from cellmap.checks import finite_number, whole_number
@@ -18,6 +19,7 @@ Pivot = int | tuple[float, float] | None
 
 _LOOSE = 0.005  # share by which the length of a rigid rod may vary, and
 _LOOSE_ERRORS = 5.0  # standard errors
+_STANDS_OUT = 2.0  # standard deviations by which a polynomial misses more than errors make of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,8 @@ class JointAngles:
     rates : ndarray, shape (n, joints)
         Angular rates (rad/s); NaN in gaps, and as near to them as no whole window fits.
     rate_errors : ndarray, shape (n, joints)
-        Their standard errors (rad/s) from those of the angles; what a polynomial cannot follow is not among them.
+        Their standard errors (rad/s): from those of the angles, and from what a polynomial cannot follow, where two
+        degrees more, in a window of `degree` + 3 frames or more, change the rates by more than these errors do.
     stretches : ndarray of int, shape (n, joints)
         Number of the stretch, from 0, over which whole turns are counted; -1 in gaps.  A new one begins where a gap is
         so long that turns may have been missed: between stretches, angles are known up to whole turns.
@@ -209,17 +212,43 @@ def _slopes(
     even = bool(np.ptp(steps) < 1e-6 * steps.mean())
     if even and count > window:
         slopes[half:-half] = savgol_filter(values, window, degree, deriv=1, delta=float(steps.mean()))[half:-half]
-    usual = _weights(times[:window] - times[half], degree)
+    usual = _both_weights(times[:window] - times[half], degree)
+    missed, chance = np.full((2, count), np.nan)
     for k in range(count):
         first = min(max(k - half, 0), count - window)
         if first != k - half and not one_sided:
             continue
         part = slice(first, first + window)
-        weights = usual if even and first == k - half else _weights(times[part] - times[k], degree)
+        weights, change = usual if even and first == k - half else _both_weights(times[part] - times[k], degree)
         if np.isnan(slopes[k]):
             slopes[k] = weights @ (values[part] - values[k])
         spreads[k] = np.sqrt(weights**2 @ errors[part] ** 2)
-    return slopes, spreads
+        missed[k], chance[k] = (change @ (values[part] - values[k])) ** 2, change**2 @ errors[part] ** 2
+    return slopes, np.sqrt(spreads**2 + _not_followed(missed, chance, window))
+
+
+def _not_followed(missed: NDArray[np.float64], chance: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+    """Return the squares of what a polynomial misses of the slopes, from what one of a higher degree changes them by.
+
+    Of the squares of these changes, those that the errors of the values cause are taken off; nothing is left where the
+    others do not stand out from them.
+    """
+    known = np.flatnonzero(np.isfinite(missed))
+    nothing = np.zeros(len(missed))
+    if not known.size:
+        return nothing
+    excess = missed[known] - chance[known]
+    if excess.sum() <= _STANDS_OUT * np.sqrt(2.0 * window * (chance[known] ** 2).sum()):
+        return nothing
+    nothing[known] = np.maximum(uniform_filter1d(excess, min(2 * window + 1, known.size), mode="nearest"), 0.0)
+    return nothing
+
+
+def _both_weights(offsets: NDArray[np.float64], degree: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the weights of a slope, and of what two degrees more change of it; 0 where a window has too few values."""
+    weights = _weights(offsets, degree)
+    higher = min(degree + 2, len(offsets) - 1)
+    return weights, _weights(offsets, higher) - weights
 
 
 def _weights(offsets: NDArray[np.float64], degree: int) -> NDArray[np.float64]:

@@ -199,3 +199,18 @@ def test_standard_errors_of_the_circle(span: float) -> None:
 def test_points_without_a_circle(points: Any, error: str) -> None:
     with pytest.raises(ValueError, match=error):
         fit_circle(points)
+
+
+@pytest.mark.parametrize(("window", "degree"), [(7, 3), (9, 3), (7, 2), (11, 4)])
+@pytest.mark.parametrize(("fast", "noise"), [(12.0, 0.02), (46.0, 0.005), (46.0, 0.1), (90.0, 0.02)])
+def test_errors_of_rates_hold_what_a_polynomial_cannot_follow(
+    window: int, degree: int, fast: float, noise: float
+) -> None:
+    """From noise alone to 400 times that: 14 frames a swing are too few for parabolas, and for seven frames cubics."""
+    times, squares, allowed = np.arange(400) / 200.0, [], []
+    angle, rate = 0.5 * np.cos(fast * times), -0.5 * fast * np.sin(fast * times)
+    for seed in range(5):
+        found = joint_angles(tracks_of(times, angle, noise=noise, seed=seed), [PIVOT], window, degree)
+        squares.append(np.nanmean((found.rates[:, 0] - rate) ** 2))
+        allowed.append(np.nanmean(found.rate_errors[:, 0] ** 2))
+    assert 0.9 < np.sqrt(np.mean(squares) / np.mean(allowed)) < 1.5
