@@ -177,7 +177,7 @@ def test_the_wave_of_the_pendulum(amplitude: float) -> None:
 
 
 def test_frequencies_of_a_decaying_swing() -> None:
-    """Viscous damping lowers the frequency by gamma^2/(8 w^2) of itself, which neither corrects."""
+    """Viscous damping lowers the frequency by gamma^2/(8 w^2) of itself, hardly more than the error."""
     motion = film(0.8, {"damping": 0.3}, noise=0.003)
     shifted = FREQUENCY * (1.0 - 0.3**2 / (8.0 * FREQUENCY**2))
     every = natural_frequency(swing_envelope(TIMES, motion))
