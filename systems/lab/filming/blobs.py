@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation, find_objects, label
 
+from .light import slope_inside, surroundings
 from .pixel_noise import PixelNoise
 
 Box = tuple[int, int, int, int]  # first row, row past the last, first column, column past the last
 
 _EIGHT = np.ones((3, 3), bool)
-_FIVE = np.ones((5, 5), bool)
-_SECTORS = 24  # directions in which the surroundings of a blob are told apart
-_ROD = 0.1  # share of the contrast by which something beyond the edge stands out
 _RIM = 4  # pixels around a labelled blob in which its blurred edge ends
 _EDGE = (0.2, 0.8)  # shares of the contrast between which a pixel counts as covered in part
+_BLUR = 1.683  # standard deviations of a blurred edge between these shares
+_TURNS = 3  # times that the light across a blob is looked at, each about the centre that the one before gave
 # Measured: a disc's centre errs by this over its radius, from where its edge falls on the pixels, where the optics
 # spread it by 0.8 pixels (tests/systems/lab/test_tracking.py),
 _PHASE_ERROR = 0.035
@@ -131,10 +131,10 @@ def find_blobs(
 ) -> list[Blob]:
     """Return the blobs above a threshold in a box whose count of pixels is between two areas.
 
-    Centres are weighted by the share to which each pixel is covered: its grey value between that of the blob and that
-    beyond its edge in the same direction, cut off below 0.2 and above 0.8, so that pixels come in with the weight 0 and
-    neither a rod nor uneven light pulls much.  Without weights a centre is the mean of the pixels above the threshold,
-    and has no standard error.
+    Centres are weighted by the share to which each pixel is covered: its grey value between that of the blob there and
+    that beyond its edge in the same direction, cut off below 0.2 and above 0.8, so that pixels come in with the weight
+    0 and neither a rod nor uneven light pulls much.  Without weights a centre is the mean of the pixels above the
+    threshold, and has no standard error.
     """
     top, bottom, left, right = box
     patch = frame[top:bottom, left:right]
@@ -162,7 +162,10 @@ def _measure(
     noise: PixelNoise,
     weighted: bool,
 ) -> Blob | None:
-    """Measure one blob with the rim around it, in which its blurred edge ends."""
+    """Measure one blob with the rim around it, in which its blurred edge ends.
+
+    What a pixel is when covered in full is a plane through the blob, where it is beyond chance that light changes.
+    """
     top, bottom, left, right = box
     (height, width), (rows, columns) = frame.shape, piece
     first, past = max(rows.start - _RIM, 0), min(rows.stop + _RIM, bottom - top)
@@ -170,30 +173,48 @@ def _measure(
     values = frame[top + first : top + past, left + begin : left + end].astype(np.float64)
     near = labels[first:past, begin:end]
     inside = near == number
-    bright = np.sort(values[inside])
-    plateau = float(bright[-max(bright.size // 4, 1) :].mean())
+    plateau = _plateau(values[inside])
     contrast = plateau - background
     if contrast <= 0.0:
         return None
-    levels = _surroundings(values, near, inside, background, contrast)
-    share = (values - levels) / np.maximum(plateau - levels, 0.25 * contrast)
+    levels, tilt = surroundings(values, near, inside, background, contrast, uneven=False)
     others = (near > 0) & ~inside
-    if others.any():
-        share[binary_dilation(others, _EIGHT, 2) & ~inside] = 0.0
-    cover = np.clip((share - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
-    area = float(cover.sum())
-    weights = cover if weighted else inside.astype(np.float64)
-    down, across, total = weights.sum(axis=1), weights.sum(axis=0), float(weights.sum())
-    if total <= 0.0 or area <= 0.0:
-        return None
+    apart = binary_dilation(others, _EIGHT, 2) & ~inside if others.any() else others
     y, x = np.arange(top + first, top + past), np.arange(left + begin, left + end)
-    row, column = float(down @ y) / total, float(across @ x) / total
+    slope, slope_errors, plane = np.zeros(2), np.zeros(2), np.zeros(values.shape)
+    for turn in range(1 + _TURNS):
+        share = (values - levels) / np.maximum(plateau + plane - levels, 0.25 * contrast)
+        share[apart] = 0.0
+        cover = np.clip((share - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
+        area = float(cover.sum())
+        weights = cover if weighted else inside.astype(np.float64)
+        down, across, total = weights.sum(axis=1), weights.sum(axis=0), float(weights.sum())
+        if total <= 0.0 or area <= 0.0:
+            return None
+        row, column, radius = float(down @ y) / total, float(across @ x) / total, sqrt(area / pi)
+        if turn == _TURNS:
+            break
+        slope, slope_errors = slope_inside(values, share > 0.5, (row - y[0], column - x[0]), radius, noise)
+        if turn == 0:
+            if not slope.any():
+                break
+            levels, tilt = surroundings(values, near, inside, background, contrast, uneven=True)
+        plane = slope[0] * (y - row)[:, None] + slope[1] * (x - column)
+        plateau = _plateau((values - plane)[inside])
+        contrast = plateau - background
     edge = (cover > 0.0) & (cover < 1.0)
     pulls = noise.variance(values) * edge
     squares = float(pulls.sum(axis=1) @ (y - row) ** 2), float(pulls.sum(axis=0) @ (x - column) ** 2)
     scale = total * contrast * (_EDGE[1] - _EDGE[0])
-    phase = _phase_error(sqrt(area / pi), float(edge.sum()))
-    errors = [sqrt(s / scale**2 + phase**2) if weighted else nan for s in squares]
+    wide = float(edge.sum()) / (2.0 * pi * radius)
+    phase, errors = _phase_error(radius, wide), [nan, nan]
+    if weighted:
+        # The middle of an edge moves by half of what its plateau is wrong, over its steepness.
+        lever = 0.5 * radius * wide / (contrast * (_EDGE[1] - _EDGE[0]))
+        errors = [sqrt(s / scale**2 + phase**2 + (lever * e) ** 2) for s, e in zip(squares, slope_errors, strict=True)]
+        # Blur moves all of the edge towards the darker side, by its variance times the slope over the contrast.
+        shift = (wide / _BLUR) ** 2 * (slope - tilt) / contrast
+        row, column = row + float(shift[0]), column + float(shift[1])
     moments = float(down @ (y - row) ** 2), float(across @ (x - column) ** 2), float((y - row) @ weights @ (x - column))
     half, spread = 0.5 * (moments[0] + moments[1]), hypot(0.5 * (moments[0] - moments[1]), moments[2])
     sides = rows.start == 0, rows.stop == bottom - top, columns.start == 0, columns.stop == right - left
@@ -212,31 +233,14 @@ def _measure(
     )
 
 
-def _phase_error(radius: float, edge: float) -> float:
-    """Return by how much the centre of a disc errs from where its edge, of an area in pixels, falls on them."""
-    width = edge / (2.0 * pi * radius)
+def _plateau(bright: NDArray[np.float64]) -> float:
+    """Return the mean of the brightest quarter of a blob's pixels."""
+    return float(np.sort(bright)[-max(bright.size // 4, 1) :].mean())
+
+
+def _phase_error(radius: float, width: float) -> float:
+    """Return by how much the centre of a disc errs from where its edge, of a width in pixels, falls on them."""
     return max(_PHASE_ERROR / radius, _SHARP_ERROR * (_SOFT_EDGE - width) / sqrt(radius))
-
-
-def _surroundings(
-    values: NDArray[np.float64], near: NDArray[np.int32], inside: NDArray[np.bool_], background: float, contrast: float
-) -> NDArray[np.float64]:
-    """Return for each pixel the grey value beyond the blob's edge, in the same direction from its middle.
-
-    So a rod that meets the blob does not pull its centre: the edge is judged by what is on its two sides.  A rod is as
-    wide at the edge as beyond it, and so covers more directions there: it counts in those beside its own as well.
-    """
-    rows, columns = np.nonzero(inside)
-    down = np.arange(len(values))[:, None] - rows.mean()
-    across = np.arange(values.shape[1]) - columns.mean()
-    sectors = ((np.arctan2(down, across) / (2.0 * pi) + 0.5) * _SECTORS).astype(np.intp) % _SECTORS
-    beyond = ~binary_dilation(inside, _FIVE) & (near == 0)
-    count = np.bincount(sectors[beyond], minlength=_SECTORS)
-    total = np.bincount(sectors[beyond], values[beyond], _SECTORS)
-    levels = np.where(count > 0, total / np.maximum(count, 1), background)
-    beside = np.maximum(np.roll(levels, 1), np.roll(levels, -1))
-    levels = np.where(beside > background + _ROD * contrast, np.maximum(levels, beside), levels)
-    return levels[sectors]
 
 
 def smeared_area(radius: float, travel: float) -> float:

@@ -125,9 +125,12 @@ class Tracks:
         Their standard errors (pixels): from the noise of the pixels, and from where a disc's edge, sharp or soft, falls
         on them.  For each marker, across and down, they are widened to the scatter of 40 places or more about a smooth
         motion, which is larger for squares along the pixels or compressed frames; not where frames follow each other so
-        slowly that they do not show the motion, nor where what moves slowly stays long on the same pixels.  What stays
-        the same from frame to frame they do not hold: a marker that is a tenth brighter on one side than in its middle
-        is found 0.1 pixels off.  NaN for plain centroids.
+        slowly that they do not show the motion, nor where what moves slowly stays long on the same pixels.  Light that
+        changes evenly across a marker is reckoned with: one that is a tenth or three tenths brighter on one side than
+        in its middle is found to 0.01 pixels at a radius of 5.  What is left stays the same from frame to frame and is
+        not in the errors: about 0.1 pixels where a shadow's edge lies on a marker, where its radius of 3 is spread by
+        1.2, and where slopes are hardly beyond the noise, 0.2 where it is brighter by a fifth on one side and moves by
+        its radius during an exposure or is saturated.  NaN for plain centroids.
     status : ndarray of uint8, shape (n, markers)
         A :class:`MarkerStatus` each.
     centroids : ndarray, shape (n, markers, 2)

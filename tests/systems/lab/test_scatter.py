@@ -11,8 +11,11 @@ from scipy.ndimage import gaussian_filter
 
 from systems.lab.filming.film import Film, film_at_rate
 from systems.lab.filming.film_files import read_film, write_film
+from systems.lab.filming.light import slope_inside
+from systems.lab.filming.pixel_noise import PixelNoise
 from systems.lab.filming.scatter import widen_errors
 from systems.lab.filming.tracking import track_markers
+from systems.lab.filming.tracks import MarkerStatus
 
 RATE = 200.0
 TIMES = np.arange(200) / RATE
@@ -61,7 +64,7 @@ def ratio(found: Any, truth: Any) -> Any:
     ids=["sharp disc", "square", "sharp square"],
 )
 def test_markers_that_suit_the_pixels_less(draw: Any, blur: float, least: float) -> None:
-    """True errors are 3, 2.5 and 14 times what noise and a soft disc would give; the scatter tells."""
+    """True errors are 3, 2 and 14 times what noise and a soft disc would give; the scatter tells."""
     truth = swinging()
     found = track_markers(filmed(draw, truth, blur), truth[:1])
     assert np.std(found.positions[:, 0] - truth) > least
@@ -76,6 +79,63 @@ def test_a_sharp_disc_that_hardly_moves(blur: float) -> None:
     found = track_markers(filmed(disc, truth, blur), truth[:1])
     assert (ratio(found, truth) > 0.6).all()
     assert (ratio(found, truth) < 1.4).all()
+
+
+def lit(slope: float) -> Any:
+    """Disc that is brighter at its right end than in its middle, by this share."""
+    columns = np.arange(SHAPE[1])
+    return lambda column, row: 0.8 * disc(column, row) * (1.0 + slope * (columns - column) / 5.0)
+
+
+@pytest.mark.parametrize("slope", [0.03, 0.1, 0.3])
+def test_a_marker_that_is_brighter_on_one_side(slope: float) -> None:
+    """One plateau for all of it would put its centre 0.03, 0.1 and 0.34 pixels off, 3 to 34 standard errors."""
+    truth = swinging()
+    found = track_markers(filmed(lit(slope), truth, 0.8), truth[:1])
+    assert (found.status == MarkerStatus.SEEN).all()
+    assert np.abs((found.positions[:, 0] - truth).mean(axis=0)).max() < 0.015
+    assert (ratio(found, truth) < 1.2).all()
+
+
+@pytest.mark.parametrize("light", ["stripes", "shadow"])
+def test_light_that_differs_from_place_to_place(light: str) -> None:
+    """A swing through stripes of light, or by a shadow's edge: 0.1 and 0.02 pixels with one plateau for the marker."""
+    columns, truth = np.arange(SHAPE[1]), swinging()
+    stripes = 1.0 + 0.3 * np.sin(columns / 7.5)
+    brightness = stripes if light == "stripes" else 0.925 + 0.075 * np.tanh(columns - 83.0)
+    rng = np.random.default_rng(0)
+    frames = [gaussian_filter((30.0 + 150.0 * disc(*p)) * brightness, 0.8) + rng.normal(0.0, 1.0, SHAPE) for p in truth]
+    found = track_markers(film_at_rate(np.clip(np.rint(frames), 0, 255).astype(np.uint8), RATE), truth[:1])
+    assert (found.status == MarkerStatus.SEEN).all()
+    assert np.sqrt(np.mean((found.positions[:, 0] - truth) ** 2)) < 0.01
+    assert (ratio(found, truth) < 1.3).all()
+
+
+def test_a_saturated_marker() -> None:
+    """Flat at 255, it has no slope that could be told, and none is made up."""
+    truth = swinging()
+    found = track_markers(filmed(lambda *p: 3.0 * disc(*p), truth, 0.8), truth[:1])
+    assert np.sqrt(np.mean((found.positions[:, 0] - truth) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize("radius", [4.0, 5.0, 9.0])
+def test_slopes_inside_a_blob(radius: float) -> None:
+    """A slope of about ten standard errors is found within these; of noise alone, hardly ever any."""
+    rng = np.random.default_rng(0)
+    noise, made_up, apart, fine = PixelNoise(4.0, 0.0), 0, [], (np.arange(26 * 8) + 0.5) / 8.0 - 0.5
+    inner = np.pi * (radius - 1.0) ** 2
+    slope = 10.0 * 2.0 / np.sqrt(inner * (radius - 1.0) ** 2 / 4.0)
+    for _ in range(200):
+        row, column = 12.5 + rng.uniform(-0.5, 0.5, 2)
+        discs = np.hypot(fine - column, (fine - row)[:, None]) < radius
+        share = gaussian_filter(discs.reshape(26, 8, 26, 8).mean(axis=(1, 3)), 0.6)
+        even = 40.0 + 150.0 * share + rng.normal(0.0, 2.0, share.shape)
+        made_up += slope_inside(even, share > 0.5, (row, column), radius, noise)[0].any()
+        tilted = even + share * slope * (np.arange(26) - column)
+        found, errors = slope_inside(tilted, share > 0.5, (row, column), radius, noise)
+        apart.append((found - [0.0, slope]) / errors)
+    assert made_up <= 6
+    assert np.sqrt(np.mean(np.square(apart))) < 1.5
 
 
 def test_compressed_frames(tmp_path: Path) -> None:
