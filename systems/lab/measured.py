@@ -102,8 +102,8 @@ def noise_level(times: NDArray[np.float64], values: NDArray[np.float64], neighbo
     if np.count_nonzero(seen) < neighbours:
         return np.nan
     t, v = (np.lib.stride_tricks.sliding_window_view(a[seen], neighbours) for a in (times, values))
-    apart = (t[:, :, None] - t[:, None, :]) / np.ptp(t, axis=1)[:, None, None] + np.eye(neighbours)
-    weights = 1.0 / apart.prod(axis=2)
+    t = t / np.ptp(t, axis=1, keepdims=True)
+    weights = 1.0 / np.stack([np.delete(t[:, k, None] - t, k, axis=1).prod(axis=1) for k in range(neighbours)], axis=1)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     parts = np.abs((weights * v).sum(axis=1))
     rough = float(np.median(parts)) / _MEDIAN

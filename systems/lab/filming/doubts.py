@@ -54,8 +54,8 @@ def doubt_repeats(
     seen = np.nan_to_num(np.concatenate([centroids, areas[..., None]], axis=2))[frames]
     same = (known[frames][1:] == known[frames][:-1]).all(axis=1) & (seen[1:] == seen[:-1]).all(axis=(1, 2))
     moved = np.abs(np.diff(centroids[frames], axis=0))
-    noise = np.nanmedian(np.where(np.isfinite(errors), errors, np.nan), axis=0) if np.isfinite(errors).any() else 0.0
-    moving = (np.nan_to_num(moved) > _REPEATED * np.nan_to_num(noise)).any(axis=(1, 2))
+    noise = np.nanmedian(errors, axis=0) if np.isfinite(errors).any() else np.zeros(errors.shape[1:])
+    moving = np.any(np.nan_to_num(moved) > _REPEATED * np.nan_to_num(noise), axis=(1, 2))
     repeated = np.zeros(len(frames), bool)
     for first, past in np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2).tolist():
         repeated[first + 1 : past + 1] = first > 0 and past < len(same) and moving[first - 1] and moving[past]

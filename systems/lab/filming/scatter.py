@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..measured import noise_level
 
-_NEIGHBOURS = (5, 7, 9, 11, 13)
+_NEIGHBOURS = (11, 13)
 _FEWEST = 40  # places; the scatter of as many is known to 15 % or so
 _LEVEL = 0.85  # of the scatter among fewer neighbours: what falls farther with more of them is motion, not noise
 
@@ -39,5 +39,5 @@ def _scatter(times: NDArray[np.float64], places: NDArray[np.float64]) -> float:
     """
     if np.count_nonzero(np.isfinite(places)) < _FEWEST:
         return 0.0
-    levels = [noise_level(times, places, count) for count in _NEIGHBOURS]
-    return levels[-1] if levels[-1] >= _LEVEL * levels[-2] else 0.0
+    with_few, with_more = (noise_level(times, places, count) for count in _NEIGHBOURS)
+    return with_more if with_more >= _LEVEL * with_few else 0.0

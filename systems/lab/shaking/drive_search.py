@@ -212,7 +212,7 @@ def saturated(readings: Array, limits: tuple[float, float] | None) -> NDArray[np
     """Tell which samples look saturated: at the limits of the sensor, or else in runs of equal extremes."""
     if limits is not None:
         return (readings <= limits[0]) | (readings >= limits[1])
-    return _plateaus(readings, [np.abs(readings - e) == 0.0 for e in (readings.min(), readings.max())])
+    return _plateaus(readings, [readings == extreme for extreme in (readings.min(), readings.max())])
 
 
 def crowded(readings: Array) -> NDArray[np.bool_]:

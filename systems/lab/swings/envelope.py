@@ -77,8 +77,7 @@ class Envelope:
     @property
     def half_swings(self) -> NDArray[np.int64]:
         """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
-        times, odd = self._intervals()
-        return counted(times / half_period(times, odd), odd)
+        return counted(*self._lasted())
 
     @property
     def misfits(self) -> NDArray[np.float64]:
@@ -86,13 +85,13 @@ class Envelope:
 
         The count is a guess where it is large: beyond :data:`SURE` the nearest counts may be as good.
         """
-        times, odd = self._intervals()
-        lasted = times / half_period(times, odd)
+        lasted, odd = self._lasted()
         return np.abs(lasted - counted(lasted, odd))
 
-    def _intervals(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Times from each extreme to the next, as they would be at small amplitude, and whether sides change."""
-        return np.diff(self.times) / self.slowings, np.diff(self.sides) != 0
+    def _lasted(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Half swings, not rounded, that each interval lasts at small amplitude, and whether sides change in it."""
+        times, odd = np.diff(self.times) / self.slowings, np.diff(self.sides) != 0
+        return times / half_period(times, odd), odd
 
     @property
     def slowings(self) -> NDArray[np.float64]:

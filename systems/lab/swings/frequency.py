@@ -198,8 +198,9 @@ def natural_frequency(envelope: Envelope) -> Estimate:
     losses = (logs[first] - logs[last]) / (count[last] - count[first])
     squares, middle = losses**2, np.exp(0.5 * (logs[1:] + logs[:-1]))
     longer, unsure = (np.interp(middle, _AMPLITUDES, table) * squares for table in (_LONGER, _UNSURE))
+    lasted = steps * envelope.slowings
     found, other = (
-        _line(np.concatenate([[0.0], np.cumsum(steps * envelope.slowings * (1.0 + more))]), envelope, weights)
+        _line(np.concatenate([[0.0], np.cumsum(lasted * (1.0 + more))]), envelope, weights)
         for more in (longer, longer + unsure)
     )
     return Estimate(found.value, float(np.hypot(found.standard_error, other.value - found.value)))
