@@ -1,25 +1,35 @@
 # Every verb makes the environment it needs in .venv; Python 3.11 or newer, pip, a C compiler and make are all it takes.
+# All packages have the versions in constraints.txt, except with `make PINS= ...`, which takes the newest.
 
 PYTHON ?= python3
 VENV := .venv
+PINS := constraints.txt
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed-
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check
+UNKNOWN_PYTHON := 3.15
+ALL_EXTRAS := bench,cluster,docs,test,video
 
 export MPLBACKEND ?= Agg
+# What builds the library is pinned as well: older pips read the first of these for it, newer ones the second.
+export PIP_CONSTRAINT := $(PINS)
+export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env basins figures test test-all check bench docs clean
+.PHONY: help env basins figures test test-all test-newest check bench docs pins clean
 
 help:
-	@echo "make basins    basins of the driven pendulum (figure 19), into studies/output/"
-	@echo "make figures   every study, into studies/output/"
-	@echo "make test      fast tests and the examples in docstrings"
-	@echo "make test-all  slow tests as well"
-	@echo "make check     format, lint, types, import contracts, documentation"
-	@echo "make bench     speed against other programs, as ratios"
-	@echo "make docs      the site, into docs/_build/html/"
-	@echo "make env       the environment alone, in .venv/"
-	@echo "make clean     remove what the other verbs have made, except .venv/"
+	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
+	@echo "make figures      every study, into studies/output/"
+	@echo "make test         fast tests and the examples in docstrings"
+	@echo "make test-all     slow tests as well"
+	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
+	@echo "make check        format, lint, types, import contracts, documentation"
+	@echo "make bench        speed against other programs, as ratios"
+	@echo "make docs         the site, into docs/_build/html/"
+	@echo "make pins         renew constraints.txt: the newest version of every package"
+	@echo "make env          the environment alone, in .venv/"
+	@echo "make clean        remove what the other verbs have made, except .venv/"
 
 $(RUN):
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -27,17 +37,21 @@ $(RUN):
 		"; choose another one with: make PYTHON=/path/to/python3 ...")'
 	$(PYTHON) -m venv $(VENV)
 
-$(INSTALLED)%: pyproject.toml | $(RUN)
-	$(RUN) -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+$(INSTALLED)library: pyproject.toml $(PINS) | $(RUN)
+	$(INSTALL) --editable .
+	@touch $@
+
+$(INSTALLED)%: pyproject.toml $(PINS) | $(RUN)
+	$(INSTALL) --editable '.[$*]'
 	@touch $@
 
 env: $(INSTALLED)test
 
-basins: env
+basins: $(INSTALLED)library
 	$(RUN) -m studies figure_19
 	@echo "The pictures and the HDF5 file are in $(CURDIR)/studies/output/"
 
-figures: env
+figures: $(INSTALLED)video
 	$(RUN) -m studies
 	@echo "Everything is in $(CURDIR)/studies/output/"
 
@@ -47,6 +61,20 @@ test: env
 
 test-all: env
 	$(RUN) -m pytest -n auto --dist loadfile -m ""
+
+test-newest:
+	rm -rf .venv-newest
+	$(MAKE) --no-print-directory VENV=.venv-newest PINS= test
+
+# Pythons that came later than these versions take what is the newest for them.
+pins:
+	rm -rf .venv-pins
+	$(MAKE) --no-print-directory VENV=.venv-pins PINS= .venv-pins/.installed-$(ALL_EXTRAS)
+	PIP_CONSTRAINT= .venv-pins/bin/python -m pip install --quiet --disable-pip-version-check hatchling editables
+	{ echo "# Exact versions of all packages, written by \`make pins\`."; \
+		.venv-pins/bin/python -m pip freeze --exclude cellmap | sed 's/$$/ ; python_version < "$(UNKNOWN_PYTHON)"/'; \
+	} > constraints.txt
+	rm -rf .venv-pins
 
 check: env
 	$(RUN) -m ruff format --check
@@ -65,6 +93,6 @@ docs: $(INSTALLED)docs
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 
 clean:
-	rm -rf build dist *.egg-info docs/_build docs/generated studies/output
+	rm -rf .venv-newest .venv-pins build dist *.egg-info docs/_build docs/generated studies/output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find cellmap systems studies tests docs -name __pycache__ -type d -exec rm -rf {} +
