@@ -35,7 +35,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     # The kernels of the suite are kept with pytest's own cache: nothing is left in the user's.
     if "CELLMAP_CACHE_DIR" not in os.environ and getattr(config, "cache", None) is not None:
-        os.environ["CELLMAP_CACHE_DIR"] = str(config.cache.mkdir("kernels"))
+        folder = config.cache.mkdir("kernels")
+        folder.chmod(0o700)
+        os.environ["CELLMAP_CACHE_DIR"] = str(folder)
     config.pluginmanager.register(ClosedFigures())
 
 

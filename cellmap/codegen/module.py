@@ -12,7 +12,6 @@ import functools
 import hashlib
 import importlib.util
 import linecache
-import os
 import sys
 import types
 from pathlib import Path
@@ -22,15 +21,7 @@ import numba
 
 from ..files import written_whole
 from ..kernels import borrow, contraction, options, simd_math, sums, switching
-
-
-def cache_folder() -> Path | None:
-    """Folder of generated modules: ``$CELLMAP_CACHE_DIR``, or one below the user's cache; None where it is empty."""
-    chosen = os.environ.get("CELLMAP_CACHE_DIR")
-    if chosen is not None:
-        return Path(chosen) if chosen else None
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "cellmap"
+from ..kernels.cache import cache_folder
 
 
 @functools.cache
@@ -63,7 +54,7 @@ def generated_module(text: str) -> types.ModuleType:
 
 
 def _discard_compiled(path: Path) -> None:
-    for compiled in path.parent.glob(f"__pycache__/{path.stem}.*.nb[ci]"):
+    for compiled in path.parent.rglob(f"*/{path.stem}.*"):
         with contextlib.suppress(OSError):
             compiled.unlink()
 
@@ -84,9 +75,8 @@ def _write_whole(name: str, text: str) -> Path | None:
         return None
     path = folder / f"{name}.py"
     try:
-        if path.exists() and path.read_text(encoding="utf-8") == text:
+        if path.exists() and path.read_bytes() == text.encode():
             return path
-        folder.mkdir(parents=True, exist_ok=True)
         with written_whole(path, durable=False) as temporary:
             temporary.write_text(text, encoding="utf-8")
     except OSError:

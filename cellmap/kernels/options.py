@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from .cache import kernels_are_kept
+
 KERNEL: dict[str, Any] = {
     "nogil": True,
-    "cache": True,
+    "cache": kernels_are_kept(),
     "error_model": "numpy",
     "fastmath": {"contract"},
     "boundscheck": False,

@@ -60,6 +60,54 @@ def test_a_file_that_was_tampered_with_is_replaced(folder: Path) -> None:
     assert path.read_text(encoding="utf-8") == TEXT.format(factor=2.0)
 
 
+@pytest.mark.parametrize("place", [0, 40, -1])
+def test_a_byte_that_is_no_text_is_mended(folder: Path, place: int) -> None:
+    import_anew(TEXT.format(factor=2.0))
+    (path,) = sources(folder)
+    damaged = bytearray(path.read_bytes())
+    damaged[place] = 0xFF
+    path.write_bytes(damaged)
+    for _ in range(2):
+        assert import_anew(TEXT.format(factor=2.0)).advance(1.0) == 2.0
+    assert path.read_bytes() == TEXT.format(factor=2.0).encode()
+
+
+def planted(folder: Path) -> list[Path]:
+    """Put a module into a folder that says so when it is run."""
+    import_anew(TEXT.format(factor=2.0))
+    compiled = list(folder.rglob("*.nb?"))
+    assert compiled
+    for path in compiled:
+        path.write_bytes(b"planted")
+    return compiled
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
+def test_nothing_is_taken_from_a_folder_that_others_can_write_to(folder: Path, mode: int) -> None:
+    compiled = planted(folder)
+    folder.chmod(mode)
+    with pytest.warns(UserWarning, match=r"CELLMAP_CACHE_DIR=.*kernels': .*others can write to it.*chmod 700"):
+        assert import_anew(TEXT.format(factor=2.0)).advance(1.0) == 2.0
+    assert all(path.read_bytes() == b"planted" for path in compiled), "neither read nor written"
+
+
+def test_nothing_is_taken_from_a_folder_of_somebody_else(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = planted(folder)
+    monkeypatch.setattr("os.geteuid", lambda: folder.stat().st_uid + 1)
+    with pytest.warns(UserWarning, match="it belongs to somebody else"):
+        assert import_anew(TEXT.format(factor=2.0)).advance(1.0) == 2.0
+    assert all(path.read_bytes() == b"planted" for path in compiled)
+
+
+def test_the_folder_is_made_for_its_user_alone(folder: Path) -> None:
+    old = os.umask(0)
+    try:
+        import_anew(TEXT.format(factor=2.0))
+    finally:
+        os.umask(old)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize("content", [b"", b"\x80", b"no compiled code"])
 def test_damaged_compiled_code_is_compiled_anew(folder: Path, suffix: str, content: bytes) -> None:

@@ -1,0 +1,57 @@
+"""A user without a home, and folders that cannot be written to: the library works, and keeps code where it may."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cellmap
+
+PROGRAM = """
+from pathlib import Path
+import numba, numpy as np
+import cellmap
+from cellmap.kernels.options import KERNEL
+halved = cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))([3.0])
+print(Path(cellmap.__file__).parent, KERNEL["cache"], numba.config.CACHE_DIR, halved[0], sep="\\n")
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library in a place where nobody, the system's administrator included, can make a folder for compiled code."""
+    place = tmp_path_factory.mktemp("site")
+    source = Path(cellmap.__file__).parent
+    shutil.copytree(source, place / "cellmap", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in [place / "cellmap", *(p for p in (place / "cellmap").rglob("*") if p.is_dir())]:
+        (folder / "__pycache__").touch()
+    return place
+
+
+def started(installed: Path, **variables: str) -> list[str]:
+    environment = {k: v for k, v in os.environ.items() if k not in ("CELLMAP_CACHE_DIR", "XDG_CACHE_HOME", "HOME")}
+    environment |= {"PYTHONPATH": str(installed), "HOME": "/dev/null/nobody", **variables}
+    found = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=installed, env=environment, capture_output=True, text=True
+    )
+    assert found.returncode == 0, found.stderr
+    folder, *answers = found.stdout.splitlines()
+    assert Path(folder) == installed / "cellmap"
+    return answers
+
+
+def test_without_a_home_everything_is_compiled_in_memory(installed):
+    assert started(installed) == ["False", "", "1.5"]
+
+
+def test_without_a_home_the_chosen_folder_is_used(installed, tmp_path):
+    folder = tmp_path / "kept"
+    assert started(installed, CELLMAP_CACHE_DIR=str(folder)) == ["True", str(folder / "numba"), "1.5"]
+    kernels = list((folder / "numba").rglob("*.nbc"))
+    assert kernels
+    assert folder.stat().st_mode & 0o777 == 0o700
