@@ -8,6 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from .attractor import Attractor, sort_key
 from .basins import HELD, LABEL_NAMES, Basins, basins_disk, basins_memory
 from .chaos import chaotic_attractors
 from .checks import claim_disk, claim_memory, whole_number
-from .files import as_target
+from .files import as_target, locked
 from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid
 from .label_tiles import Batch, Labelling
@@ -86,7 +87,7 @@ def find_basins(
     OSError
         Where a checkpoint does not fit on the disk.
     StoreError
-        For a checkpoint that is damaged, or a file of another kind.
+        For a checkpoint that is damaged or in use by another run, or a file of another kind.
 
     Warns
     -----
@@ -111,45 +112,47 @@ def find_basins(
     began = time.perf_counter()
     places = Starts.of(starts, point_map)
     settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
-    kept = _kept(point_map, places, settings, tuple(attractors), checkpoint)
-    if isinstance(kept, Basins):
-        return replace(kept, point_map=point_map)
-    run = _Run(point_map, places, kept, max_periods, max_period, client, progress)
-    found = run.find(list(attractors))
-    tally = found.tally
-    if tally.inaccurate:
-        warnings.warn(
-            f"the integrator missed its tolerance on the way of {tally.inaccurate} of {len(places)} starts; loosen "
-            "rtol and atol, or allow more steps with max_steps",
-            ToleranceWarning,
-            stacklevel=2,
-        )
-    in_use, renumber = _in_use(found.attractors, kept)
+    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    with locked(path):
+        kept = _kept(point_map, places, settings, tuple(attractors), path)
+        if isinstance(kept, Basins):
+            return replace(kept, point_map=point_map)
+        run = _Run(point_map, places, kept, max_periods, max_period, client, progress)
+        found = run.find(list(attractors))
+        tally = found.tally
+        if tally.inaccurate:
+            warnings.warn(
+                f"the integrator missed its tolerance on the way of {tally.inaccurate} of {len(places)} starts; loosen "
+                "rtol and atol, or allow more steps with max_steps",
+                ToleranceWarning,
+                stacklevel=2,
+            )
+        in_use, renumber = _in_use(found.attractors, kept)
 
-    def picture(labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
-        return Basins(
-            labels=labels,
-            attractors=in_use,
-            settling_time=times,
-            grid=places.grid,
-            starts=places.given,
-            name=point_map.name,
-            params=dict(point_map.params),
-            coordinates=point_map.coordinates,
-            settings=settings,
-            inaccurate=tally.inaccurate,
-            cost=Cost(
-                seconds=time.perf_counter() - began,
-                steps=tally.steps,
-                tabulation=point_map.cost.tabulation,
-                iteration=sum(run.spent),
-                evaluations=tally.evaluations,
-                look_ups=tally.look_ups,
-            ),
-            point_map=point_map,
-        )
+        def picture(labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
+            return Basins(
+                labels=labels,
+                attractors=in_use,
+                settling_time=times,
+                grid=places.grid,
+                starts=places.given,
+                name=point_map.name,
+                params=dict(point_map.params),
+                coordinates=point_map.coordinates,
+                settings=settings,
+                inaccurate=tally.inaccurate,
+                cost=Cost(
+                    seconds=time.perf_counter() - began,
+                    steps=tally.steps,
+                    tabulation=point_map.cost.tabulation,
+                    iteration=sum(run.spent),
+                    evaluations=tally.evaluations,
+                    look_ups=tally.look_ups,
+                ),
+                point_map=point_map,
+            )
 
-    return kept.finish(renumber, picture)
+        return kept.finish(renumber, picture)
 
 
 def _kept(
@@ -157,17 +160,16 @@ def _kept(
     places: Starts,
     settings: Mapping[str, Any],
     known: tuple[Attractor, ...],
-    checkpoint: str | os.PathLike[str] | None,
+    path: Path | None,
 ) -> Kept | Basins:
     """Return where labels are to be kept, once there is room for them; or the basins that a checkpoint has come to."""
     total = len(places)
-    if checkpoint is None:
+    if path is None:
         remedy = "take fewer starts, or give a checkpoint, where they stay on the disk"
         claim_memory(f"labels of {total:,} starts", basins_memory(total), remedy)
         return Kept(places.shape)
     from .passes_in_file import KeptInFile, describe_attractors
 
-    path = as_target("checkpoint", checkpoint)
     probes = places.points(np.unique(np.linspace(0, total - 1, PROBES).astype(np.int64)))
     limits = {name: settings[name] for name in ("max_periods", "max_period")}
     belongs = {

@@ -29,6 +29,9 @@ from .files import StoreError, discard_parts, written_whole
 FORMAT = "cellmap checkpoint"
 SCHEMA = 1
 
+PART = "run"
+"""Kind of temporary files that only who holds the lock of a checkpoint makes and removes."""
+
 TILE = np.dtype([("tally", "<i8", (4,)), ("checksum", "<u4"), ("done", "<u4")])
 """Entry of a tile: two numbers of the run's own, and the checksum of these and of its contents."""
 
@@ -96,7 +99,7 @@ def made(
     write: Callable[[h5py.File], None] = lambda file: None,
 ) -> Iterator[Checkpoint]:
     """Make a file with arrays of zeros and what `write` adds; yield it, to be filled before it takes its place."""
-    with written_whole(path) as temporary:
+    with written_whole(path, kind=PART) as temporary:
         with h5py.File(temporary, "w") as file:
             file.attrs.update(format=FORMAT, schema=SCHEMA, belongs=json.dumps(plain(belongs)))
             file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
@@ -130,7 +133,7 @@ def resumed(
 
     One that is damaged or foreign, that belongs to another run or has other arrays than these is refused.
     """
-    discard_parts(path)
+    discard_parts(path, PART)
     if not path.exists():
         return None
     try:

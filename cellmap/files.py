@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
-import tempfile
+import platform
+import re
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+_TOKEN = 8  # bytes in the name of a temporary
 
 
 class StoreError(OSError):
@@ -33,39 +39,92 @@ def as_target(name: str, value: Any) -> Path:
 
 
 @contextmanager
-def written_whole(path: Path, durable: bool = True) -> Iterator[Path]:
+def written_whole(path: Path, durable: bool = True, kind: str = "part") -> Iterator[Path]:
     """Yield an empty file beside a place; move it there at the end, or remove it where that is not reached.
 
-    The temporary keeps the ending of the name, by which some writers choose a format.  With `durable` the file is on
-    the disk, not merely on its way there, before it takes the place of an older one.
+    The temporary keeps the ending of the name, by which some writers choose a format, and no temporary of another file
+    can have its name.  With `durable` the file is on the disk, not merely on its way there, before it takes the place
+    of an older one.
     """
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=f".part{path.suffix}")
-    os.close(handle)
-    temporary = Path(name)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN)}.{kind}{path.suffix}")
+    # The system itself takes the user's mask off these permissions; to ask for the mask would mean to change it.
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
     try:
         yield temporary
         if durable:
             with temporary.open("rb") as stream:
                 os.fsync(stream.fileno())
-        temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
 
 
-def discard_parts(path: Path) -> None:
-    """Remove what killed writers of a file have left beside it."""
-    for part in path.parent.glob(f".{_literal(path.stem)}.*.part{_literal(path.suffix)}"):
-        part.unlink(missing_ok=True)
+def discard_parts(path: Path, kind: str) -> None:
+    """Remove what killed writers of a file have left beside it; only for who has the file to himself."""
+    ours = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{{2 * _TOKEN}}}\.{kind}{re.escape(path.suffix)}")
+    for part in path.parent.iterdir():
+        if ours.fullmatch(part.name):
+            part.unlink(missing_ok=True)
 
 
-def _literal(text: str) -> str:
-    """Escape what a pattern of file names gives a meaning of its own."""
-    return "".join(f"[{c}]" if c in "*?[" else c for c in text)
+@contextmanager
+def locked(path: Path | None) -> Iterator[None]:
+    """Have a file to oneself, among all processes and threads that ask for it so; None is no file.
+
+    Raises
+    ------
+    StoreError
+        Where another one has it.
+    """
+    if path is None:
+        yield
+        return
+    place = path.with_name(f".{path.name}.lock")
+    handle = _lock(place, path)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            place.unlink(missing_ok=True)
+            os.close(handle)
 
 
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current
+def _lock(place: Path, path: Path) -> int | None:
+    """Lock the file that stands for another one, until it is closed or the process dies; None where none can be had."""
+    while True:
+        try:
+            handle = os.open(place, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            if place.exists():
+                raise _in_use(path, "somebody else") from error
+            return None  # what cannot be written to needs no lock
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(place, handle):
+                os.truncate(handle, 0)
+                os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
+                return handle
+        except BlockingIOError:
+            holder = os.read(handle, 200).decode(errors="replace")
+            os.close(handle)
+            raise _in_use(path, holder or "another process") from None
+        except OSError as error:
+            os.close(handle)
+            if error.errno in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):  # a disk without locks
+                return None
+            raise
+        os.close(handle)  # whoever had it removed it between the two calls: once more
+
+
+def _is_at(place: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(place.stat(), os.fstat(handle))
+    except FileNotFoundError:
+        return False
+
+
+def _in_use(path: Path, holder: str) -> StoreError:
+    return StoreError(
+        f"checkpoint={str(path)!r} is in use by {holder}: wait until that run is over, or give another file"
+    )

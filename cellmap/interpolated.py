@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .cell_table import CellTable
 from .checks import claim_memory, finite_number, one_of, whole_number
 from .coordinates import turns_of
-from .files import as_target
+from .files import as_target, locked
 from .grid import CellGrid, grid_points
 from .look_ups import LookUps
 from .orbit_batch import Cost, Orbits
@@ -89,7 +89,7 @@ def interpolated_map(
     OSError
         Where a checkpoint does not fit on the disk.
     StoreError
-        For a checkpoint that is damaged, or a file of another kind.
+        For a checkpoint that is damaged or in use by another run, or a file of another kind.
 
     References
     ----------
@@ -123,16 +123,17 @@ def interpolated_map(
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
     claim_memory(f"a table of {grid}", table_memory(grid, order, leap), "take fewer cells or a lower order")
-    file = None
-    if checkpoint is not None:
-        settings = {"order": order, "tolerance": tolerance}
-        path = as_target("checkpoint", checkpoint)
-        file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
-    tiles = TableTiles(client, file)
-    coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
-    allowed = _allowed(grid, order, tolerance)
-    smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-    indicator, rough = _centre_errors(exact, smooth, allowed, progress, tiles)
+    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    with locked(path):
+        file = None
+        if path is not None:
+            settings = {"order": order, "tolerance": tolerance}
+            file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
+        tiles = TableTiles(client, file)
+        coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
+        allowed = _allowed(grid, order, tolerance)
+        smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
+        indicator, rough = _centre_errors(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
     share = float(rough.mean())
     if share > 0.5:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor, Cover, Kind, Neighbourhood
 from .basins import LABEL_NAMES, Basins
-from .checkpoint import Checkpoint, add_unwritten, digest_of, plain, reserve
+from .checkpoint import PART, Checkpoint, add_unwritten, digest_of, plain, reserve
 from .coordinates import Coordinate
 from .files import StoreError as StoreError
 from .files import as_path, as_target, written_whole
@@ -97,7 +97,7 @@ def write_picture(
     ``fill(file, labels, times)`` fills flat arrays of a file, and returns the basins that are made of them; `belongs`
     says which run they come from.
     """
-    with written_whole(path) as temporary:
+    with written_whole(path, kind=PART) as temporary:
         with h5py.File(temporary, "w") as file:
             group = file.create_group(_ONLY)
             add_unwritten(group, "labels", shape, np.int16)

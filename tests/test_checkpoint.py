@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from math import cos, pi, sin
 from pathlib import Path
@@ -34,6 +36,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.basins import basins_disk, basins_memory
+from cellmap.files import locked, written_whole
 from cellmap.starts import Rows
 
 
@@ -389,9 +392,83 @@ def test_interrupted_from_the_keyboard(moment, undisturbed, tmp_path):
 
 
 def test_what_killed_writers_left_is_removed(plain, tmp_path):
-    (tmp_path / ".basins.abc123.part.h5").write_bytes(b"half a file")
+    (tmp_path / ".basins.h5.0123456789abcdef.run.h5").write_bytes(b"half a file")
     assert_same(CASES["given starts"](checkpoint=tmp_path / "basins.h5"), plain["given starts"])
     assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
+
+
+def test_temporary_files_of_others_stay(plain, tmp_path):
+    """Of files whose names begin alike, and of whoever saves something in the same place."""
+    names = ["sweep.2.h5", "sweep", "sweep.h5.h5", "weep.h5", "sweep.h5.0123456789abcdef.run.h5"]
+    with contextlib.ExitStack() as stack:
+        others = [stack.enter_context(written_whole(tmp_path / name, kind="run")) for name in names]
+        others.append(stack.enter_context(written_whole(tmp_path / "sweep.h5")))
+        CASES["given starts"](checkpoint=tmp_path / "sweep.h5")
+        assert all(other.exists() for other in others)
+
+
+def test_two_checkpoints_side_by_side(plain, tmp_path):
+    """One after another removes what is left of its own, and never what the other one is writing."""
+    names = ["sweep.h5", "sweep.gamma0.2.h5"]
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(lambda name: CASES["given starts"](checkpoint=tmp_path / name), names))
+    for basins in found:
+        assert_same(basins, plain["given starts"])
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from cellmap.files import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_process_is_told_so(plain, tmp_path):
+    path = tmp_path / "basins.h5"
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdin=-1, stdout=-1, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        for call in (CASES["given starts"], lambda checkpoint: interpolated_map(DUFFING, TABLE, checkpoint=checkpoint)):
+            with pytest.raises(
+                StoreError, match=rf"checkpoint=.*basins\.h5' is in use by process {holder.pid} on .*: wait"
+            ):
+                call(checkpoint=path)
+        holder.kill()
+    assert (tmp_path / ".basins.h5.lock").exists(), "the system gave the lock of the dead process back, not its file"
+    assert_same(CASES["given starts"](checkpoint=path), plain["given starts"])
+    assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
+
+
+def test_one_process_has_a_file_at_a_time(tmp_path):
+    """Taken and given back by many threads: never two at once, although the file of the lock comes and goes."""
+    inside, most = [], []
+
+    def take(_: int) -> bool:
+        try:
+            with locked(tmp_path / "a.h5"):
+                inside.append(1)
+                most.append(len(inside))
+                inside.pop()
+                return True
+        except StoreError:
+            return False
+
+    with ThreadPoolExecutor(8) as pool:
+        taken = sum(pool.map(take, range(2000)))
+    assert taken > 0
+    assert max(most) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_permissions_are_those_of_ordinary_files_without_touching_the_mask(tmp_path, monkeypatch):
+    """To ask for the mask of the process is to change it, for all its threads."""
+    monkeypatch.setattr("os.umask", lambda mask: pytest.fail("the mask was changed"))
+    with written_whole(tmp_path / "a.txt") as part:
+        part.write_text("text")
+    (tmp_path / "plain").touch()
+    assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 # --- files that are not what they should be
