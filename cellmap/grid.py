@@ -18,7 +18,8 @@ class CellGrid:
     """A box of equal cells.
 
     Cells are half-open: a cell owns its lower edges, not its upper ones.  An axis that wraps covers one turn of a
-    circle, and every number falls into one of its cells.
+    circle, and every number falls into one of its cells.  Centres and edges are counted from the nearer end of an axis,
+    so that those of a window that is symmetric about 0 are mirror images of one another to the last bit.
 
     Parameters
     ----------
@@ -92,11 +93,19 @@ class CellGrid:
 
     def axis(self, j: int) -> NDArray[np.float64]:
         """Return the cell centres along axis `j`."""
-        return self.lower[j] + (np.arange(self.shape[j]) + 0.5) * self.widths[j]
+        return self.along(j, np.arange(self.shape[j]) + 0.5)
 
     def edges(self, j: int) -> NDArray[np.float64]:
         """Return the cell edges along axis `j`, one more than cells."""
-        return np.linspace(self.lower[j], self.upper[j], self.shape[j] + 1)
+        return self.along(j, np.arange(self.shape[j] + 1))
+
+    def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
+        """Return the coordinates that lie `numbers` cells behind the lower end of axis `j`."""
+        return between(self.lower[j], self.upper[j], self.shape[j], numbers)
+
+    def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
+        """Return the points that lie `numbers` (..., dimension) of cells from the corner of lowest coordinates."""
+        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), numbers)
 
     def centres(self) -> NDArray[np.float64]:
         """Return the centres of all cells, shape ``(*shape, dimension)``."""
@@ -118,10 +127,12 @@ class CellGrid:
                 if self.wraps[j]:
                     turned = np.minimum(lower + np.mod(x - lower, upper - lower), nextafter(upper, -inf))
                     x = np.where(within, x, turned)
-                cell = np.floor((x - lower) / width)
+                place = (x - lower) / width
+                cell = np.array(np.floor(place))
                 # The division rounds: a point next to an edge may have come to the wrong side of it.
-                cell += x >= (cell + 1.0) * width + lower
-                cell -= x < cell * width + lower
+                near = np.abs(place - np.round(place)) <= 4.0 * (ulp(n) + ulp(max(abs(lower), abs(upper))) / width)
+                k, y = cell[near], np.asarray(x)[near]
+                cell[near] = k + (y >= self.along(j, k + 1.0)) - (y < self.along(j, k))
                 cell = np.where(within | self.wraps[j], np.clip(cell, 0, n - 1), np.nan)
             inside &= ~np.isnan(cell)
             index = index * n + np.nan_to_num(cell).astype(np.int64)
@@ -149,6 +160,18 @@ class CellGrid:
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.shape))
         return f"{cells} cells ({in_bytes(8 * self.size)} for each number that is kept of a cell)"
+
+
+def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:
+    """Return the coordinates that lie `numbers` cells behind a lower end, counted from the end that is nearer.
+
+    In a window that is symmetric about 0, ``cells - numbers`` gives the mirror image of ``numbers`` to the last bit.
+    """
+    first, last, n = np.asarray(lower, float), np.asarray(upper, float), np.asarray(cells)
+    k, width = np.asarray(numbers), (last - first) / n
+    side = np.sign(2 * k - n)
+    near = np.where(side < 0, first + k * width, last - (n - k) * width)
+    return np.where(side == 0, 0.5 * first + 0.5 * last, near)
 
 
 def grid_points(axes: Sequence[NDArray[np.float64]], part: slice | NDArray[np.int64]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ def nodes_of(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
     for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
         past = PADDING[order]
         numbers = np.arange(n) if wraps else np.arange(-past, n + 1 + past)
-        axes.append(grid.lower[j] + numbers * grid.widths[j])
+        axes.append(grid.along(j, numbers))
     return axes
 
 

@@ -59,6 +59,16 @@ def test_centres_lie_in_their_cells(grid: CellGrid) -> None:
     assert np.array_equal(grid.locate(grid.centres()), np.arange(grid.size))
 
 
+@given(st.floats(1e-300, 1e300), st.integers(1, 1000), st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=20))
+def test_symmetric_windows_have_cells_that_are_mirror_images(half: float, n: int, fractions: list[float]) -> None:
+    grid = CellGrid((-half,), (half,), (n,))
+    for places in (grid.axis(0), grid.edges(0), grid.along(0, np.arange(-9, n + 10))):
+        assert np.array_equal(places, -places[::-1])
+    points = np.array(fractions)[:, None] * half
+    assume(not np.isin(np.append(points, -points), grid.edges(0)).any())
+    assert np.array_equal(grid.locate(-points), n - 1 - grid.locate(points))
+
+
 @given(axes(), st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=2, max_size=20))
 def test_cells_are_in_the_order_of_their_places(grid: CellGrid, fractions: list[float]) -> None:
     low, high = grid.lower[0], grid.upper[0]

@@ -120,7 +120,7 @@ def _boundary(basins: Basins, wanted: ArrayLike | None) -> tuple[NDArray[np.floa
         index = np.nonzero(differ)
         pair = np.sort(np.stack([basins.labels[index], ahead[index]], axis=1), axis=1)
         spots = np.stack([axes[0][index[0]], axes[1][index[1]]], axis=1)
-        spots[:, axis] += 0.5 * grid.widths[axis]
+        spots[:, axis] = grid.edges(axis)[index[axis] + 1]
         if wanted is not None:
             keep = (pair == np.sort(np.asarray(wanted))).all(axis=1)
             pair, spots = pair[keep], spots[keep]

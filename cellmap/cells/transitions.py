@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import claim_memory, finite_number, whole_number
-from ..grid import CellGrid
+from ..grid import CellGrid, between
 from ..kernels.cells import tally
 from ..orbit_batch import CHUNK, Status
 from ..pointmap import PointMap
@@ -92,7 +92,7 @@ def transitions(
 
 def _lattice(samples: tuple[int, ...]) -> NDArray[np.float64]:
     """Return regular places in a cell, in its widths from its centre, shape (samples, dimension)."""
-    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in samples]
+    axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in samples]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(samples))
 
 

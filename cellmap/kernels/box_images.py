@@ -7,9 +7,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from .options import KERNEL
+from .options import INLINE, KERNEL
 
 _ROUNDED: dict[str, Any] = {**KERNEL, "fastmath": False}  # an edge is where CellGrid has it, to the last bit
+
+
+@njit(**{**INLINE, "fastmath": False})
+def _along(lower, upper, width, n, number):
+    """Return what :func:`cellmap.grid.between` returns, with the same bits."""
+    if 2.0 * number == n:
+        return 0.5 * lower + 0.5 * upper
+    return lower + number * width if 2.0 * number < n else upper - (n - number) * width
 
 
 @njit(**_ROUNDED)
@@ -32,23 +40,23 @@ def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
                 break
             cell = np.floor((x - lower[j]) / widths[j])
             # The division rounds: a point next to an edge may have come to the wrong side of it.
-            cell += 1.0 if x >= (cell + 1.0) * widths[j] + lower[j] else 0.0
-            cell -= 1.0 if x < cell * widths[j] + lower[j] else 0.0
+            cell += 1.0 if x >= _along(lower[j], upper[j], widths[j], n, cell + 1.0) else 0.0
+            cell -= 1.0 if x < _along(lower[j], upper[j], widths[j], n, cell) else 0.0
             key = key * n + min(max(np.int64(cell), 0), n - 1)
         keys[i] = key
 
 
-@njit(**KERNEL)
-def points_of_cells(keys, shape, lower, widths, lattice, points):
-    """Write the points that lie in each cell as those of the lattice lie in the unit cube, cell after cell."""
-    m, d = lattice.shape
+@njit(**_ROUNDED)
+def points_of_cells(keys, shape, lower, upper, widths, offsets, points):
+    """Write the points at `offsets` (m, d), in widths of a cell, from the centre of each cell, cell after cell."""
+    m, d = offsets.shape
     for b in range(keys.size):
         rest = keys[b]
         for j in range(d - 1, -1, -1):
-            place = rest % shape[j]
+            centre = _along(lower[j], upper[j], widths[j], shape[j], rest % shape[j] + 0.5)
             rest //= shape[j]
             for i in range(m):
-                points[b * m + i, j] = lower[j] + (place + lattice[i, j]) * widths[j]
+                points[b * m + i, j] = centre + offsets[i, j] * widths[j]
 
 
 @njit(**KERNEL)

@@ -105,16 +105,16 @@ class BoxSet:
 
     def lower_corners(self) -> NDArray[np.float64]:
         """Return the corners of lowest coordinates, shape (n, dimension)."""
-        return np.array(self.grid.lower) + self.places * self.grid.widths
+        return self.grid.places(self.places)
 
     def centres(self) -> NDArray[np.float64]:
         """Return the centres, shape (n, dimension)."""
-        return np.array(self.grid.lower) + (self.places + 0.5) * self.grid.widths
+        return self.grid.places(self.places + 0.5)
 
     def corners(self) -> NDArray[np.float64]:
         """Return all corners, shape (n, 2**dimension, dimension)."""
         ends = np.array(list(itertools.product((0, 1), repeat=self.grid.dimension)))
-        return np.array(self.grid.lower) + (self.places[:, None, :] + ends) * self.grid.widths
+        return self.grid.places(self.places[:, None, :] + ends)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points (..., dimension) lie in a box of the set."""

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from ..checks import claim_memory, whole_number
 from ..coordinates import difference, turns_of
-from ..grid import CellGrid
+from ..grid import CellGrid, between
 from ..kernels.blocks import wrap_rows
 from ..kernels.box_images import points_of_cells, tally_rows
 from ..orbit_batch import CHUNK, Orbits
@@ -208,10 +208,10 @@ class _Work:
         )
 
     def _images(self, keys: NDArray[np.int64], lattice: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the images of points that lie in each box as in the unit cube, shape (boxes * points, d)."""
+        """Return the images of points (n, d) in widths of a box from the centre of each, shape (boxes * n, d)."""
         where = self.locate
         points = np.empty((len(keys) * len(lattice), lattice.shape[1]))
-        points_of_cells(keys, where.shape, where.lower, where.widths, lattice, points)
+        points_of_cells(keys, where.shape, where.lower, where.upper, where.widths, lattice, points)
         orbits = Orbits.starting(points)
         lower, turn = turns_of(self.point_map.coordinates)
         wrap_rows(orbits.points, orbits.turns, lower, turn)
@@ -271,8 +271,8 @@ def _tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> H
 
 
 def _middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the middles of the equal parts of the unit cube, shape (product of the counts, d)."""
-    axes = [(np.arange(n) + 0.5) / n for n in counts]
+    """Return the middles of the equal parts of a unit cube around 0, shape (product of the counts, d)."""
+    axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in counts]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 

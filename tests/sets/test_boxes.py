@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from cellmap import BoxSet, CellGrid, angle, box_image, box_transitions, discrete_map, set_threads
 from cellmap.coordinates import Coordinate
+from cellmap.kernels.box_images import points_of_cells
 from cellmap.sets.boxes import Locator
 from systems import henon_map
 
@@ -99,6 +100,24 @@ def test_compiled_numbers_are_those_of_the_grid(lower, width, n, wraps, k):
     found = Locator.of(grid, [Coordinate("x")])(points)
     expected = grid.locate(points)
     assert found[[0, 1, 2, 4, 5, 6]].tolist() == expected[[0, 1, 2, 4, 5, 6]].tolist()
+
+
+def test_compiled_points_are_those_of_the_grid():
+    """To the last bit, in windows that are no binary fractions."""
+    grid = CellGrid((-0.1, 0.3), (1.7, 0.7), (11, 6))
+    at, points = Locator.of(grid, [Coordinate("x"), Coordinate("y")]), np.empty((grid.size, 2))
+    points_of_cells(np.arange(grid.size), at.shape, at.lower, at.upper, at.widths, np.zeros((1, 2)), points)
+    np.testing.assert_array_equal(points, grid.centres().reshape(-1, 2))
+    np.testing.assert_array_equal(points, BoxSet.full(grid).centres())
+
+
+def test_images_of_mirrored_boxes_are_mirror_images():
+    """An odd map sends a set that is symmetric about 0 to one that is, edges of boxes included."""
+    odd = discrete_map(lambda x, p: (x[1], -0.2 * x[0] + 2.2 * x[1] - x[1] ** 3), {}, ("x", "y"))
+    grid = CellGrid((-1.3, -1.3), (1.3, 1.3), (21, 20))
+    for samples in (3, 6, "adaptive"):
+        links = box_transitions(BoxSet.full(grid), odd, samples).toarray()
+        np.testing.assert_array_equal(links, links[::-1, ::-1])
 
 
 def test_window_across_the_seam_of_an_angle():
