@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, Cover
 from .coordinates import turns_of
@@ -23,8 +23,13 @@ AT_REST = 1e-13
 ESCAPED, DIVERGED, UNDECIDED, NO_RETURN = -1, -2, -3, -4
 """Labels of starts without an attractor: left the table, grew beyond all bounds, not settled, not back."""
 
-_CODES = np.full(max(Status) + 1, UNDECIDED)
-_CODES[[Status.ESCAPED, Status.DIVERGED, Status.NO_RETURN]] = ESCAPED, DIVERGED, NO_RETURN
+_LABELS = np.full(max(Status) + 1, UNDECIDED)
+_LABELS[[Status.ESCAPED, Status.DIVERGED, Status.NO_RETURN]] = ESCAPED, DIVERGED, NO_RETURN
+
+
+def label_of(status: ArrayLike) -> NDArray[np.int64]:
+    """Return the labels of orbits that have come to no attractor, by how each stands: a :class:`Status`."""
+    return np.asarray(_LABELS[np.asarray(status)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +132,7 @@ def _settle_leaping(
             continue
         done, keep = np.flatnonzero(over), np.flatnonzero(~over)
         rows, status, owners = members[done], now.status[done], found[done]
-        labels[rows] = np.where(owners >= 0, owners, _CODES[status])
+        labels[rows] = np.where(owners >= 0, owners, label_of(status))
         times[rows] = np.where(owners >= 0, k + stride, -1)
         entered[rows], since[rows] = before[done], k
         inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
@@ -173,7 +178,7 @@ def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, pe
             done, keep = np.flatnonzero(over), np.flatnonzero(~over)  # numpy gathers by numbers faster than by marks
             rows, status, owners = members[done], now.status[done], found[done]
             inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
-            labels[rows] = np.where(owners >= 0, owners, _CODES[status])
+            labels[rows] = np.where(owners >= 0, owners, label_of(status))
             times[rows] = np.where(owners >= 0, when[done], -1)
             members, now, found, when = members[keep], now[keep], found[keep], when[keep]
             residence = residence[:, keep]

@@ -24,6 +24,7 @@ from cellmap import (
     section_map,
     simple_cell_mapping,
 )
+from cellmap.analysis.final_states import final_states
 from systems import magnetic_pendulum, two_well_duffing
 
 
@@ -190,6 +191,8 @@ def test_orbits_that_do_not_return_say_so():
     assert np.isnan(images.points[:2]).all()
     basins = find_basins(rest, CellGrid((0.1,), (1.0,), (9,)))
     assert (basins.labels == -4).all() and basins.label_name(-4) == "did not return"
+    unended = final_states(rest, basins.grid, (), lambda points: np.full(len(points), -1), max_periods=3)
+    assert (unended.labels(basins.grid.centres()) == -4).all()
     returns = rest.returns([[0.5], [9.0]])
     assert np.isnan(returns.times[0]) and returns.times[1] > 0
 

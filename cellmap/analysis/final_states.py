@@ -15,9 +15,9 @@ from ..basins import Basins
 from ..checks import whole_number
 from ..coordinates import wrap
 from ..grid import CellGrid
-from ..orbit_batch import Orbits, Status
+from ..orbit_batch import Orbits
 from ..pointmap import PointMap
-from ..settling import DIVERGED, ESCAPED, UNDECIDED
+from ..settling import UNDECIDED, label_of
 from .labelling import Labeller, labeller
 
 Outcome = Callable[[NDArray[np.float64]], Any]
@@ -80,8 +80,7 @@ class FinalStates:
             over = (found >= 0) | ~now.alive
             last = period >= self.max_periods
             if last or np.count_nonzero(over) * 8 > len(over):
-                ended = np.where(now.status == Status.ESCAPED, ESCAPED, DIVERGED)
-                labels[members[over]] = np.where(found >= 0, found, ended)[over]
+                labels[members[over]] = np.where(found >= 0, found, label_of(now.status))[over]
                 members, now, found = members[~over], now[~over], found[~over]
             if last or not len(members):
                 return labels

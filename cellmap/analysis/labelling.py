@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..basins import Basins
+from ..basins import LABEL_NAMES, Basins
 from ..checks import whole_number
 from ..coordinates import Coordinate, wrap
 from ..orbit_batch import CHUNK, Orbits
@@ -113,7 +113,7 @@ def own_label(basins: Basins, label: int) -> int:
     if not 0 <= number < len(basins.attractors):
         raise ValueError(
             f"label={label!r}: the basins have the labels 0 to {len(basins.attractors) - 1}; "
-            "-1, -2 and -3 (left the window, diverged, undecided) are no basins"
+            f"negative ones ({', '.join(f'{k} {name}' for k, name in LABEL_NAMES.items())}) are no basins"
         )
     return number
 

@@ -70,7 +70,7 @@ def uncertainty_exponent(
         the final state in which it is, or -1 as long as it is in none.
     also : sequence of int, optional
         Negative labels that count as basins: (-2,) for starts that diverge.  Pairs with a start of any other negative
-        label (left the table, diverged, undecided) are left out.
+        label (left the table, diverged, undecided, did not return) are left out.
     distances : array_like, optional
         Distances in the place of the rule above, as shares of the region, decreasing.
     pairs : int, optional

@@ -12,7 +12,7 @@ from ..coordinates import turns_of, wrap
 from ..grid import CellGrid, grid_points
 from ..orbit_batch import Orbits, Status
 from ..pointmap import PointMap, ToleranceWarning
-from ..settling import NO_RETURN
+from ..settling import label_of
 
 LEFT, DIVERGED = -1, -2
 """Cells in the place of an image outside the window, and of one that does not exist; they are sinks.
@@ -59,7 +59,8 @@ def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.
 def label_of_no_image(point_map: PointMap) -> int:
     """Return the label of starts whose orbits come to the sink DIVERGED."""
     exact = point_map.exact or point_map
-    return NO_RETURN if exact.recipe.get("kind") == "section" else DIVERGED
+    ends = Status.NO_RETURN if exact.recipe.get("kind") == "section" else Status.DIVERGED
+    return int(label_of(ends))
 
 
 def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.float64]:
