@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import parameter_values
-from .codegen.kernel import discrete_kernel, traces_faithfully
+from .codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
+from .kernels.frames import address_of, carrying
 from .kernels.options import LANES
 from .orbit_batch import Orbits, Status
 from .pointmap import Family, Origin, PointMap
@@ -89,6 +90,27 @@ def discrete_map(
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
 
+    def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        step = tangent_step(timeless, d, names)
+        if step is None:
+            raise NotDifferentiableError(f"no derivatives of {name} are known")
+        growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
+        carrying(d)(
+            address_of(step),
+            parameters,
+            lower,
+            turn,
+            _BOUND,
+            orbits.points,
+            orbits.turns,
+            frames,
+            ended,
+            periods,
+            growth,
+        )
+        orbits.end(ended & ~before, Status.DIVERGED)
+        return growth
+
     def swept(names_swept: tuple[str, ...]) -> PointMap | None:
         if not symbolic:
             return None
@@ -103,6 +125,7 @@ def discrete_map(
         advance=advance,
         recipe={"kind": "discrete"},
         tangent=derivative,
+        stretch=stretch if symbolic else None,
         family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
         origin=Origin(discrete_map, (function, values, axes, name), advance),
     )

@@ -323,4 +323,4 @@ def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
         advance(orbits, steps * periods)
 
     recipe = {"kind": "several", "periods": periods, "of": dict(exact.recipe)}
-    return replace(exact, advance=make, recipe=recipe, tangent=None, family=None)
+    return replace(exact, advance=make, recipe=recipe, tangent=None, stretch=None, family=None)

@@ -122,6 +122,9 @@ class PointMap:
         Table of an interpolated map.
     tangent : callable or None
         ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
+    stretch : callable or None
+        ``stretch(orbits, frames, periods)`` moves a batch of orbits on, in place, and orthonormal frames (n, d, d) with
+        them, by their columns; returns the logarithms (n, d) of what each column grew by.  Without it `tangent` does.
     family : Family or None
         How the map changes with its parameters.
     origin : Origin or None
@@ -140,6 +143,7 @@ class PointMap:
     exact: PointMap | None = None
     table: CellTable | None = None
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
+    stretch: Callable[[Orbits, NDArray[np.float64], int], NDArray[np.float64]] | None = field(default=None, repr=False)
     family: Family | None = field(default=None, repr=False)
     origin: Origin | None = field(default=None, repr=False)
     cost: Cost = Cost()

@@ -11,7 +11,8 @@ from scipy.stats import t as student
 
 from ..checks import claim_memory, finite_number, finite_points, whole_number
 from ..coordinates import Coordinate, wrap
-from ..jacobian import tangent
+from ..jacobian import NotDifferentiableError, tangent
+from ..kernels.frames import ROUNDING
 from ..orbit_batch import CHUNK, Orbits, Status
 from ..pointmap import PointMap
 from ..threads import progress_bar, run_over, slices
@@ -22,7 +23,6 @@ STRETCHES = 100
 GROUPS = 20
 """Groups of stretches whose means tell the standard error; an orbit has at least as many periods."""
 
-_ROUNDING = 2.0**-52  # of the largest entry of a step: what is smaller is no number but noise
 _ALIGNING = 100  # periods at the end of the transient in which frames turn into their directions
 
 
@@ -240,35 +240,46 @@ def _along(
     tick: Callable[[int], object],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
     """Fill in the growth along some orbits; return their last points, their frames and their statuses."""
-    aligning = min(transient, _ALIGNING)
+    d, aligning = exact.dimension, min(transient, _ALIGNING)
     orbits = Orbits.starting(wrap(begin, exact.coordinates))
-    exact.advance(orbits, transient - aligning)
-    status = orbits.status
-    places = np.where(orbits.alive[:, None], orbits.points, begin)
-    frames = np.broadcast_to(np.eye(exact.dimension), (len(begin), exact.dimension, exact.dimension)).copy()
-    total = np.zeros(places.shape)
-    done = -aligning
-    for number, stop in enumerate(steps):
-        while done < stop:
-            if done <= 0:  # what frames gain while they turn does not count
-                total[:] = 0.0
-            images, matrices = tangent(exact, places)
-            gone = ~np.asarray(np.isfinite(images).all(axis=-1))
-            status[gone] = Status.DIVERGED
-            places = wrap(np.where(gone[:, None], places, images), exact.coordinates)
-            usable = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-            moved: NDArray[np.float64] = np.where(usable[:, None, None], matrices, np.eye(exact.dimension)) @ frames
-            frames, upper = np.linalg.qr(moved)
-            sizes = np.abs(np.diagonal(upper, axis1=-2, axis2=-1))
-            noise = _ROUNDING * np.abs(moved).max(axis=(-2, -1))[:, None]
-            with np.errstate(divide="ignore"):
-                total += np.log(np.where(sizes > noise, sizes, 0.0))
-            total[~usable] = np.nan
-            done += 1
-        growth[number, part] = total
-        total[:] = 0.0
+    frames = np.empty((len(begin), d, d))
+    frames[:] = np.eye(d)
+    if exact.stretch is None:  # derivatives cost much more than the orbit
+        exact.advance(orbits, transient - aligning)
+    else:
+        _stretched(exact, orbits, frames, transient - aligning)
+        frames[:] = np.eye(d)
+    _stretched(exact, orbits, frames, aligning)
+    for number, count in enumerate(np.diff(steps, prepend=0).tolist()):
+        growth[number, part] = _stretched(exact, orbits, frames, count)
         tick(1)
-    return places, frames, status
+    return orbits.points, frames, orbits.status
+
+
+def _stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+    """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by."""
+    if exact.stretch is not None:
+        try:
+            return exact.stretch(orbits, frames, periods)
+        except NotDifferentiableError:
+            pass
+    total = np.zeros(orbits.points.shape)
+    for _ in range(periods):
+        alive = orbits.alive
+        places = np.where(alive[:, None], orbits.points, 0.0)
+        images, matrices = tangent(exact, places)
+        gone = alive & ~np.asarray(np.isfinite(images).all(axis=-1))
+        orbits.points[:] = wrap(images, exact.coordinates)
+        orbits.end(gone, Status.DIVERGED)
+        usable = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+        moved: NDArray[np.float64] = np.where(usable[:, None, None], matrices, np.eye(exact.dimension)) @ frames
+        frames[:], upper = np.linalg.qr(moved)
+        sizes = np.abs(np.diagonal(upper, axis1=-2, axis2=-1))
+        noise = ROUNDING * np.abs(moved).max(axis=(-2, -1))[:, None]
+        with np.errstate(divide="ignore"):
+            total += np.log(np.where(sizes > noise, sizes, 0.0))
+        total[~usable] = np.nan
+    return total
 
 
 def _errors(growth: NDArray[np.float64], steps: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
-from .lanes import StepCode, lane_module
+from .lanes import StepCode, lane_module, row_module
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import generated_module, module_in_memory
 from .rebind import rebind
@@ -136,6 +136,20 @@ def discrete_kernel(
     except UntraceableError:
         return None
     return _compiled(_application(traced), len(traced.outputs), names)
+
+
+@kept
+def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> Callable[..., Any] | None:
+    """Compile one application of a discrete map to states with a tangent vector in rows; None without derivatives."""
+    traced = traced_function(function, dimension, names)
+    if traced is None:
+        return None
+    try:
+        code = _application(tangent_trace(traced))
+    except UntraceableError:
+        return None
+    step: Callable[..., Any] = generated_module(row_module(code, 2 * dimension, len(names))).step
+    return step
 
 
 def _application(traced: Trace) -> StepCode:

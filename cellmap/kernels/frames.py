@@ -1,0 +1,182 @@
+"""Orbits of discrete maps with the frames that they carry along, in one loop over all periods."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from .borrow import borrowed
+from .options import INLINE, KERNEL
+
+ROUNDING = 2.0**-52
+"""Of the largest entry of a step: what is smaller is no number but noise."""
+
+_ROWS = (types.float64[:, ::1], types.float64[::1])  # arguments of a step: states in rows, parameters
+_LARGEST, _SMALLEST = 1e100, 1e-100  # product of growths whose logarithm is taken
+_LITTLE = 0.01  # of the square of a length: less is left with errors that a second pass removes
+
+
+def address_of(step: Any) -> int:
+    """Return where the machine code of a compiled step of rows begins; it stays there as long as `step` lives."""
+    (compiled,) = step.overloads.values()
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+@intrinsic
+def _call(typing_context, address, rows, parameters):
+    """Move states (n, m) on by the step at an address, in place."""
+
+    def generate(context, builder, signature, arguments):
+        function = builder.inttoptr(
+            arguments[0], ir.PointerType(context.call_conv.get_function_type(types.void, _ROWS))
+        )
+        context.call_conv.call_function(builder, function, types.void, _ROWS, arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.intp, *_ROWS), generate
+
+
+@functools.cache
+def carrying(d: int) -> Callable[..., None]:
+    """Return the function ``carry`` for a dimension: loops of known length vanish."""
+
+    @njit(**KERNEL)
+    def carry(step, parameters, lower, turn, bound, points, turns, frames, ended, periods, growth):
+        """Move orbits and their frames on; write the logarithms of what the frames have grown by.
+
+        Parameters
+        ----------
+        step : int
+            Address of one step of states with one tangent vector each, 2 d numbers in a row.
+        parameters, lower, turn : ndarray
+            Parameters of the step; cuts and turns of the coordinates, shape (d,).
+        bound : float
+            Size from which on an orbit has ended.
+        points, turns, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
+            Points, whole turns taken out of angles, orthonormal columns, and which orbits have ended, which stay where
+            they are.  All are changed in place.
+        periods : int
+            Steps.
+        growth : ndarray, shape (n, d)
+            Receives the logarithms: NaN where a derivative is not finite, minus infinity where a direction vanishes.
+        """
+        memory, factors = np.empty((d, 2 * d)), np.empty(d)
+        rows, given = borrowed(memory), borrowed(parameters)
+        vectors = rows[:, d:]
+        for k in range(len(points)):
+            growth[k] = 0.0
+            factors[:] = 1.0
+            for j in range(d):
+                for i in range(d):
+                    rows[j, i], vectors[j, i] = points[k, i], frames[k, i, j]
+            for _ in range(periods):
+                if ended[k]:
+                    break
+                _call(step, rows, given)
+                inside = finite = True
+                for i in range(d):
+                    inside &= abs(rows[0, i]) < bound
+                    for j in range(d):
+                        finite &= abs(vectors[j, i]) < np.inf
+                if not inside:
+                    ended[k] = True
+                    break
+                for i in range(d):
+                    x = rows[0, i]
+                    if turn[i] > 0.0 and not lower[i] <= x < lower[i] + turn[i]:
+                        x = _wrap(x, turns[k], lower[i], turn[i], i)
+                    points[k, i] = x
+                    for j in range(d):
+                        rows[j, i] = x
+                if finite:
+                    _orthonormalise(vectors, factors, d)
+                    for j in range(d):
+                        if not _SMALLEST < factors[j] < _LARGEST:
+                            growth[k, j] += np.log(factors[j])
+                            factors[j] = 1.0
+                else:
+                    growth[k] = np.nan
+                    for j in range(d):
+                        for i in range(d):
+                            vectors[j, i] = 1.0 if i == j else 0.0
+            growth[k] += np.log(factors)
+            for j in range(d):
+                for i in range(d):
+                    frames[k, i, j] = vectors[j, i]
+
+    return carry  # type: ignore[no-any-return]
+
+
+@njit(**INLINE)
+def _wrap(x, turns, lower, turn, i):
+    """Return an angle in its turn, and count the whole turns taken away."""
+    whole = np.floor((x - lower) / turn)
+    if not abs(whole) < 1e15:
+        return x
+    x = max(x - whole * turn, lower)
+    if x >= lower + turn:
+        x = lower
+        whole += 1.0
+    turns[i] += np.int64(whole)
+    return x
+
+
+@njit(**INLINE)
+def _orthonormalise(vectors, factors, d):
+    """Make rows orthonormal, one after the other, and multiply factors by what remains of the length of each.
+
+    Gram and Schmidt's method, with a second pass where the first leaves little of a row, for then rounding has left
+    some of the other directions (Giraud, Langou, Rozloznik, Computers & Mathematics with Applications 50 (2005) 1069).
+    A row that is noise beside the longest one vanishes, and any direction that is left takes its place.
+    """
+    largest = 0.0
+    for j in range(d):
+        for i in range(d):
+            largest = max(largest, abs(vectors[j, i]))
+    for j in range(d):
+        length = _without_those_before(vectors, j, d)
+        if length > ROUNDING * largest:
+            factors[j] *= length
+        else:
+            factors[j] = 0.0
+            for axis in range(d):
+                for i in range(d):
+                    vectors[j, i] = 1.0 if i == axis else 0.0
+                length = _without_those_before(vectors, j, d)
+                if length * length * d > 0.5:  # some axis has this much beside fewer than d directions
+                    break
+        scale = 1.0 / length
+        for i in range(d):
+            vectors[j, i] *= scale
+
+
+@njit(**INLINE)
+def _without_those_before(vectors, j, d):
+    """Take out of a row the directions of those before it; return the length of what is left."""
+    square = _square(vectors, j, d)
+    for _ in range(2 if j else 0):
+        before = square
+        for m in range(j):
+            part = 0.0
+            for i in range(d):
+                part += vectors[m, i] * vectors[j, i]
+            for i in range(d):
+                vectors[j, i] -= part * vectors[m, i]
+        square = _square(vectors, j, d)
+        if square > _LITTLE * before:
+            break
+    return np.sqrt(square)
+
+
+@njit(**INLINE)
+def _square(vectors, j, d):
+    total = 0.0
+    for i in range(d):
+        total += vectors[j, i] * vectors[j, i]
+    return total
