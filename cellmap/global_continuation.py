@@ -263,7 +263,7 @@ def _corners(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
 def _outermost(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return some of the starts, as far apart as all are: from points the search takes the size of its region."""
     if isinstance(starts, CellGrid):
-        return starts.places([[0.5] * starts.dimension, np.array(starts.shape) - 0.5])
+        return starts.places(np.array([np.full(starts.dimension, 0.5), np.array(starts.shape) - 0.5]))
     flat = _corners(starts)
     return flat[np.unique([flat.argmin(axis=0), flat.argmax(axis=0)])]
 

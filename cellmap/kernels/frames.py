@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,7 +42,7 @@ def _call(typing_context, address, rows, parameters):
 
 
 @functools.cache
-def carrying(d: int) -> Callable[..., None]:
+def carrying(d):
     """Return the function ``carry`` for a dimension: loops of known length vanish."""
 
     @njit(**KERNEL)
@@ -110,7 +109,7 @@ def carrying(d: int) -> Callable[..., None]:
                 for i in range(d):
                     frames[k, i, j] = vectors[j, i]
 
-    return carry  # type: ignore[no-any-return]
+    return carry
 
 
 @njit(**INLINE)
