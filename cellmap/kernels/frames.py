@@ -27,8 +27,7 @@ def address_of(step: Any) -> int:
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
-@intrinsic
-def _call(typing_context, address, rows, parameters):
+def _calling(typing_context, address, rows, parameters):
     """Move states (n, m) on by the step at an address, in place."""
 
     def generate(context, builder, signature, arguments):
@@ -39,6 +38,10 @@ def _call(typing_context, address, rows, parameters):
         return context.get_dummy_value()
 
     return types.void(types.intp, *_ROWS), generate
+
+
+_call: Any = intrinsic(_calling)
+_view: Any = borrowed
 
 
 @functools.cache
@@ -66,7 +69,7 @@ def carrying(d):
             Receives the logarithms: NaN where a derivative is not finite, minus infinity where a direction vanishes.
         """
         memory, factors = np.empty((d, 2 * d)), np.empty(d)
-        rows, given = borrowed(memory), borrowed(parameters)
+        rows, given = _view(memory), _view(parameters)
         vectors = rows[:, d:]
         for k in range(len(points)):
             growth[k] = 0.0
