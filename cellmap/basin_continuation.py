@@ -14,6 +14,7 @@ from .basins import LABEL_NAMES
 from .coordinates import Coordinate
 from .grid import CellGrid
 from .orbit_batch import Cost
+from .signatures import checked
 
 
 class ContinuationInterrupt(KeyboardInterrupt):
@@ -104,6 +105,7 @@ class BasinContinuation:
         there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
         return there.reshape(self.counts.shape) | (self.counts > 0)
 
+    @checked
     def label_name(self, label: int) -> str:
         """Return what a label stands for: the name of the attractor where it was first met."""
         if label < 0:

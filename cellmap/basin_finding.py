@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import threading
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .attractor import Attractor, sort_key
 from .basins import HELD, LABEL_NAMES, Basins, basins_disk, basins_memory
 from .chaos import chaotic_attractors
-from .checks import claim_disk, claim_memory, whole_number
+from .checks import claim_disk, claim_memory, warn_caller, whole_number
 from .files import as_target, locked
 from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid
@@ -27,6 +26,7 @@ from .passes import Kept, Pass
 from .pointmap import PointMap, ToleranceWarning
 from .search import Examined, check_attractors, region_extent, search, sort_out
 from .settling import UNDECIDED, Settled
+from .signatures import checked
 from .starts import Rows, Starts
 from .threads import slices
 from .tiles import check_client, run_tiles
@@ -36,6 +36,7 @@ _PATIENCE = 256  # periods before starts that are left are searched for further 
 _LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
 
 
+@checked
 def find_basins(
     point_map: PointMap,
     starts: CellGrid | ArrayLike,
@@ -103,8 +104,6 @@ def find_basins(
     >>> signs.attractors[0].points.round(12), signs.fractions[0].share
     (array([[1.]]), 0.5)
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = whole_number("max_period", max_period, at_least=1)
     check_attractors(attractors, point_map, "attractors")
@@ -121,11 +120,10 @@ def find_basins(
         found = run.find(list(attractors))
         tally = found.tally
         if tally.inaccurate:
-            warnings.warn(
+            warn_caller(
                 f"the integrator missed its tolerance on the way of {tally.inaccurate} of {len(places)} starts; loosen "
                 "rtol and atol, or allow more steps with max_steps",
                 ToleranceWarning,
-                stacklevel=2,
             )
         in_use, renumber = _in_use(found.attractors, kept)
 

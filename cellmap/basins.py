@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, distinct_names
-from .checks import whole_number
+from .checks import random_numbers, whole_number
 from .coordinates import Coordinate
 from .grid import CellGrid
 from .orbit_batch import CHUNK, Cost, Orbits
 from .pointmap import PointMap
 from .settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED, Catalogue, settle
+from .signatures import checked
 from .starts import BLOCK, Starts
 from .threads import run_over, slices
 
@@ -136,6 +137,7 @@ class Basins:
         shares = "; ".join(f"{self.label_name(k)} {100 * f.share:.4g} %" for k, f in self.fractions.items())
         return f"Basins({self.name}, {self.labels.size:,} starts: {shares})"
 
+    @checked
     def label_name(self, label: int) -> str:
         """Return what a label stands for."""
         return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
@@ -161,6 +163,7 @@ class Basins:
             counts += np.bincount(numbers, minlength=len(counts))[: len(counts)]
         return {lowest + k: int(count) for k, count in enumerate(counts)}
 
+    @checked
     def verify(self, n: int = 1000, seed: int = 0) -> Verification:
         """Label random starts again by the exact map and compare.
 
@@ -185,7 +188,7 @@ class Basins:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
         n = whole_number("n", n, at_least=1)
         exact = self.point_map.exact or self.point_map
-        drawn = np.random.default_rng(seed).integers(0, self.labels.size, n)
+        drawn = random_numbers(seed).integers(0, self.labels.size, n)
         drawn = drawn[self.labels.ravel()[drawn] != ESCAPED]
         starts = Starts(self.grid, self.starts).wrapped(drawn, exact)
         # Far inside the neighbourhoods, so that these are not taken on trust.

@@ -12,6 +12,7 @@ from .checks import finite_number, whole_number
 from .coordinates import wrap
 from .multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .orbit_problem import OrbitProblem, orbit_problem
+from .signatures import checked
 from .threads import progress_bar
 from .tracing import Place, corrected, strides
 
@@ -54,6 +55,7 @@ class BifurcationCurve:
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans})"
 
 
+@checked
 def continue_bifurcation(
     branch: Branch,
     bifurcation: Bifurcation,

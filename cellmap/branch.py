@@ -15,6 +15,7 @@ from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem
 from .periodic import closed_orbit
 from .pointmap import PointMap
+from .signatures import checked
 from .tracing import corrected
 
 
@@ -116,10 +117,12 @@ class Branch:
         """Number of multipliers outside the unit circle, shape (n,)."""
         return unstable_count(self.multipliers)
 
+    @checked
     def of_kind(self, kind: BifurcationKind) -> tuple[Bifurcation, ...]:
         """Return the bifurcations of one kind."""
         return tuple(b for b in self.bifurcations if b.kind is kind)
 
+    @checked
     def orbits_at(self, value: float) -> tuple[PeriodicOrbit, ...]:
         """Return the orbits of the branch at one value of the parameter, in the order of the branch."""
         value = finite_number("value", value)

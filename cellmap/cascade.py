@@ -13,6 +13,7 @@ from .checks import finite_number, whole_number
 from .orbit import PeriodicOrbit
 from .orbit_problem import begin_orbit, orbit_problem
 from .pointmap import PointMap
+from .signatures import checked
 from .tracing import corrected
 from .walker import Walker, born_orbit
 
@@ -76,6 +77,7 @@ class Cascade:
         return float(self.values[-1] + (self.values[-1] - self.values[-2]) / (self.ratios[-1] - 1.0))
 
 
+@checked
 def period_doubling_cascade(
     point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str, limit: float, doublings: int = 6
 ) -> Cascade:

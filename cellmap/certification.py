@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from .basins import Basins, Verification
 from .cell_owners import SMALLEST, Setting, owners_of_cells
 from .certificate import Certificate, Evidence
-from .checks import claim_memory, finite_number, whole_number
+from .checks import claim_memory, finite_number, random_numbers, whole_number
 from .coordinates import wrap
 from .kernels.certainty import NONE, carry_rows, judge, widening
 from .orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from .pointmap import PointMap
 from .settling import ESCAPED, UNDECIDED, inside_cover, settle
+from .signatures import checked
 from .starts import Starts
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
 from .threads import run_over, slices
@@ -27,6 +28,7 @@ _SOON = 4  # periods within which errors at an equilibrium have to come to rest
 _GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
 
 
+@checked
 def certify(
     basins: Basins, audit: int = 1000, safety: float = 4.0, seed: int = 0, progress: bool = False
 ) -> Certificate:
@@ -83,8 +85,6 @@ def certify(
     >>> certificate.audit.wrong, certificate.open
     (0, 0)
     """
-    if not isinstance(basins, Basins):
-        raise TypeError(f"basins={basins!r}: give Basins, as find_basins returns them")
     point_map = basins.point_map
     if point_map is None:
         raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
@@ -256,7 +256,7 @@ class _Run:
 
     def audit(self, rows: NDArray[np.int64], number: int, seed: int) -> Verification:
         """Compare labels of some starts among those of the rows with those that the exact map gives."""
-        drawn = np.random.default_rng(seed).choice(rows, number) if len(rows) else rows
+        drawn = random_numbers(seed).choice(rows, number) if len(rows) else rows
         wrong = int(np.count_nonzero(self._direct_labels(drawn) != self.labels[drawn]))
         return Verification.of(wrong, len(drawn))
 

@@ -6,60 +6,129 @@ import errno
 import logging
 import os
 import shutil
-from collections.abc import Mapping
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
 from keyword import iskeyword
+from math import inf, isfinite, nan
 from pathlib import Path
+from reprlib import Repr
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+_PACKAGE = str(Path(__file__).parent) + os.sep
+
+
+class _Shown(Repr):
+    """Representations of values in messages: short, whatever they are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = self.maxlong = 80
+        self.maxtuple = self.maxlist = self.maxdict = 8
+
+
+_shown = _Shown()
+
+
+def shown(value: Any) -> str:
+    """Write a value for a message: on one line, and a long one in part."""
+    try:
+        return " ".join(_shown.repr(value).split())
+    except Exception:  # of a foreign class, or an int of more digits than Python writes
+        return f"<{type(value).__name__}>"
+
+
+def real_number(name: str, value: Any) -> float:
+    """Return a float, which need not be finite."""
+    if isinstance(value, float):
+        return value
+    unlike = isinstance(value, str | bytes | complex | np.complexfloating)
+    try:
+        if unlike or (isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "fiub")):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}={shown(value)}: give one real number") from None
+    except OverflowError:
+        return inf if value > 0 else -inf
 
 
 def finite_number(
     name: str, value: Any, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
 ) -> float:
     """Return a finite float, within bounds."""
-    try:
-        if isinstance(value, str | bytes):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}={value!r}: give one real number") from None
-    if not np.isfinite(number):
-        raise ValueError(f"{name}={value!r}: give a finite number")
+    number = real_number(name, value)
+    if not isfinite(number):
+        raise ValueError(f"{name}={shown(value)}: give a finite number")
     if above is not None and not number > above:
-        raise ValueError(f"{name}={value!r}: give a number above {above:g}")
+        raise ValueError(f"{name}={shown(value)}: give a number above {above:g}")
     if at_least is not None and not number >= at_least:
-        raise ValueError(f"{name}={value!r}: give a number of at least {at_least:g}")
+        raise ValueError(f"{name}={shown(value)}: give a number of at least {at_least:g}")
     if at_most is not None and not number <= at_most:
-        raise ValueError(f"{name}={value!r}: give a number of at most {at_most:g}")
+        raise ValueError(f"{name}={shown(value)}: give a number of at most {at_most:g}")
     return number
 
 
 def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62) -> int:
     """Return an int, within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{name}={value!r}: give a whole number")
+        raise TypeError(f"{name}={shown(value)}: give a whole number")
     if value < at_least:
-        raise ValueError(f"{name}={value!r}: give a whole number of at least {at_least}")
+        raise ValueError(f"{name}={shown(value)}: give a whole number of at least {at_least}")
     if value > at_most:
-        raise ValueError(f"{name}={value!r}: give a whole number of at most {at_most}")
+        raise ValueError(f"{name}={shown(value)}: give a whole number of at most {at_most}")
     return int(value)
 
 
 def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
     """Return a value that is among the choices."""
-    if value not in choices:
-        raise ValueError(f"{name}={value!r}: choose one of {', '.join(map(repr, choices))}")
+    if not np.isscalar(value) or value not in choices:
+        raise ValueError(f"{name}={shown(value)}: choose one of {', '.join(map(repr, choices))}")
     return value
+
+
+def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> NDArray[np.float64]:
+    """Return a new C-contiguous array of floats, which need not be finite; what is masked is NaN."""
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind == "O":
+            return np.array([real_number(name, v) for v in array.flat]).reshape(array.shape)
+        if array.dtype.kind not in "biuf":
+            raise TypeError
+        array = np.array(array, dtype=np.float64, order="C")
+        if np.ma.isMaskedArray(given):
+            array[np.ma.getmaskarray(given)] = nan
+        return array
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name}={shown(given)}: give {what}") from None
+
+
+def is_sequence(value: Any) -> bool:
+    """Whether a value has entries in an order, and is no text."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray | memoryview)
+
+
+def listed(name: str, value: Any) -> tuple[Any, ...]:
+    """Return the entries of what can be gone through."""
+    try:
+        return tuple(value)
+    except TypeError:
+        raise TypeError(f"{name}={shown(value)}: give a sequence") from None
+
+
+def random_numbers(seed: int) -> np.random.Generator:
+    """Return the generator that belongs to a seed."""
+    return np.random.default_rng(whole_number("seed", seed))
 
 
 def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.float64]:
     """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
-    try:
-        array = np.array(points, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: give real numbers in an array of shape (..., {dimension})") from None
+    array = real_array(name, points, f"real numbers in an array of shape (..., {dimension})")
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise ValueError(f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables")
     if not np.isfinite(array).all():
@@ -68,14 +137,18 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.fl
     return array
 
 
+def known_parameter(argument: str, name: Any, params: Mapping[str, float]) -> str:
+    """Return the name of a parameter that is there."""
+    if not isinstance(name, str) or name not in params:
+        raise ValueError(f"{argument}={shown(name)}: this map has the parameters {sorted(params)}")
+    return name
+
+
 def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
     """Return values of a parameter as a new array (n,) of floats: finite, strictly increasing or decreasing."""
-    try:
-        values = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: give real numbers, one for each step") from None
+    values = real_array(name, given, "real numbers, one for each step")
     if values.ndim != 1 or not values.size:
-        raise ValueError(f"{name} has the shape {values.shape}: give a list of at least one value")
+        raise ValueError(f"{name}={shown(given)}: give a list of at least one value")
     if not np.isfinite(values).all():
         raise ValueError(f"{name} has the value {values[~np.isfinite(values)][0]}: give finite numbers")
     steps = np.diff(values)
@@ -87,13 +160,21 @@ def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
 def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     """Return parameters as floats, in the order given."""
     if not isinstance(params, Mapping):
-        raise TypeError(f"params={params!r}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
+        raise TypeError(f"params={shown(params)}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
     for name in params:
         if not isinstance(name, str) or not name.isidentifier() or iskeyword(name) or name.startswith("_"):
             raise ValueError(
                 f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
             )
     return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
+
+
+def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line outside of this package that called into it."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level - 1)
 
 
 def memory_available() -> int | None:

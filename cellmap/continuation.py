@@ -13,10 +13,12 @@ from .checks import finite_number, finite_points, whole_number
 from .orbit import PeriodicOrbit
 from .orbit_problem import OrbitProblem, begin_orbit, orbit_problem
 from .pointmap import PointMap
+from .signatures import checked
 from .tracing import Place, corrected, tangent_of
 from .walker import Walker, born_orbit
 
 
+@checked
 def continue_orbit(
     point_map: PointMap,
     orbit: PeriodicOrbit | Attractor,
@@ -107,6 +109,7 @@ def continue_orbit(
     return walker.branch(back.reversed(), ahead)
 
 
+@checked
 def switch_branch(
     branch: Branch,
     bifurcation: Bifurcation,

@@ -9,6 +9,9 @@ from math import inf, isfinite, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from .checks import listed, real_number, shown
+from .signatures import checked
+
 
 @dataclass(frozen=True)
 class Coordinate:
@@ -38,17 +41,21 @@ class Coordinate:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise ValueError(f"name={self.name!r}: a coordinate needs a name, such as 'theta'")
+            raise ValueError(f"name={shown(self.name)}: a coordinate needs a name, such as 'theta'")
+        if not isinstance(self.unit, str):
+            raise TypeError(f"unit={shown(self.unit)}: give a unit, such as 'rad', or '' for a pure number")
         if self.turn is None:
             if self.lower is not None:
                 raise ValueError(f"lower={self.lower!r}: only an angle is cut somewhere; give turn= as well")
             return
-        if not (isfinite(self.turn) and self.turn > 0):
+        turn = real_number("turn", self.turn)
+        if not 0.0 < turn < inf:
             raise ValueError(f"turn={self.turn!r}: an angle's turn is a positive length, such as 2*pi")
-        if self.lower is None:
-            object.__setattr__(self, "lower", -0.5 * self.turn)
-        elif not isfinite(self.lower):
+        lower = -0.5 * turn if self.lower is None else real_number("lower", self.lower)
+        if not isfinite(lower):
             raise ValueError(f"lower={self.lower!r}: the cut of an angle is a finite number")
+        object.__setattr__(self, "turn", turn)
+        object.__setattr__(self, "lower", lower)
 
     @property
     def is_angle(self) -> bool:
@@ -59,6 +66,7 @@ class Coordinate:
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
 
+@checked
 def angle(name: str, unit: str = "rad", turn: float = 2 * pi, lower: float | None = None) -> Coordinate:
     """Return the coordinate of an angle.
 
@@ -88,6 +96,9 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
     """Turn names and coordinates into coordinates, all of different names."""
     if isinstance(given, str | Coordinate):
         given = (given,)
+    given = listed("coordinates", given)
+    if not all(isinstance(c, str | Coordinate) for c in given):
+        raise TypeError(f"coordinates={shown(given)}: give a name or a Coordinate for each state variable")
     coordinates = tuple(c if isinstance(c, Coordinate) else Coordinate(c) for c in given)
     names = [c.name for c in coordinates]
     if not names or len(set(names)) < len(names):

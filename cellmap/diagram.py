@@ -15,6 +15,7 @@ from .exponents import exponents_along, exponents_of_cycles, swept_derivatives
 from .following import Recorded, record_each, record_followed
 from .orbit_batch import Status
 from .pointmap import PointMap, warn_of_tolerance
+from .signatures import checked
 from .sweep import swept_map
 
 _CHAOTIC = 1e-3  # a largest exponent below this, per step, is no evidence of chaos, as in the search for attractors
@@ -91,6 +92,7 @@ class BifurcationDiagram:
             return (self.period == 0) & (largest > np.maximum(_ERRORS * error, _CHAOTIC))
 
 
+@checked
 def bifurcation_diagram(
     point_map: PointMap,
     name: str,
@@ -165,8 +167,6 @@ def bifurcation_diagram(
     >>> diagram.period[0], diagram.chaotic[0]
     (array([1, 2, 4, 0]), array([False, False, False,  True]))
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     exact = point_map.exact or point_map
     swept = swept_map(exact, name)
     d = exact.dimension

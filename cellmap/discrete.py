@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import parameter_values
+from .checks import parameter_values, shown
 from .codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
@@ -19,11 +19,13 @@ from .kernels.frames import address_of, carrying
 from .kernels.options import LANES
 from .orbit_batch import Orbits, Status
 from .pointmap import Family, Origin, PointMap
+from .signatures import checked
 from .sweep import swept_axes, swept_function
 
 _BOUND = 1e100
 
 
+@checked
 def discrete_map(
     function: Callable[[Sequence[float], Any], Sequence[float]],
     params: Mapping[str, float],
@@ -66,6 +68,8 @@ def discrete_map(
     values = parameter_values(params)
     axes = as_coordinates(coordinates)
     names, d = tuple(values), len(axes)
+    if not isinstance(name, str):
+        raise TypeError(f"name={shown(name)}: give a string")
     name = name or getattr(function, "__name__", type(function).__name__)
     _check_components(function, values, axes)
     timeless = _timeless(function)
@@ -167,6 +171,11 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
             continue  # outside the domain of the function
         except AttributeError as error:
             raise ValueError(f"function asks for a parameter that params lacks ({error})") from error
+        except IndexError as error:
+            names = ", ".join(c.name for c in axes)
+            raise ValueError(
+                f"function asks for more state variables than there are coordinates ({names}): name each ({error})"
+            ) from error
         except TypeError as error:
             raise TypeError(f"function must be callable as function(x, p) and return a tuple: {error}") from error
         try:

@@ -23,9 +23,12 @@ class StoreError(OSError):
 def as_path(name: str, value: Any) -> Path:
     """Return an argument as the name of a file."""
     try:
-        return Path(value)
+        path = Path(value)
     except TypeError:
         raise TypeError(f"{name}={value!r}: give the name of a file") from None
+    if "\0" in str(path):
+        raise ValueError(f"{name}={value!r}: give a name without a zero byte")
+    return path
 
 
 def as_target(name: str, value: Any) -> Path:

@@ -15,6 +15,7 @@ from .crossings import Matrices
 from .flow import Flow, steps_of_harmonics
 from .multipliers import multipliers_of, unstable_count
 from .orbit_batch import Orbits, Status
+from .signatures import checked
 from .system import ForcedSystem
 from .threads import run_over, slices
 
@@ -74,6 +75,7 @@ class FloquetResult:
         return np.abs(np.linalg.det(self.monodromy) - self.determinant) / size
 
 
+@checked
 def floquet_multipliers(
     system: ForcedSystem,
     equilibrium: ArrayLike,

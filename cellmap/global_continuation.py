@@ -21,6 +21,7 @@ from .matching import match_attractors, thinned
 from .orbit_batch import Cost
 from .pointmap import PointMap
 from .search import find_attractors, region_extent
+from .signatures import checked
 from .threads import progress_bar
 
 _SEEDS = 4  # points of a former attractor from which it is sought again,
@@ -28,6 +29,7 @@ _ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may hav
 _KEPT = 1024  # points that are kept of a chaotic attractor
 
 
+@checked
 def continue_basins(
     point_map: PointMap,
     name: str,
@@ -105,11 +107,9 @@ def continue_basins(
            [0. , 0.5, 0.5],
            [0. , 0.5, 0.5]])
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     axis = monotone_values("values", values)
     given = (
-        starts.on(point_map.coordinates)
+        starts.on(point_map.coordinates, "starts")
         if isinstance(starts, CellGrid)
         else finite_points("starts", starts, point_map.dimension)
     )

@@ -9,8 +9,9 @@ from math import inf, nextafter, ulp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import claim_memory, in_bytes, whole_number
+from .checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
 from .coordinates import Coordinate
+from .signatures import checked
 
 
 @dataclass(frozen=True)
@@ -52,19 +53,21 @@ class CellGrid:
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper"):
-            try:
-                values = tuple(float(v) for v in np.atleast_1d(np.asarray(getattr(self, name), dtype=float)))
-            except (TypeError, ValueError):
-                raise TypeError(f"{name}={getattr(self, name)!r}: give one number for each coordinate") from None
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name}={values}: a window has finite corners")
-            object.__setattr__(self, name, values)
-        counts = np.atleast_1d(np.asarray(self.shape, dtype=object))
+            values = real_array(name, getattr(self, name), "one number for each coordinate")
+            if values.ndim > 1 or not np.isfinite(values).all():
+                raise ValueError(
+                    f"{name}={shown(getattr(self, name))}: a window has finite corners, one number for each axis"
+                )
+            object.__setattr__(self, name, tuple(np.atleast_1d(values).tolist()))
+        counts = self.shape if is_sequence(self.shape) else (self.shape,)
         object.__setattr__(self, "shape", tuple(whole_number("shape", n, at_least=1) for n in counts))
+        if not is_sequence(self.wraps):
+            raise TypeError(f"wraps={shown(self.wraps)}: give True or False for each coordinate")
         object.__setattr__(self, "wraps", tuple(map(bool, self.wraps)) or (False,) * len(self.lower))
-        lengths = {name: len(getattr(self, name)) for name in ("lower", "upper", "shape", "wraps")}
-        if len(set(lengths.values())) != 1:
-            raise ValueError(f"a grid needs one entry for each coordinate in each argument, and these have {lengths}")
+        given = {name: getattr(self, name) for name in ("lower", "upper", "shape", "wraps")}
+        if len(set(map(len, given.values()))) != 1 or not self.shape:
+            entries = ", ".join(f"{name}={value}" for name, value in given.items())
+            raise ValueError(f"{entries}: a grid needs one entry for each coordinate in each argument")
         for a, b, n in zip(self.lower, self.upper, self.shape, strict=True):
             if not a < b:
                 raise ValueError(
@@ -91,12 +94,16 @@ class CellGrid:
         """Width of a cell along each axis."""
         return (np.array(self.upper) - np.array(self.lower)) / np.array(self.shape)
 
+    @checked
     def axis(self, j: int) -> NDArray[np.float64]:
         """Return the cell centres along axis `j`."""
+        self._own(j)
         return self.along(j, np.arange(self.shape[j]) + 0.5)
 
+    @checked
     def edges(self, j: int) -> NDArray[np.float64]:
         """Return the cell edges along axis `j`, one more than cells."""
+        self._own(j)
         return self.along(j, np.arange(self.shape[j] + 1))
 
     def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
@@ -115,7 +122,7 @@ class CellGrid:
 
     def locate(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return the flat number (row-major) of the cell of each point, -1 for a point outside or not a number."""
-        p = np.asarray(points, dtype=float)
+        p = real_array("points", points)
         if p.ndim == 0 or p.shape[-1] != self.dimension:
             raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
         index = np.zeros(p.shape[:-1], dtype=np.int64)
@@ -138,8 +145,16 @@ class CellGrid:
             index = index * n + np.nan_to_num(cell).astype(np.int64)
         return np.where(inside, index, -1)
 
-    def on(self, coordinates: Sequence[Coordinate]) -> CellGrid:
+    @checked
+    def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
         """Return this grid with wrapping set: an axis wraps where it covers one whole turn of an angle.
+
+        Parameters
+        ----------
+        coordinates : sequence of Coordinate
+            State variables of a system, one for each axis.
+        name : str, optional
+            Name of the grid in errors.
 
         Raises
         ------
@@ -148,14 +163,20 @@ class CellGrid:
         """
         if len(coordinates) != self.dimension:
             names = ", ".join(c.name for c in coordinates)
-            raise ValueError(f"grid has {self.dimension} axes and the system {len(coordinates)} coordinates ({names})")
+            raise ValueError(
+                f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates ({names})"
+            )
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
             excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
             if excess > 1e-9:
-                raise ValueError(f"the grid covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
+                raise ValueError(f"{name} covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
             wraps.append(excess > -1e-9)
         return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))
+
+    def _own(self, j: int) -> None:
+        if not 0 <= j < self.dimension:
+            raise ValueError(f"j={j}: the grid has the axes 0 to {self.dimension - 1}")
 
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.shape))

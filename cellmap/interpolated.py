@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cell_table import CellTable
-from .checks import claim_memory, finite_number, one_of, whole_number
+from .checks import claim_memory, finite_number, one_of, warn_caller, whole_number
 from .coordinates import turns_of
 from .files import as_target, locked
 from .grid import CellGrid, grid_points
 from .look_ups import LookUps
 from .orbit_batch import Cost, Orbits
 from .pointmap import Family, Origin, PointMap
+from .signatures import checked
 from .spline_coefficients import ORDERS, PADDING, filtered, nodes_of, tabulated_nodes, with_spare_doubles
 from .table_tiles import TableTiles, table_checkpoint
 from .tiles import check_client
@@ -30,6 +30,7 @@ _FARTHEST = 100.0  # an image so many windows away counts as none
 _HERE = TableTiles()
 
 
+@checked
 def interpolated_map(
     exact: PointMap,
     grid: CellGrid,
@@ -110,8 +111,6 @@ def interpolated_map(
     """
     if not isinstance(exact, PointMap) or exact.table is not None:
         raise TypeError(f"exact={exact!r}: give an exact map, from stroboscopic_map or discrete_map")
-    if not isinstance(grid, CellGrid):
-        raise TypeError(f"grid={grid!r}: give a CellGrid")
     one_of("order", order, ORDERS)
     one_of("outside", outside, ("escape", "integrate"))
     if tolerance is not None:
@@ -137,10 +136,9 @@ def interpolated_map(
     rough |= spoilt
     share = float(rough.mean())
     if share > 0.5:
-        warnings.warn(
+        warn_caller(
             f"{100 * share:.0f} % of the cells are left to the exact map: the table is too coarse or the map not "
             "smooth; take more cells, or iterate the exact map itself",
-            stacklevel=2,
         )
     cost = Cost(
         seconds=time.perf_counter() - began,

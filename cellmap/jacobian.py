@@ -11,6 +11,7 @@ from .checks import finite_points, whole_number
 from .coordinates import difference, wrap
 from .orbit_batch import Orbits
 from .pointmap import PointMap, follow
+from .signatures import checked
 
 
 class NotDifferentiableError(TypeError):
@@ -55,6 +56,7 @@ def tangent(
     return place.reshape(points.shape), total.reshape(*points.shape, d)
 
 
+@checked
 def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
     """Return the derivative of the image after some periods by the start.
 

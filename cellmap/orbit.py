@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .checks import real_array, shown
 from .coordinates import Coordinate
 from .multipliers import MARGIN, unstable_count
 
@@ -133,7 +134,10 @@ def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> jury_margins(np.array([[0.5, 0.2], [0.0, -0.4]]))
     array([0.7, 0.9, 0.8])
     """
-    polynomial = np.real(np.poly(matrix))
+    square = real_array("matrix", matrix)
+    if square.ndim != 2 or square.shape[0] != square.shape[1] or not square.size or not np.isfinite(square).all():
+        raise ValueError(f"matrix={shown(matrix)}: give finite numbers in an array of shape (d, d)")
+    polynomial = np.real(np.poly(square))
     order = len(polynomial) - 1
     ends = [np.polyval(polynomial, 1.0), (-1.0) ** order * np.polyval(polynomial, -1.0)]
     table = []

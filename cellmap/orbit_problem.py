@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from .attractor import Attractor
+from .checks import known_parameter
 from .coordinates import difference, turns_of
 from .jacobian import tangent
 from .orbit import PeriodicOrbit
@@ -84,8 +85,7 @@ def begin_orbit(
     if not isinstance(orbit, PeriodicOrbit | Attractor):
         raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
     exact = point_map.exact or point_map
-    if name not in exact.params:
-        raise ValueError(f"name={name!r}: this map has the parameters {sorted(exact.params)}")
+    known_parameter("name", name, exact.params)
     if not orbit.period:
         raise ValueError(f"orbit={orbit!r}: give a periodic orbit")
     if orbit.coordinates != exact.coordinates:

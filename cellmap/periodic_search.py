@@ -14,12 +14,14 @@ from .orbit import PeriodicOrbit
 from .orbit_batch import CHUNK, Orbits
 from .periodic import closed_orbit, damped_newton, resolution
 from .pointmap import PointMap
+from .signatures import checked
 from .threads import run_over, slices
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 
 
+@checked
 def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> PeriodicOrbit:
     """Return the periodic orbit that a damped Newton method finds from a guess.
 
@@ -64,6 +66,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     return closed_orbit(point_map, solutions[0], rounds, extent)
 
 
+@checked
 def find_periodic_orbits(
     point_map: PointMap, window: CellGrid, max_period: int = 1, progress: bool = False
 ) -> tuple[PeriodicOrbit, ...]:
@@ -107,11 +110,7 @@ def find_periodic_orbits(
     PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
     PeriodicOrbit(flip saddle, period 2, at (0.9758, -0.14274), |multiplier| 3.01)
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if not isinstance(window, CellGrid):
-        raise TypeError(f"window={window!r}: give a CellGrid")
-    grid = window.on(point_map.coordinates)
+    grid = window.on(point_map.coordinates, "window")
     longest = whole_number("max_period", max_period, at_least=1)
     d = grid.dimension
     claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .cell_table import CellTable, MapError
-from .checks import claim_memory, finite_points, whole_number
+from .checks import claim_memory, finite_points, random_numbers, warn_caller, whole_number
 from .coordinates import Coordinate, difference, turns_of
 from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Cost, Orbits, Status
+from .signatures import checked
 from .threads import progress_bar, run_over, slices
 from .tiles import check_client, run_tiles
 
@@ -186,6 +186,7 @@ class PointMap:
         warn_of_tolerance(images.status, self)
         return images.points
 
+    @checked
     def iterate(self, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
         """Return the images of points after a number of periods.
 
@@ -214,6 +215,7 @@ class PointMap:
         warn_of_tolerance(images.status, self)
         return images
 
+    @checked
     def orbit(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
         """Return points and all their images, the number of the period on the first axis.
 
@@ -255,6 +257,7 @@ class PointMap:
         shape = (periods + 1, *starts.shape)
         return Iterate(history.reshape(shape), turns.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
 
+    @checked
     def error(self, points: int = 10_000, seed: int = 0) -> MapError:
         """Measure the error of one period against the exact map.
 
@@ -279,7 +282,7 @@ class PointMap:
             raise ValueError(f"{self!r} is exact; only an interpolated map has an error to measure")
         points = whole_number("points", points, at_least=1)
         grid = self.table.grid
-        places = np.random.default_rng(seed).uniform(grid.lower, grid.upper, (points, self.dimension))
+        places = random_numbers(seed).uniform(grid.lower, grid.upper, (points, self.dimension))
         shift = difference(self.iterate(places, 1).points, self.exact.iterate(places, 1).points, self.coordinates)
         errors = np.abs(shift).max(axis=-1)
         errors = errors[np.isfinite(errors)]
@@ -327,9 +330,8 @@ def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
     """Warn where orbits carry the status INACCURATE."""
     missed = np.count_nonzero(status == Status.INACCURATE)
     if missed:
-        warnings.warn(
+        warn_caller(
             f"{missed} of {status.size} orbits of {point_map.name} did not meet the tolerance; their status says so. "
             "Loosen rtol and atol, or allow more steps with max_steps",
             ToleranceWarning,
-            stacklevel=3,
         )

@@ -12,10 +12,12 @@ from .grid import CellGrid
 from .interpolated import interpolated_map
 from .pointmap import PointMap
 from .section import section_map
+from .signatures import checked
 from .stroboscopic import stroboscopic_map
 from .system import ForcedSystem
 
 
+@checked
 def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> PointMap:
     """Make a map again from the recipe that it, its basins or a file carry.
 
@@ -74,6 +76,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     raise ValueError(f"recipe of kind {kind!r} cannot be made from {source!r}: give the system it was made from")
 
 
+@checked
 def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     """Find basins again, from what a stored result says about itself and its system.
 

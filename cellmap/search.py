@@ -17,6 +17,7 @@ from .orbit_batch import Orbits
 from .periodic import newton, resolution, stable_orbit
 from .pointmap import PointMap
 from .settling import Catalogue, settle
+from .signatures import checked
 from .trapping import trapping_neighbourhood
 
 _FIRST_LOOK = 32  # periods before ends are polished for the first time
@@ -27,6 +28,7 @@ _RETURNS = 4  # likely periods tried for each of them, besides 1,
 _RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
+@checked
 def find_attractors(
     point_map: PointMap,
     starts: ArrayLike,

@@ -18,6 +18,7 @@ from .jacobian import NotDifferentiableError
 from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Orbits
 from .pointmap import Family, Origin, PointMap
+from .signatures import checked
 from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
 from .system import ForcedSystem
 from .threads import run_over, slices
@@ -29,6 +30,7 @@ _ORDER_FOR = (
 )
 
 
+@checked
 def flow_map(
     system: ForcedSystem,
     time: float,
@@ -133,6 +135,7 @@ class SectionMap(PointMap):
         return Returns(images.reshape(starts.shape), times.reshape(shape), status.reshape(shape))
 
 
+@checked
 def section_map(
     system: ForcedSystem,
     section: tuple[str, float, int],

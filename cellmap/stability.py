@@ -15,6 +15,7 @@ from .floquet import linearise, swept_values
 from .orbit import PeriodicOrbit
 from .orbit_grid import follow_over
 from .pointmap import PointMap
+from .signatures import checked
 from .system import ForcedSystem
 
 _TOLERANCE = 1e-13  # of the monodromy matrices
@@ -118,6 +119,7 @@ class StabilityMap:
         return f"StabilityMap({self.names[0]} x {self.names[1]}: {self.x.size} x {self.y.size}, {share:.4g} stable)"
 
 
+@checked
 def critical_values(
     system: ForcedSystem,
     equilibrium: ArrayLike,
@@ -189,6 +191,7 @@ def critical_values(
     )
 
 
+@checked
 def stability_map(
     system: ForcedSystem | PointMap,
     equilibrium: ArrayLike | PeriodicOrbit | Attractor,

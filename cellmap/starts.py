@@ -33,7 +33,7 @@ class Starts:
     def of(cls, starts: CellGrid | ArrayLike, point_map: PointMap) -> Starts:
         """Check the argument of that name."""
         if isinstance(starts, CellGrid):
-            return cls(starts.on(point_map.coordinates), None)
+            return cls(starts.on(point_map.coordinates, "starts"), None)
         given = finite_points("starts", starts, point_map.dimension)
         if not given.size:
             raise ValueError("starts is empty: give at least one start")

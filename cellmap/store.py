@@ -24,6 +24,7 @@ from .files import StoreError as StoreError
 from .files import as_path, as_target, written_whole
 from .grid import CellGrid
 from .orbit_batch import Cost
+from .signatures import checked
 
 FORMAT = "cellmap basins"
 SCHEMA = 1
@@ -33,6 +34,7 @@ SCHEMA = 1
 _ONLY = "basins"  # name of a picture that is alone in its file
 
 
+@checked
 def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
     """Write basins to an HDF5 file.
 
@@ -149,6 +151,7 @@ def _describe(file: h5py.File) -> None:
     file.attrs["digest"] = digest_of(file)
 
 
+@checked
 def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins:
     """Read basins from an HDF5 file.
 

@@ -15,6 +15,7 @@ from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import wrap_rows
 from .orbit_batch import Orbits
 from .pointmap import Family, Origin, PointMap
+from .signatures import checked
 from .sweep import swept_system
 from .system import ForcedSystem
 
@@ -24,6 +25,7 @@ MOST_STEPS = 2**31
 _TANGENT_TOLERANCE = 1e-12  # or that of the map, if it is finer
 
 
+@checked
 def stroboscopic_map(
     system: ForcedSystem,
     phase: float = 0.0,
@@ -82,8 +84,6 @@ def stroboscopic_map(
     >>> strobe.iterate([3.0, 4.0], 1).turns
     array([4, 0])
     """
-    if not isinstance(system, ForcedSystem):
-        raise TypeError(f"system={system!r}: give a ForcedSystem")
     phase = finite_number("phase", phase)
     rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
     atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)

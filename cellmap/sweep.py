@@ -12,14 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from .checks import known_parameter
 from .codegen.kernel import traced_switching, traces_faithfully
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate
 from .orbit_batch import Orbits
 from .pointmap import Origin, PointMap
+from .signatures import checked
 from .system import ForcedSystem
 
 
+@checked
 def swept_map(point_map: PointMap, *names: str) -> PointMap:
     """Return a map with some parameters as further state variables, which rest.
 
@@ -50,11 +53,10 @@ def swept_map(point_map: PointMap, *names: str) -> PointMap:
            [1. , 4. ]])
     """
     exact = point_map.exact or point_map
+    for name in names:
+        known_parameter("names", name, exact.params)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"names={names!r}: give the names of one or several different parameters")
-    for name in names:
-        if name not in exact.params:
-            raise ValueError(f"names has {name!r}: this map has the parameters {sorted(exact.params)}")
     made = exact.family.swept(names) if exact.family is not None else None
     return _row_by_row(exact, names) if made is None else made
 

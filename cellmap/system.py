@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_number, finite_points, parameter_values
+from .checks import finite_number, finite_points, parameter_values, real_array, shown
 from .codegen.rebind import over_arrays
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates
+from .signatures import checked
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -91,11 +92,13 @@ class ForcedSystem:
         set_field = functools.partial(object.__setattr__, self)
         set_field("params", parameter_values(self.params))
         set_field("coordinates", as_coordinates(self.coordinates))
+        if not isinstance(self.name, str):
+            raise TypeError(f"name={shown(self.name)}: give a string")
         set_field("name", self.name or getattr(self.rhs, "__name__", type(self.rhs).__name__))
         if self.switches is not None and not callable(self.switches):
             raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
-            raise TypeError(f"outputs={self.outputs!r}: give functions f(t, x, p) by name")
+            raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
 
@@ -166,6 +169,7 @@ class ForcedSystem:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
         return np.array(self.derivative(t, tuple(y)), dtype=float)
 
+    @checked
     def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
         """Return a further quantity along states.
 
@@ -183,10 +187,16 @@ class ForcedSystem:
         ndarray, shape (..., components)
             Values of the function.
         """
-        if name not in self.outputs:
-            raise ValueError(f"name={name!r}: the outputs of {self.name} are {sorted(self.outputs) or 'none'}")
+        if not isinstance(name, str) or name not in self.outputs:
+            raise ValueError(f"name={shown(name)}: the outputs of {self.name} are {sorted(self.outputs) or 'none'}")
         points = finite_points("states", states, self.dimension)
-        times, *columns = np.broadcast_arrays(np.asarray(t, dtype=float), *np.moveaxis(points, -1, 0))
+        times = real_array("t", t)
+        try:
+            times, *columns = np.broadcast_arrays(times, *np.moveaxis(points, -1, 0))
+        except ValueError:
+            raise ValueError(
+                f"t has the shape {times.shape}, which does not go with states of {points.shape}"
+            ) from None
         function = over_arrays(self.outputs[name])
         return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
 

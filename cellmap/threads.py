@@ -11,6 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from .checks import whole_number
+from .signatures import checked
 
 _count: int | None = None
 
@@ -31,6 +32,7 @@ def thread_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@checked
 def set_threads(count: int | None) -> None:
     """Choose the number of threads for all later work; None returns to the default.  Results never depend on it.
 

@@ -14,6 +14,7 @@ from .flow import flow
 from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Orbits
 from .pointmap import PointMap, warn_of_tolerance
+from .signatures import checked
 from .stroboscopic import stroboscopic_map
 from .system import ForcedSystem
 from .threads import progress_bar, run_over, slices
@@ -66,6 +67,7 @@ class Trajectory:
         """Points of the stroboscopic map, angles in their turn, shape (periods + 1, ..., dimension)."""
         return wrap(self.states[:: self.samples], self.system.axes)
 
+    @checked
     def output(self, name: str) -> NDArray[np.float64]:
         """Return one of the system's outputs along the trajectory.
 
@@ -92,6 +94,7 @@ class Trajectory:
         return result
 
 
+@checked
 def trajectory(
     system: ForcedSystem,
     starts: ArrayLike,

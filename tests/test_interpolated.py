@@ -661,7 +661,7 @@ TURN_AND_A_HALF = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
         ((GRID, 2), ValueError, "order=2: choose one of 1, 3, 5"),
         ((GRID, 4), ValueError, "order=4: choose one of 1, 3, 5"),
         ((GRID, 0), ValueError, "order=0"),
-        ((GRID, "cubic"), ValueError, "order='cubic'"),
+        ((GRID, "cubic"), TypeError, "order='cubic': give a whole number"),
         ((GRID, 5, "reflect"), ValueError, "outside='reflect': choose one of 'escape', 'integrate'"),
         ((GRID, 5, "escape", 0.0), ValueError, "tolerance=0.0: give a number above 0"),
         ((GRID, 5, "escape", -1e-3), ValueError, "tolerance=-0.001"),
@@ -683,7 +683,7 @@ def test_bad_arguments(pendulum, arguments, error, message):
 
 @pytest.mark.parametrize("exact", [None, systems.driven_pendulum(), np.zeros(2), len], ids=repr)
 def test_something_that_is_no_map(exact):
-    with pytest.raises(TypeError, match="give an exact map"):
+    with pytest.raises(TypeError, match=r"exact=.*: give a PointMap, made by stroboscopic_map or discrete_map"):
         interpolated_map(exact, GRID)
 
 

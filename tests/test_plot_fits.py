@@ -56,9 +56,9 @@ def test_given_axes_are_used():
 def test_what_has_no_fit_is_refused():
     with pytest.raises(TypeError, match=r"carries one as \.fit"):
         plot_fit(3.0)
-    with pytest.raises(TypeError, match="generalized_dimensions returns"):
+    with pytest.raises(TypeError, match="made by generalized_dimensions"):
         plot_generalized_dimensions(3.0)
-    with pytest.raises(TypeError, match="kaplan_yorke_dimension returns"):
+    with pytest.raises(TypeError, match="made by kaplan_yorke_dimension"):
         plot_kaplan_yorke(3.0)
     assert plt.get_fignums() == []
 

@@ -124,14 +124,18 @@ def test_other_coordinates_are_refused():
         (PENDULUM, {"kind": "discrete"}),
         (PENDULUM, {"kind": "a map of the future"}),
         (PENDULUM, {}),
-        (None, {"kind": "discrete"}),
-        ("pendulum", {"kind": "stroboscopic", "period": 0.02}),
         (strobe(), {"kind": "stroboscopic", "period": 0.02}),
     ],
 )
 def test_recipe_that_does_not_fit_the_source(source, recipe):
     with pytest.raises(ValueError, match=r"cannot be made from .*: give the system it was made from"):
         rebuild_map(source, recipe)
+
+
+@pytest.mark.parametrize("source", [None, "pendulum"])
+def test_source_that_is_neither_system_nor_map(source):
+    with pytest.raises(TypeError, match=f"source={source!r}: give a ForcedSystem or a PointMap"):
+        rebuild_map(source, {"kind": "discrete"})
 
 
 @pytest.mark.parametrize("missing", ["rtol", "method", "phase", "period"])

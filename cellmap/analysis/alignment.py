@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from ..checks import finite_number, finite_points, whole_number
+from ..checks import finite_number, finite_points, random_numbers, whole_number
 from ..coordinates import wrap
 from ..jacobian import tangent
 from ..orbit_batch import CHUNK, Orbits, Status
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 from .chaos_tests import FOLDS, UNDECIDED, ChaosTest, settle_verdicts
 from .lyapunov import GROUPS
@@ -21,6 +22,7 @@ _PARTS = GROUPS + 2  # of an orbit; the rate comes from the last half of them
 _PRESERVED = 1e-6  # mean logarithm of the factor by which volumes change in a step
 
 
+@checked
 def alignment_test(
     point_map: PointMap,
     starts: ArrayLike,
@@ -76,8 +78,6 @@ def alignment_test(
     >>> float(alignment_test(cat, [0.0, 0.0]).value / (2.0 * np.log(1.5 + 1.25**0.5)))
     1.0
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     exact = point_map.exact or point_map
     points = finite_points("starts", starts, exact.dimension)
     if not points.size:
@@ -91,7 +91,7 @@ def alignment_test(
     # Means over parts, since along regular orbits the index swings; what is left over comes before the first.
     length = periods // _PARTS
     before = periods - length * _PARTS
-    first = np.linalg.qr(np.random.default_rng(seed).standard_normal((d, d)))[0][:, :number]
+    first = np.linalg.qr(random_numbers(seed).standard_normal((d, d)))[0][:, :number]
     logs = np.empty((_PARTS, len(states)))
     volumes, ended = np.empty(len(states)), np.empty(len(states), bool)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_number, one_of
+from ..checks import finite_number, one_of, real_array, shown
+from ..signatures import checked
 
 
+@checked
 def binomial_interval(
     count: ArrayLike, trials: ArrayLike, confidence: float = 0.95, method: str = "exact"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -47,9 +49,13 @@ def binomial_interval(
 
     level = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
     one_of("method", method, ("exact", "Wilson"))
-    k, n = (np.asarray(v, dtype=float) for v in np.broadcast_arrays(count, trials))
-    if ((k < 0) | (k > n)).any():
-        raise ValueError(f"count={count!r}, trials={trials!r}: give counts between 0 and the trials")
+    k, n = real_array("count", count), real_array("trials", trials)
+    try:
+        k, n = np.broadcast_arrays(k, n)
+    except ValueError:
+        raise ValueError(f"count has the shape {k.shape} and trials {n.shape}: give shapes that go together") from None
+    if not ((k >= 0) & (k <= n) & np.isfinite(n)).all():
+        raise ValueError(f"count={shown(count)}, trials={shown(trials)}: give counts between 0 and the trials")
     tail = 0.5 * (1.0 - level)
     if method == "exact":
         low = betaincinv(np.maximum(k, 1e-300), n - k + 1.0, tail)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
 from ..checks import finite_number
+from ..signatures import checked
 from .manifolds import Manifold
 from .shock_search import circular_tree
 
@@ -47,6 +48,7 @@ class BoundaryDistance:
         )
 
 
+@checked
 def boundary_distance(
     manifolds: Manifold | Sequence[Manifold],
     basins: Basins,

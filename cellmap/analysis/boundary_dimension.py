@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import random_numbers, whole_number
+from ..signatures import checked
 from .boxcount import BoxCount, averaged, checked_sizes, fitted
 from .label_boxes import LabelImage, count_boxes
 
@@ -20,6 +21,7 @@ _FEWEST_ACROSS = 4
 _MOST_OFFSETS = 64
 
 
+@checked
 def boundary_dimension(
     basins: Basins | NDArray[np.integer],
     sizes: ArrayLike | None = None,
@@ -93,7 +95,7 @@ def boundary_dimension(
     steps = 1 if samples is None else whole_number("samples", samples, at_least=1)
     chosen = _sizes(sizes, min(boundary.shape), steps)
     offsets = whole_number("offsets", offsets, at_least=1)
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     if samples is None:
         places = rng.integers(0, chosen[-1], (offsets, boundary.ndim))
         places[0] = 0

@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from ..checks import finite_number, whole_number
 from ..coordinates import Coordinate
+from ..signatures import checked
 from .fit import Fit, fit_line, steady_window, window_spread, with_drift
 from .partitions import Partition, Space, distinct, dyadic_sizes, over_offsets
 
@@ -113,6 +114,7 @@ class BoxCount:
         return 0.5 * (x[1:] + x[:-1]), np.diff(y) / np.diff(x)
 
 
+@checked
 def box_dimension(
     points: ArrayLike,
     sizes: ArrayLike | None = None,

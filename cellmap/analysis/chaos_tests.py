@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from ..checks import finite_number, whole_number
 from ..coordinates import difference, turns_of
 from ..pointmap import PointMap
+from ..signatures import checked
 from .lyapunov import GROUPS, lyapunov_spectrum
 
 CHAOTIC, REGULAR, UNDECIDED = "chaotic", "regular", "undecided"
@@ -83,6 +84,7 @@ class ChaosTest:
         return np.asarray(self.verdict == REGULAR)
 
 
+@checked
 def exponent_test(
     point_map: PointMap,
     starts: ArrayLike,

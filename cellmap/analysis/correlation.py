@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import one_of, whole_number
 from ..coordinates import Coordinate
+from ..signatures import checked
 from ..threads import run_over
 from .boxcount import checked_sizes, fit_sizes
 from .fit import Fit, fit_line
@@ -71,6 +72,7 @@ class CorrelationSum:
         return self.fit.standard_error
 
 
+@checked
 def correlation_dimension(
     points: ArrayLike,
     radii: ArrayLike | None = None,

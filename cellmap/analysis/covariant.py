@@ -11,6 +11,7 @@ from ..checks import claim_memory, finite_points, whole_number
 from ..coordinates import Coordinate, wrap
 from ..jacobian import tangent
 from ..pointmap import PointMap
+from ..signatures import checked
 from .lyapunov import GROUPS
 
 _VANISHING = 1e-14  # growth in one step, of the largest, below which a direction is lost to rounding
@@ -57,6 +58,7 @@ class CovariantVectors:
         """Number of positive exponents."""
         return int(np.count_nonzero(self.exponents > 0.0))
 
+    @checked
     def angles(self, first: int | None = None) -> NDArray[np.float64]:
         """Return at each point the smallest angle between the span of the first directions and that of the others.
 
@@ -87,6 +89,7 @@ class CovariantVectors:
         return np.asarray(np.arcsin(np.linalg.svd(rest, compute_uv=False)[..., -1].clip(0.0, 1.0)))
 
 
+@checked
 def covariant_vectors(
     point_map: PointMap, start: ArrayLike, periods: int = 1000, transient: int = 200
 ) -> CovariantVectors:
@@ -131,8 +134,6 @@ def covariant_vectors(
     array([[1., 0.],
            [2., 3.]])
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     exact = point_map.exact or point_map
     begin = finite_points("start", start, exact.dimension)
     if begin.ndim != 1:

@@ -14,6 +14,7 @@ from ..orbit import PeriodicOrbit
 from ..periodic_search import periodic_orbit
 from ..pointmap import PointMap, follow
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .fit import Fit, fit_line
 from .labelling import Labeller, labeller, own_label, places_of, scale_of, span_of
 from .shock_search import nearest_foreign
@@ -63,6 +64,7 @@ class EdgeOrbit:
         return f"EdgeOrbit({len(self.points)} steps, exponent {self.growth.slope:.4g}; {what})"
 
 
+@checked
 def edge_orbit(
     basins: Basins,
     inside: int | ArrayLike = 0,

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import random_numbers, whole_number
+from ..signatures import checked
 from .image_uncertainty import finest_exponent, is_rough
 from .labels import LabelImage, label_image
 
@@ -94,6 +95,7 @@ class BasinEntropy:
         return self.above_ln2 and is_rough(self.finest)
 
 
+@checked
 def basin_entropy(
     basins: Basins | ArrayLike,
     box: int | Sequence[int] = 5,
@@ -215,7 +217,7 @@ def _tiled(image: LabelImage, sides: tuple[int, ...]) -> NDArray[np.int64]:
 def _random(image: LabelImage, sides: tuple[int, ...], positions: int, seed: int) -> NDArray[np.int64]:
     """Count the basins in boxes at random positions, shape (basins, boxes)."""
     offsets = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, len(sides))
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     corners = [
         rng.integers(0, n if wraps else n - side + 1, positions)
         for n, side, wraps in zip(image.numbers.shape, sides, image.wraps, strict=True)

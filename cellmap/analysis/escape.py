@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
 from ..orbit_batch import CHUNK, Orbits
 from ..pointmap import PointMap
 from ..search import check_attractors
 from ..settling import Catalogue, inside_cover
+from ..signatures import checked
 from ..threads import run_over, slices
 from .fit import Fit, fit_line
 
@@ -95,7 +96,7 @@ def restraint(point_map: PointMap, window: CellGrid, attractors: Sequence[Attrac
         raise TypeError(f"window={window!r}: give a CellGrid")
     check_attractors(attractors, point_map, "attractors")
     return Restraint(
-        point_map, window.on(point_map.coordinates), tuple(attractors), Catalogue.of(attractors, point_map)
+        point_map, window.on(point_map.coordinates, "window"), tuple(attractors), Catalogue.of(attractors, point_map)
     )
 
 
@@ -135,6 +136,7 @@ class EscapeRate:
         return 1.0 / self.rate if self.rate > 0.0 else np.inf
 
 
+@checked
 def escape_rate(
     point_map: PointMap,
     window: CellGrid,
@@ -194,7 +196,7 @@ def escape_rate(
     number = whole_number("n", n, at_least=1)
     last = whole_number("most", most, at_least=3)
     allowed = finite_number("tolerance", tolerance, above=0.0)
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     grid = region.window
     starts = rng.uniform(grid.lower, grid.upper, (number, grid.dimension))
     times = region.lifetimes(starts, last)

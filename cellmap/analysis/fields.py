@@ -16,6 +16,7 @@ from ..jacobian import tangent
 from ..kernels.stretching import append_steps
 from ..orbit_batch import CHUNK, Cost
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 
 
@@ -73,6 +74,7 @@ class ExponentField:
         return self.forward / self.period
 
 
+@checked
 def finite_time_exponents(
     point_map: PointMap, grid: CellGrid, periods: int = 10, progress: bool = False
 ) -> ExponentField:
@@ -124,10 +126,6 @@ def finite_time_exponents(
     >>> (field.forward / np.log(2.0)).round(12).tolist(), (field.backward / np.log(2.0)).round(12).tolist()
     ([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]], [[2.0, 2.0], [2.0, 2.0], [2.0, 2.0]])
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if not isinstance(grid, CellGrid):
-        raise TypeError(f"grid={grid!r}: give a CellGrid, whose cells' centres are the starts")
     began = time.perf_counter()
     exact = point_map.exact or point_map
     grid = grid.on(exact.coordinates)

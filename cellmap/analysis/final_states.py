@@ -109,7 +109,7 @@ def final_states(
         raise TypeError(f"source={source!r}: give Basins or a PointMap")
     if not isinstance(region, CellGrid):
         raise TypeError(f"region={region!r}: give the window as a CellGrid")
-    region = region.on(point_map.coordinates)
+    region = region.on(point_map.coordinates, "region")
     if max(region.shape) == 1:
         raise ValueError(f"region={region!r} is one cell: give two cells at least along the axes that it spans")
     if outcome is not None:

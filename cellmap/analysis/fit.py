@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import finite_number, whole_number
+from ..signatures import checked
 
 _FEWEST = 3
 _SWING = (
@@ -55,6 +56,7 @@ class Fit:
         """The points in the window."""
         return slice(self.window[0], self.window[1] + 1)
 
+    @checked
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return an interval for the slope (Student's distribution), NaN for two points without errors."""
         from scipy.special import stdtrit
@@ -68,6 +70,7 @@ class Fit:
         return np.asarray(self.intercept + self.slope * np.asarray(x, dtype=float))
 
 
+@checked
 def fit_line(
     x: ArrayLike,
     y: ArrayLike,

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, random_numbers, whole_number
+from ..signatures import checked
 from .entropy import box_entropies, count_at
 from .exponent import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
 from .image_uncertainty import finest_exponent, is_rough
@@ -91,6 +92,7 @@ class FractalTest:
         return SMOOTH if away <= 2.0 * self.standard_error else UNDETERMINED
 
 
+@checked
 def fractal_boundary_test(
     basins: Basins | ArrayLike,
     radius: float | None = None,
@@ -177,7 +179,7 @@ def _draw(
     image: LabelImage, offsets: NDArray[np.int64], reach: int, wanted: int, seed: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
     """Draw discs until enough of them are on the boundary; return places and entropies of these, and how many all."""
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     places: list[NDArray[np.int64]] = []
     entropies: list[NDArray[np.float64]] = []
     found = drawn = 0

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import whole_number
 from ..coordinates import Coordinate
+from ..signatures import checked
 from .boxcount import checked_sizes, fit_sizes, unseen
 from .fit import Fit
 from .partitions import Partition, Space, dyadic_sizes, over_offsets
@@ -70,6 +71,7 @@ class GeneralizedDimensions:
         return np.array([f.standard_error for f in self.fits])
 
 
+@checked
 def generalized_dimensions(
     points: ArrayLike,
     orders: ArrayLike = (0.0, 1.0, 2.0),

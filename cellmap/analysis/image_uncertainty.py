@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..basins import Basins
 from ..checks import whole_number
 from ..orbit_batch import Cost
+from ..signatures import checked
 from .exponent import UncertaintyExponent, fit_exponent
 from .fit import fit_line, with_drift
 from .labels import NO_BASIN, LabelImage, label_image
@@ -21,6 +22,7 @@ _DRIFT = 0.05  # largest difference of slopes in a window
 _COARSEST = 16  # largest distance, as a part of the shorter side
 
 
+@checked
 def image_uncertainty_exponent(
     basins: Basins | ArrayLike,
     steps: ArrayLike | None = None,

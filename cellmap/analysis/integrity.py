@@ -14,6 +14,7 @@ from ..coordinates import Coordinate
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .labelling import own_label, places_of, scale_of, span_of
 from .shock_search import nearest_foreign
 from .shocks import FatalShock, minimal_fatal_shock
@@ -61,6 +62,7 @@ class Ball:
         return f"Ball(basin {self.label}, radius {self.radius:.6g} by the {how}, about ({place}){more})"
 
 
+@checked
 def local_integrity(
     basins: Basins,
     label: int,
@@ -127,6 +129,7 @@ def local_integrity(
     return Ball(k, centre.copy(), final, radius, _resolution(basins.grid, unit), unit, meets and shock is None, shock)
 
 
+@checked
 def largest_ball(
     basins: Basins | ArrayLike,
     label: int,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..coordinates import turns_of, wrap
 from ..jacobian import tangent
 from ..pointmap import PointMap, follow
+from ..signatures import checked
 from ..stroboscopic import stroboscopic_map
 from ..system import ForcedSystem
 
@@ -25,6 +26,7 @@ _RESTARTS = 100  # behind gaps of one curve
 _LOOP = 64  # points on a circle, from whose derivatives the turns of its image are known
 
 
+@checked
 def inverse_stroboscopic_map(
     system: ForcedSystem, phase: float = 0.0, rtol: float = 1e-12, atol: float = 1e-12
 ) -> PointMap:
@@ -57,8 +59,6 @@ def inverse_stroboscopic_map(
     >>> inverse_stroboscopic_map(decay)(stroboscopic_map(decay, rtol=1e-13, atol=1e-13)([0.5])).round(12)
     array([0.5])
     """
-    if not isinstance(system, ForcedSystem):
-        raise TypeError(f"system={system!r}: give a ForcedSystem")
     if system.switches is not None:
         raise ValueError(f"system={system!r} has switches: where it sticks, its motion cannot be turned round")
     forward = system.rhs

@@ -15,6 +15,7 @@ from ..jacobian import NotDifferentiableError, tangent
 from ..kernels.frames import ROUNDING
 from ..orbit_batch import CHUNK, Orbits, Status
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import progress_bar, run_over, slices
 
 STRETCHES = 100
@@ -128,6 +129,7 @@ class LyapunovSpectrum:
             between = rows.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.zeros(d)
         return rows.mean(axis=0), np.maximum(inner, between)
 
+    @checked
     def interval(self, confidence: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return intervals for the exponents per step (Student's distribution), shape (..., d) each."""
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
@@ -135,6 +137,7 @@ class LyapunovSpectrum:
         return self.exponents - reach, self.exponents + reach
 
 
+@checked
 def lyapunov_spectrum(
     point_map: PointMap, starts: ArrayLike, periods: int = 2000, transient: int = 500, progress: bool = False
 ) -> LyapunovSpectrum:
@@ -185,8 +188,6 @@ def lyapunov_spectrum(
     >>> lyapunov_spectrum(cat, [[0.0, 0.0]], periods=100).exponents
     array([[ 0.9624, -0.9624]])
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     exact = point_map.exact or point_map
     points = finite_points("starts", starts, exact.dimension)
     periods = whole_number("periods", periods, at_least=GROUPS)

@@ -13,6 +13,7 @@ from ..grid import CellGrid
 from ..jacobian import jacobian
 from ..orbit import PeriodicOrbit
 from ..pointmap import PointMap
+from ..signatures import checked
 from .curve_growth import GrowingCurve, ManifoldBranch, growth_of
 
 
@@ -57,6 +58,7 @@ class Manifold:
         return wrap(every[np.isfinite(every).all(axis=1)], self.coordinates)
 
 
+@checked
 def saddle_manifold(
     point_map: PointMap,
     orbit: PeriodicOrbit,
@@ -126,7 +128,7 @@ def saddle_manifold(
     moduli = np.abs(orbit.multipliers)
     if orbit.points.shape[-1] != 2 or not (moduli[0] > 1.0 > moduli[1] > 0.0):
         raise ValueError(f"orbit={orbit!r}: give a saddle, with one multiplier outside the unit circle and one inside")
-    grid = window.on(point_map.coordinates)
+    grid = window.on(point_map.coordinates, "window")
     longest = finite_number("length", length, above=0.0)
     apart = finite_number("spacing", spacing, above=0.0, at_most=0.5)
     beyond = finite_number("reach", reach, at_least=0.0)

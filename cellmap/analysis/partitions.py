@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_points
+from ..checks import finite_points, random_numbers
 from ..coordinates import Coordinate, as_coordinates, turns_of, wrap
 from ..kernels.boxes import moments, morton_keys, occupancy, separations
 from ..threads import run_over
@@ -239,7 +239,7 @@ def over_offsets(
         shifts = np.zeros((1, space.dimension))
         sizes = dyadic_sizes(space) if sizes is None else sizes
     else:
-        shifts = np.random.default_rng(seed).random((offsets, space.dimension))
+        shifts = random_numbers(seed).random((offsets, space.dimension))
     found: dict[int, NDArray[np.float64]] = {}
 
     def work(number: int) -> None:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from ..attractor import Attractor, distinct_names
 from ..basins import LABEL_NAMES, Basins
-from ..checks import finite_points, whole_number
+from ..checks import finite_points, random_numbers, whole_number
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .binomial import binomial_interval
 from .labelling import Labeller, labeller
 
@@ -88,6 +89,7 @@ class BasinStability:
         return int(np.count_nonzero(self.labels == UNDECIDED))
 
 
+@checked
 def basin_stability(
     source: Basins | PointMap,
     distribution: CellGrid | Distribution | None = None,
@@ -166,10 +168,10 @@ def basin_stability(
 
 
 def _drawn(distribution: object, label: Labeller, n: int, seed: int) -> NDArray[np.float64]:
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     d = label.point_map.dimension
     if isinstance(distribution, CellGrid):
-        window = distribution.on(label.point_map.coordinates)
+        window = distribution.on(label.point_map.coordinates, "distribution")
         return rng.uniform(window.lower, window.upper, (n, d))
     if distribution is None:
         raise ValueError("distribution is missing: give a CellGrid as a window, or a function (rng, n) of states")

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
 from ..pointmap import PointMap, follow
+from ..signatures import checked
 from .escape import Restraint, restraint
 
 _TRIALS = 256  # staggers that are tried together
@@ -54,6 +55,7 @@ class ChaoticSaddle:
         )
 
 
+@checked
 def chaotic_saddle(
     point_map: PointMap,
     window: CellGrid,
@@ -119,7 +121,7 @@ def chaotic_saddle(
     steps = whole_number("lifetime", lifetime, at_least=1)
     farthest = finite_number("largest", largest, above=1e-14, at_most=0.5)
     dropped = whole_number("transient", transient)
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     point = _first(region, steps, rng)
     total = wanted + dropped
     points, staggers = np.empty((total, len(point))), np.zeros(total)

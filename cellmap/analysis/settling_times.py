@@ -12,6 +12,7 @@ from ..attractor import distinct_names
 from ..basins import LABEL_NAMES, Basins
 from ..checks import finite_number
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .resilience import BasinStability
 
 
@@ -79,6 +80,7 @@ class SettlingStatistics:
         return self.others[LABEL_NAMES[UNDECIDED]]
 
 
+@checked
 def settling_statistics(
     source: Basins | BasinStability, levels: Sequence[float] = (0.25, 0.5, 0.75, 0.95)
 ) -> SettlingStatistics:
@@ -111,8 +113,6 @@ def settling_statistics(
     >>> settling_statistics(find_basins(half, CellGrid((-0.5,), (0.5,), (64,)))).others["diverged"]
     18
     """
-    if not isinstance(source, Basins | BasinStability):
-        raise TypeError(f"source={source!r}: give Basins, or what basin_stability returns")
     wanted = tuple(finite_number("levels", p, at_least=0.0, at_most=1.0) for p in levels)
     if isinstance(source, Basins):
         names = dict(enumerate(distinct_names(source.attractors)))

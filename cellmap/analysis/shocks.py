@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .binomial import binomial_interval
 from .labelling import labeller, own_label, scale_of, span_of
 from .shock_search import COARSE, FINE, Fatal, bracketed, candidates_of, fatal_inside, shortened
@@ -80,6 +81,7 @@ class FatalShock:
         return wrap(self.point + self.shock, self.coordinates)
 
 
+@checked
 def minimal_fatal_shock(
     basins: Basins,
     label: int,
@@ -169,7 +171,7 @@ def minimal_fatal_shock(
         raise ValueError(f"point: the state {origins[np.argmax(home != k)].tolist()} has the label "
                          f"{int(home[home != k][0])}, not {k}; give a state in the basin")  # fmt: skip
     candidates = candidates_of(basins, k, origins, unit, free)
-    rng = np.random.default_rng(seed)
+    rng = random_numbers(seed)
     best: tuple[float, int, NDArray[np.float64]] | None = None
     nearest = np.inf
     for row, shock in candidates:

@@ -10,10 +10,12 @@ from scipy.integrate import quad
 from scipy.special import betainc, xlogy
 
 from ..checks import whole_number
+from ..signatures import checked
 
 _DIRECTIONS = 720
 
 
+@checked
 def smooth_boundary_entropy(dimension: int, cells: ArrayLike | None = None) -> float:
     """Return the mean entropy of balls that are cut by a plane, at distances from the centre that are equally likely.
 

@@ -13,6 +13,7 @@ from ..basins import LABEL_NAMES, Basins
 from ..checks import finite_number, one_of
 from ..matching import match_attractors
 from ..pointmap import PointMap
+from ..signatures import checked
 from .binomial import binomial_interval
 from .labelling import labeller, places_of, span_of
 
@@ -77,6 +78,7 @@ class TippingProbabilities:
         ]
         return np.array(rows).reshape(-1, 3)
 
+    @checked
     def probability(self, before: int, after: int) -> float:
         """Return the share of a basin before the change with a label after it; 0 for one that does not occur."""
         if before not in self.before:
@@ -86,6 +88,7 @@ class TippingProbabilities:
         return float(self.probabilities[self.before.index(before), self.after.index(after)])
 
 
+@checked
 def tipping_probabilities(
     before: Basins | ArrayLike,
     after: Basins | ArrayLike,

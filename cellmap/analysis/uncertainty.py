@@ -16,6 +16,7 @@ from ..grid import CellGrid
 from ..orbit_batch import CHUNK, Cost
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
+from ..signatures import checked
 from ..threads import progress_bar, run_over, slices
 from .exponent import UncertaintyExponent, fit_exponent
 from .final_states import FinalStates, Outcome, final_states
@@ -30,6 +31,7 @@ _SPARSE = 50  # uncertain pairs that are wanted at least
 _POOR = 0.25  # of the uncertain pairs that are wanted: too few to begin another distance
 
 
+@checked
 def uncertainty_exponent(
     source: Basins | PointMap,
     region: CellGrid | None = None,

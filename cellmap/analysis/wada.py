@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from ..basins import Basins
 from ..checks import finite_number
+from ..signatures import checked
 from .labels import NO_BASIN, LabelImage, label_image
 
 WADA, PARTIALLY, NOT = "Wada", "partially", "not"
@@ -79,6 +80,7 @@ class MergingTest:
         return PARTIALLY if self.sides[3:].sum() >= PART else NOT
 
 
+@checked
 def wada_merging(
     basins: Basins | ArrayLike,
     radius: float | None = None,

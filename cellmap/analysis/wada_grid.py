@@ -17,6 +17,7 @@ from ..checks import finite_number, whole_number
 from ..grid import CellGrid, grid_points
 from ..orbit_batch import CHUNK, Cost
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 from .final_states import FinalStates, Outcome, final_states
 from .labels import NO_BASIN, also_labels, label_image
@@ -104,6 +105,7 @@ class WadaGrid:
         return PARTIALLY if min(self.shares[-1, 3:].sum(), again[3:].sum()) >= PART else NOT
 
 
+@checked
 def wada_grid(
     source: Basins | PointMap,
     region: CellGrid | None = None,

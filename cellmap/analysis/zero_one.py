@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..checks import claim_memory, finite_number, finite_points, whole_number
+from ..checks import claim_memory, finite_number, finite_points, random_numbers, whole_number
 from ..coordinates import Coordinate
 from ..orbit_batch import Status
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over
 from .chaos_tests import UNDECIDED, ChaosTest, verdicts
 
@@ -21,6 +22,7 @@ _ROUNDING = 1e-12  # of an orbit's size
 _FREQUENCIES = (pi / 5.0, 4.0 * pi / 5.0)
 
 
+@checked
 def zero_one_test(
     point_map: PointMap,
     starts: ArrayLike,
@@ -71,8 +73,6 @@ def zero_one_test(
     >>> zero_one_test(logistic, [0.3])
     ChaosTest(K over 2000 periods: 1 chaotic)
     """
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     points = finite_points("starts", starts, point_map.dimension)
     if not points.size:
         raise ValueError("starts is empty: give at least one start")
@@ -93,6 +93,7 @@ def zero_one_test(
     return test
 
 
+@checked
 def zero_one_test_of_series(
     series: ArrayLike, frequencies: int = 100, confidence: float = 0.95, seed: int = 0
 ) -> ChaosTest:
@@ -145,7 +146,7 @@ def zero_one_test_of_series(
     if not columns.shape[1]:
         raise ValueError(f"series has the shape {given.shape}: give at least one series")
     claim_memory(f"{count} walks of {length:,} steps", 200 * count * length, "draw fewer frequencies")
-    chosen = np.sort(np.random.default_rng(seed).uniform(*_FREQUENCIES, count))
+    chosen = np.sort(random_numbers(seed).uniform(*_FREQUENCIES, count))
     growth = np.empty((count, columns.shape[1]))
 
     def work(k: int) -> None:

@@ -17,6 +17,7 @@ from ..grid import CellGrid
 from ..orbit_batch import Cost
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
+from ..signatures import checked
 from .images import DIVERGED, LEFT
 from .markov import Components, Sparse, invariant_measure, periods_of, solve_transient
 from .recurrent import adjacent_sets, basins_from_cells, polished_sets
@@ -122,6 +123,7 @@ class CellChain:
         """Invariant probabilities of the cells of each closed class."""
         return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
 
+    @checked
     def density(self, number: int = 0) -> NDArray[np.float64]:
         """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
         if not self.closed:
@@ -153,6 +155,7 @@ class CellChain:
         values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
         return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
 
+    @checked
     def probabilities(
         self,
         polish: bool | None = None,
@@ -200,6 +203,7 @@ class CellChain:
             )
         return found, self._probabilities(labels % (len(found) + 3), len(found) + 1)
 
+    @checked
     def basins(
         self,
         polish: bool | None = None,

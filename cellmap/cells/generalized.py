@@ -9,12 +9,14 @@ from ..checks import whole_number
 from ..grid import CellGrid
 from ..orbit_batch import Cost
 from ..pointmap import PointMap
+from ..signatures import checked
 from .chain import CellChain
 from .images import check_map_and_grid, warn_of_inaccurate
 from .markov import components_of
 from .transitions import Noise, checked_noise, checked_samples, transitions
 
 
+@checked
 def generalized_cell_mapping(
     point_map: PointMap,
     grid: CellGrid,

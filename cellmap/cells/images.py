@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import warn_caller
 from ..coordinates import turns_of, wrap
 from ..grid import CellGrid, grid_points
 from ..orbit_batch import Orbits, Status
@@ -78,9 +78,8 @@ def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64
 def warn_of_inaccurate(missed: int, total: int) -> None:
     """Warn where the integrator missed its tolerance on the way of some points."""
     if missed:
-        warnings.warn(
+        warn_caller(
             f"the integrator missed its tolerance on the way of {missed} of {total} points; loosen rtol and atol, or "
             "allow more steps with max_steps",
             ToleranceWarning,
-            stacklevel=3,
         )

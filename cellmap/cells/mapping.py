@@ -17,6 +17,7 @@ from ..grid import CellGrid
 from ..kernels.cells import unravel
 from ..orbit_batch import CHUNK, Cost, Orbits, Status
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 from .images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
 from .recurrent import adjacent_sets, basins_from_cells, polished_sets
@@ -86,6 +87,7 @@ class CellMapping:
         """Flat numbers of all cells of periodic groups."""
         return np.flatnonzero((self.steps.ravel() == 0) & (self.groups.ravel() >= 0))
 
+    @checked
     def basins(
         self,
         polish: bool = True,
@@ -133,6 +135,7 @@ class CellMapping:
             Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
         )
 
+    @checked
     def extend(self, grid: CellGrid, progress: bool = False) -> CellMapping:
         """Return the mapping of a wider window; only the cells that are new are mapped.
 
@@ -148,10 +151,9 @@ class CellMapping:
         ValueError
             For a window that does not hold this one, or cells that do not continue its cells.
         """
-        if not isinstance(grid, CellGrid):
-            raise TypeError(f"grid={grid!r}: give a CellGrid that holds this mapping's")
         return _assembled([self], grid.on(self.point_map.coordinates), progress)
 
+    @checked
     def join(self, other: CellMapping) -> CellMapping:
         """Return the mapping of two windows side by side, or overlapping; none of their cells is mapped again.
 
@@ -183,6 +185,7 @@ class CellMapping:
         return _assembled([self, other], grid, False)
 
 
+@checked
 def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, progress: bool = False) -> CellMapping:
     """Map cells to cells: the image of a cell is the cell that holds the image of its centre.
 

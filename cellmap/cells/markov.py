@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import warn_caller
 from ..kernels.chains import (
     balance,
     component_period,
@@ -210,11 +210,10 @@ def _by_gmres(
     certain = solve(leak, np.ones(len(right)))
     error = float(np.abs(certain - 1.0).max())
     if not error <= _ACCEPTED:
-        warnings.warn(
+        warn_caller(
             f"probabilities of a transient class of {len(right):,} states sum up to 1 with an error of {error:.1g} "
             "only: chance leaves it too late; take several periods at a time, or finer cells",
             RuntimeWarning,
-            stacklevel=2,
         )
     solution = guess.copy()
     for k in np.flatnonzero(right.any(axis=0)):
@@ -245,11 +244,10 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
         return _eliminated(order, band)
     measure, residual = _by_arnoldi(forward, measure)
     if residual > _ACCEPTED:
-        warnings.warn(
+        warn_caller(
             f"the invariant measure of a class of {len(states):,} states is left with a residual of {residual:.1g}: "
             "it mixes too slowly; take several periods at a time, or coarser cells",
             RuntimeWarning,
-            stacklevel=2,
         )
     return measure
 

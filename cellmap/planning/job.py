@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import random_numbers
 from ..coordinates import difference
 from ..grid import CellGrid, grid_points
 from ..pointmap import PointMap, follow
@@ -70,7 +71,7 @@ def percentile_error(one: PointMap, other: PointMap, places: NDArray[np.float64]
 
 def places_in(window: CellGrid, seed: int) -> NDArray[np.float64]:
     """Return random places of a window."""
-    return np.random.default_rng(seed).uniform(window.lower, window.upper, (_PLACES, window.dimension))
+    return random_numbers(seed).uniform(window.lower, window.upper, (_PLACES, window.dimension))
 
 
 def some_starts(grid: CellGrid, count: int) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from ..checks import in_bytes
 from ..grid import CellGrid
 from ..interpolated import table_memory
 from ..orbit_batch import CHUNK
+from ..signatures import checked
 from ..spline_coefficients import tabulated_nodes
 from .extrapolation import error_of, fallback_of, slower, table_grids
 from .measurements import ExactProbe, Measurements, TableProbe
@@ -67,6 +68,7 @@ class Option:
         """What options that differ by one dial have in common."""
         return self.method if self.order is None else f"order {self.order}"
 
+    @checked
     def meets(self, accuracy: float) -> bool:
         """Tell whether the error is expected to stay below an accuracy, with a margin for the prediction."""
         return SAFETY * self.error <= accuracy

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-
-from ..checks import finite_number, one_of, whole_number
+from ..checks import finite_number, one_of, warn_caller, whole_number
 from ..grid import CellGrid
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..system import ForcedSystem
 from ..threads import progress_bar
 from .job import Job, exact_maps
@@ -19,6 +18,7 @@ class AccuracyWarning(UserWarning):
     """No way to a picture is expected to be as accurate as wanted."""
 
 
+@checked
 def plan(
     system: ForcedSystem | PointMap,
     grid: CellGrid,
@@ -95,12 +95,8 @@ def plan(
     >>> planned.basins().fractions[0].share
     1.0
     """
-    if not isinstance(system, ForcedSystem | PointMap):
-        raise TypeError(f"system={system!r}: give a ForcedSystem or an exact PointMap")
     if isinstance(system, PointMap) and system.table is not None:
         raise TypeError(f"system={system!r} is a table already: give the exact map that it was made from")
-    if not isinstance(grid, CellGrid):
-        raise TypeError(f"grid={grid!r}: give a CellGrid")
     if window is not None and not isinstance(window, CellGrid):
         raise TypeError(f"window={window!r}: give a CellGrid")
     accuracy = finite_number("accuracy", accuracy, above=0.0)
@@ -110,17 +106,16 @@ def plan(
     coordinates = system.coordinates if isinstance(system, PointMap) else system.axes
     grid = grid.on(coordinates)
     if window is not None:
-        window = window.on(coordinates)
+        window = window.on(coordinates, "window")
     sources, reference = exact_maps(system, phase)
     job = Job(sources, reference, grid, periods, outside, seed)
     with progress_bar(len(sources) + 5, f"planning {reference.name}" if progress else None) as tick:
         measured = measure(job, window, lambda _: tick(1))
     found = planned(job, measured, accuracy)
     if not found.met:
-        warnings.warn(
+        warn_caller(
             f"accuracy={accuracy:g} is not expected to be reached: the most accurate way, {found.chosen}, has an "
             f"error of about {found.chosen.error:.1e} and has to stay {SAFETY:g} times below; ask for less",
             AccuracyWarning,
-            stacklevel=2,
         )
     return found

@@ -11,6 +11,7 @@ from ..checks import finite_number, in_bytes
 from ..grid import CellGrid
 from ..interpolated import interpolated_map
 from ..pointmap import PointMap
+from ..signatures import checked
 from .job import Job, percentile_error, places_in
 from .measurements import Measurements
 from .options import Option, choose, options_of
@@ -144,6 +145,7 @@ class Plan:
         head = f"{m.starts:,} starts of {m.periods:.3g} periods; tables on {window}, {100 * m.outside:.2g} % outside"
         return "\n".join([head, *lines, *closed[:3]])
 
+    @checked
     def at(self, accuracy: float) -> Plan:
         """Return the plan for another accuracy, from the same measurements.
 
@@ -159,6 +161,7 @@ class Plan:
         """
         return planned(self.job, self.measurements, finite_number("accuracy", accuracy, above=0.0))
 
+    @checked
     def map(self, progress: bool = False) -> PointMap:
         """Return the map that was chosen.
 
@@ -180,6 +183,7 @@ class Plan:
         nodes = CellGrid(window.lower, window.upper, option.shape)
         return interpolated_map(exact, nodes, option.order, self.job.outside, progress=progress)
 
+    @checked
     def basins(self, progress: bool = False, **settings: Any) -> Basins:
         """Find the basins of the picture by the map that was chosen.
 
@@ -197,6 +201,7 @@ class Plan:
         """
         return find_basins(self.map(progress), self.job.grid, progress=progress, **settings)
 
+    @checked
     def outcome(self, result: Basins | PointMap, seconds: float | None = None, seed: int = 1) -> Outcome:
         """Compare what was expected with what came of it.
 
@@ -220,8 +225,6 @@ class Plan:
         TypeError, ValueError
             For something else, or basins without their map.
         """
-        if not isinstance(result, Basins | PointMap):
-            raise TypeError(f"result={result!r}: give the Basins or the PointMap that came of the plan")
         point_map = result.point_map if isinstance(result, Basins) else result
         if point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..checks import claim_memory, finite_number, whole_number
 from ..files import written_whole
+from ..signatures import checked
 from ..trajectory import Trajectory
 from .colours import colour_of
 
@@ -45,6 +46,7 @@ def animate(
 ) -> None: ...
 
 
+@checked
 def animate(
     trajectory: Trajectory,
     path: str | os.PathLike[str] | None = None,
@@ -98,8 +100,6 @@ def animate(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     animate(trajectory(pendulum, [2.0, 0.0], periods=1, samples=8), Path(folder) / "pendulum.gif")
     """
-    if not isinstance(trajectory, Trajectory):
-        raise TypeError(f"trajectory={trajectory!r}: give a Trajectory, as cellmap.trajectory returns it")
     every = whole_number("every", every, at_least=1)
     trace = trajectory.samples if trace is None else whole_number("trace", trace)
     frames_per_second = finite_number("frames_per_second", frames_per_second, above=0.0)

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from ..attractor import Kind, distinct_names
 from ..basins import Basins
+from ..signatures import checked
 from .axes import axes_or_new, label_axis, picture_axes
 from .colours import label_colours
 
 
+@checked
 def plot_basins(
     basins: Basins,
     ax: Axes | None = None,

@@ -13,11 +13,13 @@ from ..analysis.exponent import UncertaintyExponent
 from ..analysis.fractal_test import FractalTest
 from ..analysis.wada import MergingTest
 from ..analysis.wada_grid import WadaGrid
+from ..signatures import checked
 from .axes import axes_or_new
 from .colours import COLOURS
 from .fits import plot_fit
 
 
+@checked
 def plot_uncertainty_exponent(result: UncertaintyExponent, ax: Axes | None = None) -> Axes:
     """Draw the share of uncertain pairs against their distance, with the fit and the distance that accuracy allows.
 
@@ -42,8 +44,6 @@ def plot_uncertainty_exponent(result: UncertaintyExponent, ax: Axes | None = Non
     >>> plot_uncertainty_exponent(image_uncertainty_exponent(halves)).get_ylabel()
     'share of uncertain pairs'
     """
-    if not isinstance(result, UncertaintyExponent):
-        raise TypeError(f"result={result!r}: give an UncertaintyExponent")
     ax = axes_or_new(ax, (6.0, 4.5))
     if result.fit is not None:
         plot_fit(result.fit, ax)
@@ -59,6 +59,7 @@ def plot_uncertainty_exponent(result: UncertaintyExponent, ax: Axes | None = Non
     return ax
 
 
+@checked
 def plot_basin_entropy(result: BasinEntropy | FractalTest, ax: Axes | None = None) -> Axes:
     """Draw how often boxes or discs on a boundary have which entropy, with the mean and what it is compared with.
 
@@ -108,6 +109,7 @@ def plot_basin_entropy(result: BasinEntropy | FractalTest, ax: Axes | None = Non
     return ax
 
 
+@checked
 def plot_wada(result: WadaGrid | MergingTest, ax: Axes | None = None) -> Axes:
     """Draw which share of a boundary has how many basins around it: of the grid method for each step.
 
@@ -131,8 +133,6 @@ def plot_wada(result: WadaGrid | MergingTest, ax: Axes | None = None) -> Axes:
     >>> plot_wada(wada_merging(np.arange(90)[:, None] % 3 + np.zeros((90, 60), int))).get_title()
     'Wada'
     """
-    if not isinstance(result, WadaGrid | MergingTest):
-        raise TypeError(f"result={result!r}: give a WadaGrid or a MergingTest")
     ax = axes_or_new(ax, (6.0, 4.5))
     if isinstance(result, WadaGrid):
         for m in range(2, len(result.basins) + 1):

@@ -16,12 +16,14 @@ from ..analysis.saddle_sets import ChaoticSaddle
 from ..basins import Basins
 from ..coordinates import Coordinate
 from ..orbit import PeriodicOrbit
+from ..signatures import checked
 from .axes import axes_or_new, column_of, cut_at_seams, label_axis
 from .basins import plot_basins
 
 _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
 
 
+@checked
 def plot_edge_orbit(
     edge: EdgeOrbit, basins: Basins | None = None, coordinates: tuple[int | str, int | str] = (0, 1),
     ax: Axes | None = None,
@@ -55,8 +57,6 @@ def plot_edge_orbit(
     >>> plot_edge_orbit(edge_orbit(basins, steps=30), basins).get_ylabel()
     'y'
     """
-    if not isinstance(edge, EdgeOrbit):
-        raise TypeError(f"edge={edge!r}: give what edge_orbit returns")
     if len(edge.coordinates) == 1:
         ax = axes_or_new(ax, (7.0, 5.5))
         ax.plot(edge.points[:, 0], marker=".", color="black", linewidth=0.6)
@@ -80,6 +80,7 @@ def plot_edge_orbit(
     return ax
 
 
+@checked
 def plot_manifolds(
     manifolds: Manifold | Sequence[Manifold], basins: Basins | None = None, ax: Axes | None = None, width: float = 0.9
 ) -> Axes:
@@ -133,6 +134,7 @@ def plot_manifolds(
     return ax
 
 
+@checked
 def plot_boundary_distance(distance: BoundaryDistance, ax: Axes | None = None) -> Axes:
     """Draw which share of a boundary is within a distance of curves.
 
@@ -157,8 +159,6 @@ def plot_boundary_distance(distance: BoundaryDistance, ax: Axes | None = None) -
     >>> plot_boundary_distance(near).get_xlabel()
     'distance (cells)'
     """
-    if not isinstance(distance, BoundaryDistance):
-        raise TypeError(f"distance={distance!r}: give what boundary_distance returns")
     ax = axes_or_new(ax, (6.0, 4.0))
     finite = np.sort(distance.distances[np.isfinite(distance.distances)])
     ax.step(finite, np.arange(1, len(finite) + 1) / len(distance.distances), where="post", color="black")
@@ -170,6 +170,7 @@ def plot_boundary_distance(distance: BoundaryDistance, ax: Axes | None = None) -
     return ax
 
 
+@checked
 def plot_chaotic_saddle(
     saddle: ChaoticSaddle, coordinates: tuple[int | str, int | str] = (0, 1), basins: Basins | None = None,
     ax: Axes | None = None, size: float = 1.0,
@@ -203,8 +204,6 @@ def plot_chaotic_saddle(
     >>> plot_chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n=100)).get_ylabel()
     'next x'
     """
-    if not isinstance(saddle, ChaoticSaddle):
-        raise TypeError(f"saddle={saddle!r}: give what chaotic_saddle returns")
     ax = _below(basins, ax)
     style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": size, "color": "black"}
     style |= {"markeredgewidth": 0.0, "rasterized": True}

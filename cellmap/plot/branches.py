@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..branch import Bifurcation, BifurcationKind, Branch
 from ..coordinates import Coordinate, difference
+from ..signatures import checked
 from ..sweep import swept_map
 from .axes import axes_or_new, column_of, cut_at_seams, label_axis
 from .colours import colour_of
@@ -30,6 +31,7 @@ _STABLE, _UNSTABLE = "-", "--"
 _REACH = 0.06  # within which a branch begins beside the bifurcation that it leaves, scaled
 
 
+@checked
 def plot_branches(
     branches: Branch | Sequence[Branch],
     coordinate: int | str = 0,

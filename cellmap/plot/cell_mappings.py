@@ -13,12 +13,14 @@ from ..cells import CellChain, CellMapping
 from ..checks import whole_number
 from ..coordinates import Coordinate
 from ..grid import CellGrid
+from ..signatures import checked
 from .axes import axes_or_new, label_axis
 from .colours import CODE_COLOURS, colour_of
 
 _PALEST = 0.75  # share of white in the colour of the cells that are the last to come to their group
 
 
+@checked
 def plot_cell_mapping(mapping: CellMapping, ax: Axes | None = None, steps: bool = False) -> Axes:
     """Draw the groups of a simple cell mapping.
 
@@ -69,6 +71,7 @@ def plot_cell_mapping(mapping: CellMapping, ax: Axes | None = None, steps: bool 
     return _picture(ax, mapping.grid, coordinates, image, title)
 
 
+@checked
 def plot_absorption(chain: CellChain, ax: Axes | None = None, number: int | None = None) -> Axes:
     """Draw with which probability cells end in a class, or in how many classes they may end.
 
@@ -114,6 +117,7 @@ def plot_absorption(chain: CellChain, ax: Axes | None = None, number: int | None
     )
 
 
+@checked
 def plot_invariant_measure(chain: CellChain, ax: Axes | None = None, number: int = 0) -> Axes:
     """Draw the invariant density of a closed class.
 

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ..certificate import Certificate, Evidence
+from ..signatures import checked
 from .axes import axes_or_new, label_axis, picture_axes
 
 _COLOURS = {
@@ -23,6 +24,7 @@ _NAMES = {
 }
 
 
+@checked
 def plot_certificate(certificate: Certificate, ax: Axes | None = None) -> Axes:
     """Draw why each label of a picture stands.
 

@@ -8,10 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..diagram import BifurcationDiagram
+from ..signatures import checked
 from .axes import column_of, label_axis
 from .colours import colour_of
 
 
+@checked
 def plot_bifurcation_diagram(
     diagram: BifurcationDiagram, coordinate: int | str = 0, ax: Axes | None = None, size: float = 0.6
 ) -> tuple[Axes, ...]:
@@ -49,8 +51,6 @@ def plot_bifurcation_diagram(
     >>> upper.get_ylabel(), lower.get_xlabel()
     ('x', 'r')
     """
-    if not isinstance(diagram, BifurcationDiagram):
-        raise TypeError(f"diagram={diagram!r}: give a BifurcationDiagram, as bifurcation_diagram returns it")
     column = column_of(coordinate, diagram.coordinates)
     drawn: tuple[Axes, ...]
     if ax is None:

@@ -7,10 +7,12 @@ from matplotlib.axes import Axes
 
 from ..analysis.generalized import GeneralizedDimensions
 from ..analysis.kaplan_yorke import KaplanYorke
+from ..signatures import checked
 from .axes import axes_or_new
 from .colours import COLOURS
 
 
+@checked
 def plot_generalized_dimensions(result: GeneralizedDimensions, ax: Axes | None = None) -> Axes:
     """Draw D_q against q; :func:`plot_fit` draws the line of one order, ``result[q]``.
 
@@ -31,8 +33,6 @@ def plot_generalized_dimensions(result: GeneralizedDimensions, ax: Axes | None =
     TypeError
         For something else.
     """
-    if not isinstance(result, GeneralizedDimensions):
-        raise TypeError(f"result={result!r}: give what generalized_dimensions returns")
     ax = axes_or_new(ax, (6.0, 4.0))
     ax.errorbar(
         result.orders, result.dimensions, result.standard_errors, color=COLOURS[0], marker="o", markersize=4, capsize=2
@@ -41,6 +41,7 @@ def plot_generalized_dimensions(result: GeneralizedDimensions, ax: Axes | None =
     return ax
 
 
+@checked
 def plot_kaplan_yorke(result: KaplanYorke, ax: Axes | None = None) -> Axes:
     """Draw the sums of the largest exponents against their number; the dimension is where the line passes zero.
 
@@ -61,8 +62,6 @@ def plot_kaplan_yorke(result: KaplanYorke, ax: Axes | None = None) -> Axes:
     TypeError
         For something else.
     """
-    if not isinstance(result, KaplanYorke):
-        raise TypeError(f"result={result!r}: give what kaplan_yorke_dimension returns")
     ax = axes_or_new(ax, (6.0, 4.0))
     sums = np.concatenate([[0.0], np.cumsum(result.exponents)])
     bars = np.concatenate([[0.0], np.sqrt(np.cumsum(result.errors**2))])

@@ -10,6 +10,7 @@ from ..analysis.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..analysis.covariant import CovariantVectors
 from ..analysis.fields import ExponentField
 from ..analysis.lyapunov import LyapunovSpectrum
+from ..signatures import checked
 from .axes import axes_or_new, label_axis
 from .colours import colour_of
 
@@ -17,6 +18,7 @@ _MOST_CURVES = 64
 _VERDICT_COLOURS = {CHAOTIC: "#D55E00", REGULAR: "#0072B2", UNDECIDED: "0.5"}
 
 
+@checked
 def plot_exponent_field(
     field: ExponentField, ax: Axes | None = None, backward: bool = False, per_time: bool = False, colours: str = "magma"
 ) -> Axes:
@@ -54,8 +56,6 @@ def plot_exponent_field(
     >>> plot_exponent_field(finite_time_exponents(henon, CellGrid((-1, -1), (1, 1), (8, 8)), 4)).get_xlabel()
     'x'
     """
-    if not isinstance(field, ExponentField):
-        raise TypeError(f"field={field!r}: give an ExponentField, as finite_time_exponents returns it")
     grid = field.grid
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
     if len(wide) not in (1, 2):
@@ -92,6 +92,7 @@ def plot_exponent_field(
     return ax
 
 
+@checked
 def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, per_time: bool = False) -> Axes:
     """Draw how Lyapunov exponents converge: their values after ever more periods, for at most 64 orbits.
 
@@ -123,8 +124,6 @@ def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, p
     >>> plot_lyapunov_spectrum(lyapunov_spectrum(logistic, [0.3])).get_xlabel()
     'periods'
     """
-    if not isinstance(spectrum, LyapunovSpectrum):
-        raise TypeError(f"spectrum={spectrum!r}: give a LyapunovSpectrum, as lyapunov_spectrum returns it")
     ax = axes_or_new(ax, (7.0, 4.5))
     unit = spectrum.period if per_time else 1.0
     d = spectrum.exponents.shape[-1]
@@ -143,6 +142,7 @@ def plot_lyapunov_spectrum(spectrum: LyapunovSpectrum, ax: Axes | None = None, p
     return ax
 
 
+@checked
 def plot_covariant_vectors(result: CovariantVectors, ax: Axes | None = None, first: int | None = None) -> Axes:
     """Draw how often which angle lies between the directions that expand and those that contract.
 
@@ -173,8 +173,6 @@ def plot_covariant_vectors(result: CovariantVectors, ax: Axes | None = None, fir
     >>> plot_covariant_vectors(covariant_vectors(henon, [0.1, 0.1], periods=100), Figure().subplots()).get_ylabel()
     'points'
     """
-    if not isinstance(result, CovariantVectors):
-        raise TypeError(f"result={result!r}: give CovariantVectors, as covariant_vectors returns them")
     angles = result.angles(first)
     ax = axes_or_new(ax, (6.0, 4.5))
     ax.hist(angles, bins=np.linspace(0.0, 0.5 * np.pi, 61).tolist(), color=colour_of(0), alpha=0.6)
@@ -184,6 +182,7 @@ def plot_covariant_vectors(result: CovariantVectors, ax: Axes | None = None, fir
     return ax
 
 
+@checked
 def plot_chaos_test(test: ChaosTest, ax: Axes | None = None) -> Axes:
     """Draw what a test for chaos has found, for at most 64 orbits.
 
@@ -213,8 +212,6 @@ def plot_chaos_test(test: ChaosTest, ax: Axes | None = None) -> Axes:
     >>> plot_chaos_test(zero_one_test_of_series(np.cos(np.arange(500.0)))).get_ylabel()
     'K'
     """
-    if not isinstance(test, ChaosTest):
-        raise TypeError(f"test={test!r}: give a ChaosTest, as exponent_test and zero_one_test return it")
     ax = axes_or_new(ax, (7.0, 4.5))
     curves = test.evidence.reshape(len(test.at), -1)
     verdicts = test.verdict.ravel()

@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..analysis.fit import Fit
+from ..signatures import checked
 from .axes import axes_or_new
 from .colours import COLOURS
 
 
+@checked
 def plot_fit(
     result: Any, ax: Axes | None = None, colour: Any = None, label: str | None = None, shade: bool = True
 ) -> Axes:

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from ..attractor import Kind
 from ..basin_continuation import BasinContinuation
+from ..signatures import checked
 from .axes import column_of, label_axis
 from .colours import CODE_COLOURS, Colour, colour_of
 
 
+@checked
 def plot_basin_continuation(
     continuation: BasinContinuation,
     coordinate: int | str = 0,
@@ -62,8 +64,6 @@ def plot_basin_continuation(
     >>> upper.get_ylabel(), lower.get_ylabel()
     ('fraction of the starts', 'x')
     """
-    if not isinstance(continuation, BasinContinuation):
-        raise TypeError(f"continuation={continuation!r}: give a BasinContinuation, as continue_basins returns it")
     if not len(continuation.values):
         raise ValueError(f"continuation={continuation!r} has no values: there is nothing to draw")
     column = column_of(coordinate, continuation.coordinates)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..checks import whole_number
 from ..coordinates import Coordinate, wrap
+from ..signatures import checked
 from ..trajectory import Trajectory
 from .axes import cut_at_seams, label_axis
 from .colours import colour_of
@@ -19,6 +20,7 @@ from .colours import colour_of
 _TIME = Coordinate("t")
 
 
+@checked
 def plot_time_series(
     trajectory: Trajectory,
     names: str | Sequence[str] | None = None,
@@ -85,6 +87,7 @@ def plot_time_series(
     return panels
 
 
+@checked
 def plot_phase_portrait(
     trajectory: Trajectory,
     x: int | str = 0,

@@ -5,9 +5,11 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 
 from ..planning import Option, Plan
+from ..signatures import checked
 from .axes import axes_or_new
 
 
+@checked
 def plot_plan(plan: Plan, ax: Axes | None = None) -> Axes:
     """Draw error against seconds for all that a plan has considered, and mark what it has chosen.
 

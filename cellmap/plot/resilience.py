@@ -14,11 +14,13 @@ from ..analysis.shocks import FatalShock
 from ..analysis.tipping import TippingProbabilities
 from ..basins import Basins
 from ..coordinates import Coordinate
+from ..signatures import checked
 from .axes import axes_or_new, cut_at_seams, label_axis
 from .basins import plot_basins
 from .colours import CODE_COLOURS, colour_of
 
 
+@checked
 def plot_basin_stability(stability: BasinStability, ax: Axes | None = None) -> Axes:
     """Draw the shares of the basins with their intervals.
 
@@ -44,8 +46,6 @@ def plot_basin_stability(stability: BasinStability, ax: Axes | None = None) -> A
     >>> len(plot_basin_stability(basin_stability(basins, n=100)).patches)
     2
     """
-    if not isinstance(stability, BasinStability):
-        raise TypeError(f"stability={stability!r}: give what basin_stability returns")
     ax = axes_or_new(ax, (6.0, 4.5))
     places = np.arange(len(stability.shares))
     shares = np.array([s.share for s in stability.shares.values()])
@@ -58,6 +58,7 @@ def plot_basin_stability(stability: BasinStability, ax: Axes | None = None) -> A
     return ax
 
 
+@checked
 def plot_settling_times(statistics: SettlingStatistics, ax: Axes | None = None) -> Axes:
     """Draw for each basin the share of its starts that have not settled yet, against the step.
 
@@ -83,8 +84,6 @@ def plot_settling_times(statistics: SettlingStatistics, ax: Axes | None = None) 
     >>> plot_settling_times(settling_statistics(basins)).get_yscale()
     'log'
     """
-    if not isinstance(statistics, SettlingStatistics):
-        raise TypeError(f"statistics={statistics!r}: give what settling_statistics returns")
     ax = axes_or_new(ax, (6.0, 4.5))
     for k, basin in statistics.basins.items():
         if basin.count:
@@ -99,6 +98,7 @@ def plot_settling_times(statistics: SettlingStatistics, ax: Axes | None = None) 
     return ax
 
 
+@checked
 def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) -> Axes:
     """Draw a minimal fatal shock over its basins: the arrow, and the ball that it is the radius of.
 
@@ -126,8 +126,6 @@ def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) 
     >>> plot_fatal_shock(minimal_fatal_shock(basins, 0, trials=64), basins).get_ylabel()
     'y'
     """
-    if not isinstance(shock, FatalShock):
-        raise TypeError(f"shock={shock!r}: give what minimal_fatal_shock returns")
     ax = _on_basins(basins, ax)
     _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
     _draw_curve(ax, np.stack([shock.point, shock.point + shock.shock]), basins, "-", 1.8)
@@ -144,6 +142,7 @@ def plot_fatal_shock(shock: FatalShock, basins: Basins, ax: Axes | None = None) 
     return ax
 
 
+@checked
 def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
     """Draw a ball inside a basin over the basins.
 
@@ -171,8 +170,6 @@ def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
     >>> plot_ball(largest_ball(basins, 0), basins).get_xlabel()
     'x'
     """
-    if not isinstance(ball, Ball):
-        raise TypeError(f"ball={ball!r}: give what local_integrity or largest_ball returns")
     ax = _on_basins(basins, ax)
     _draw_ball(ax, ball.centre, ball.radius, ball.scale, basins)
     ax.plot(*_in_plane(ball.centre[None])[0], "+", color="black", markersize=9, scalex=False, scaley=False)
@@ -180,6 +177,7 @@ def plot_ball(ball: Ball, basins: Basins, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@checked
 def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
     """Draw tipping probabilities as a table.
 
@@ -203,8 +201,6 @@ def plot_tipping(tipping: TippingProbabilities, ax: Axes | None = None) -> Axes:
     >>> plot_tipping(tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])).get_xlabel()
     'after'
     """
-    if not isinstance(tipping, TippingProbabilities):
-        raise TypeError(f"tipping={tipping!r}: give what tipping_probabilities returns")
     ax = axes_or_new(ax, (6.0, 4.5))
     ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
     for (row, column), share in np.ndenumerate(tipping.probabilities):

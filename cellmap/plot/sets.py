@@ -14,10 +14,12 @@ from ..checks import finite_number
 from ..coordinates import Coordinate, as_coordinates
 from ..grid import CellGrid
 from ..sets import BoxSet, MorseGraph, TransferOperator
+from ..signatures import checked
 from .axes import axes_or_new, column_of, label_axis
 from .colours import colour_of
 
 
+@checked
 def plot_boxes(
     boxes: BoxSet,
     values: ArrayLike | None = None,
@@ -74,6 +76,7 @@ def plot_boxes(
     return ax
 
 
+@checked
 def plot_morse_graph(
     graph: MorseGraph, *, components: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None
 ) -> Axes:
@@ -117,6 +120,7 @@ def plot_morse_graph(
     return ax
 
 
+@checked
 def plot_eigenvalues(operator: TransferOperator, number: int = 12, *, ax: Axes | None = None) -> Axes:
     """Draw the largest eigenvalues of a transfer operator, with the unit circle.
 
@@ -143,6 +147,7 @@ def plot_eigenvalues(operator: TransferOperator, number: int = 12, *, ax: Axes |
     return ax
 
 
+@checked
 def plot_eigenvector(
     operator: TransferOperator,
     which: int = 0,

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from ..crossings import Crossing
+from ..signatures import checked
 from ..stability import StabilityMap
 from .axes import axes_or_new
 from .colours import COLOURS
@@ -32,6 +33,7 @@ _DOTS: dict[str, Any] = {
 }
 
 
+@checked
 def plot_stability_map(
     stability: StabilityMap,
     ax: Axes | None = None,
@@ -88,8 +90,6 @@ def plot_stability_map(
     >>> over.get_legend().get_texts()[-1].get_text()
     'measured'
     """
-    if not isinstance(stability, StabilityMap):
-        raise TypeError(f"stability={stability!r}: give a StabilityMap, as stability_map returns it")
     dots = None if measured is None else _measured(measured)
     ax = axes_or_new(ax)
     handles: list[Any] = _shade(ax, stability) if background else []

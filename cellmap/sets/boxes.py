@@ -13,6 +13,7 @@ from ..checks import claim_memory, whole_number
 from ..coordinates import Coordinate, turns_of
 from ..grid import CellGrid
 from ..kernels.box_images import locate_rows
+from ..signatures import checked
 
 MOST_CELLS = 2**62
 """Cells of a grid that can be numbered."""
@@ -64,12 +65,14 @@ class BoxSet:
         object.__setattr__(self, "keys", keys)
 
     @classmethod
+    @checked
     def full(cls, grid: CellGrid) -> BoxSet:
         """Return all cells of a grid."""
         claim_memory(f"the numbers of {grid.size:,} boxes", 8 * grid.size, "begin with fewer cells")
         return cls(grid, np.arange(grid.size))
 
     @classmethod
+    @checked
     def of_points(cls, grid: CellGrid, points: ArrayLike) -> BoxSet:
         """Return the boxes that hold points (..., dimension); those outside of the window are left out."""
         keys = grid.locate(points).ravel()
@@ -131,6 +134,7 @@ class BoxSet:
         """Return the boxes that a mask of shape (n,) marks."""
         return BoxSet(self.grid, self.keys[which])
 
+    @checked
     def subdivided(self, axes: int | Sequence[int] | None = None) -> BoxSet:
         """Return the same region in boxes that are bisected along an axis, along several, or along all."""
         chosen = range(self.grid.dimension) if axes is None else [axes] if isinstance(axes, int) else axes

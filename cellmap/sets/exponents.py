@@ -10,11 +10,13 @@ from ..checks import claim_memory, whole_number
 from ..coordinates import wrap
 from ..orbit_batch import CHUNK
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 from .boxes import BoxSet
 from .images import check_boxes
 
 
+@checked
 def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> NDArray[np.float64]:
     """Return the finite-time Lyapunov exponent of the centre of each box.
 

@@ -12,6 +12,7 @@ from ..checks import whole_number
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..search import find_attractors
+from ..signatures import checked
 from .boxes import BoxSet
 from .images import Samples
 from .invariant import Depth
@@ -45,6 +46,7 @@ class SubdivisionSearch:
         return tuple(boxes for boxes, held in zip(self.graph.sets, self.holders, strict=True) if not held)
 
 
+@checked
 def find_attractors_by_subdivision(
     point_map: PointMap,
     window: CellGrid | BoxSet,

@@ -18,6 +18,7 @@ from ..kernels.blocks import wrap_rows
 from ..kernels.box_images import points_of_cells, tally_rows
 from ..orbit_batch import CHUNK, Orbits
 from ..pointmap import PointMap
+from ..signatures import checked
 from ..threads import run_over, slices
 from .boxes import BoxSet, Locator, finer
 
@@ -40,6 +41,7 @@ class Hits:
     lost: NDArray[np.int64]
 
 
+@checked
 def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> BoxSet:
     """Return the boxes of the window that the image of a set meets.
 
@@ -83,6 +85,7 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
     return BoxSet(boxes.grid, _distinct(np.concatenate([np.empty(0, np.int64), *found]), boxes.grid.size))
 
 
+@checked
 def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> csr_array:
     """Return which boxes of a set the images of its boxes meet: the graph on which set-oriented methods work.
 
@@ -160,7 +163,7 @@ def check_boxes(boxes: BoxSet, point_map: PointMap) -> None:
         raise TypeError(f"boxes={boxes!r}: give a BoxSet")
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if boxes.grid.on(point_map.coordinates) != boxes.grid:
+    if boxes.grid.on(point_map.coordinates, "boxes") != boxes.grid:
         raise ValueError(
             f"boxes do not wrap as the angles of {point_map!r} do: give them grid.on(point_map.coordinates)"
         )

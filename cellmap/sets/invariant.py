@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..grid import CellGrid
 from ..pointmap import PointMap
+from ..signatures import checked
 from .boxes import BoxSet
 from .images import Samples, bisections, box_transitions
 
@@ -18,6 +19,7 @@ Depth = int | Sequence[int]
 """Bisections of each axis: one number for all, or one for each."""
 
 
+@checked
 def relative_attractor(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
@@ -70,6 +72,7 @@ def relative_attractor(
     return subdivide(point_map, window, depth, select)
 
 
+@checked
 def maximal_invariant_set(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
@@ -104,6 +107,7 @@ def maximal_invariant_set(
     return subdivide(point_map, window, depth, select)
 
 
+@checked
 def chain_recurrent_set(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
@@ -156,10 +160,10 @@ def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSe
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if isinstance(window, BoxSet):
-        return BoxSet(window.grid.on(point_map.coordinates), window.keys)
+        return BoxSet(window.grid.on(point_map.coordinates, "window"), window.keys)
     if not isinstance(window, CellGrid):
         raise TypeError(f"window={window!r}: give a CellGrid, or a BoxSet to begin with")
-    return BoxSet.full(window.on(point_map.coordinates))
+    return BoxSet.full(window.on(point_map.coordinates, "window"))
 
 
 def recurrent_parts(graph: csr_array) -> NDArray[np.int64]:

@@ -11,11 +11,13 @@ from scipy.sparse import csr_array
 from ..checks import finite_points, whole_number
 from ..grid import CellGrid
 from ..pointmap import PointMap
+from ..signatures import checked
 from .boxes import BoxSet
 from .images import Samples, bisections, box_image, box_transitions
 from .invariant import Depth, boxes_to_begin_with
 
 
+@checked
 def unstable_set(
     point_map: PointMap,
     points: ArrayLike,
@@ -72,6 +74,7 @@ def unstable_set(
     return forward_closure(boxes, point_map, samples, steps, max_rounds)
 
 
+@checked
 def stable_set(
     point_map: PointMap,
     points: ArrayLike,

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from ..coordinates import Coordinate
 from ..grid import CellGrid
 from ..pointmap import PointMap
+from ..signatures import checked
 from .boxes import BoxSet
 from .images import Samples, box_transitions
 from .invariant import Depth, chain_recurrent_set, recurrent_parts
@@ -52,6 +53,7 @@ class MorseGraph:
         return tuple(np.flatnonzero(~self.reaches.any(axis=1)).tolist())
 
 
+@checked
 def morse_graph(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> MorseGraph:

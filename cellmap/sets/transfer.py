@@ -14,6 +14,7 @@ from scipy.sparse.linalg import eigs, eigsh
 from ..checks import claim_memory, whole_number
 from ..coordinates import Coordinate
 from ..pointmap import PointMap
+from ..signatures import checked
 from .boxes import BoxSet
 from .images import box_transitions, points_in
 from .invariant import recurrent_parts
@@ -155,16 +156,19 @@ class TransferOperator:
     def _leading(self) -> tuple[float, NDArray[np.float64]]:
         return _leading(self.matrix)
 
+    @checked
     def eigenvalues(self, number: int | None = None) -> NDArray[np.complex128]:
         """Return the largest eigenvalues, by default six, by modulus; of a conjugate pair the upper one first."""
         return self.eigenvectors(number)[0]
 
+    @checked
     def eigenvectors(self, number: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the largest eigenvalues (m,) and the measures (n, m) that the map multiplies by them."""
         most = len(self.boxes)
         number = min(6, most) if number is None else whole_number("number", number, at_least=1, at_most=most)
         return _eigen(csr_array(self.matrix.T), number)
 
+    @checked
     def cycle(self, order: int) -> Cycle:
         """Return the sets that are visited in a cycle of some order.
 
@@ -202,6 +206,7 @@ class TransferOperator:
         where = members.argmax(axis=0)
         return Cycle(order, found, tuple(self.boxes.chosen(carried & (where == k)) for k in range(order)))
 
+    @checked
     def almost_invariant_sets(self, number: int = 2) -> AlmostInvariant:
         """Return a partition into sets that keep as much of the invariant measure as can be.
 
@@ -246,6 +251,7 @@ class TransferOperator:
         return self._weights > 0.0
 
 
+@checked
 def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, steps: int = 1) -> TransferOperator:
     """Return the transfer operator of a map on a set of boxes.
 
