@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cellmap import ForcedSystem, angle, stroboscopic_map
 from cellmap.codegen.kernel import flow_kernel
-from cellmap.codegen.module import generated_module
+from cellmap.codegen.machine_code import machine_code
 from cellmap.kernels.options import LANES
 from cellmap.orbit_batch import CHUNK, Status
 from cellmap.pointmap import ToleranceWarning
@@ -231,10 +231,10 @@ def test_repeated_starts_have_one_image(problems: Mapping[str, ForcedSystem]) ->
 def test_a_sweep_compiles_nothing(problems: Mapping[str, ForcedSystem]) -> None:
     system = problems["Duffing"]
     stroboscopic_map(system)([0.1, 0.1])
-    compiled = generated_module.cache_info().misses
+    compiled = machine_code.cache_info().misses
     swept = [system.with_params(forcing=f, frequency=w) for f in np.linspace(0.1, 0.3, 5) for w in (0.9, 1.0)]
     images = [stroboscopic_map(one)([0.1, 0.1]) for one in swept]
-    assert generated_module.cache_info().misses == compiled
+    assert machine_code.cache_info().misses == compiled
     assert len(np.unique(images, axis=0)) == 10
 
 

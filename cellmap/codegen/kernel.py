@@ -21,10 +21,11 @@ from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .lanes import StepCode, lane_module, row_module
 from .methods import Method, choose_method, taylor_method, taylor_order
-from .module import generated_module, module_in_memory
+from .module import module_in_memory
+from .period import compiled_period
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
-from .switching import switching_module
+from .switching import compiled_switching
 from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
@@ -104,7 +105,7 @@ def switching_kernel(
             return None
     # Derivatives are wanted at few places: there it pays to compile less.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
-    advance = generated_module(switching_module(traced, order, len(names), one_step=tangent)).advance
+    advance = compiled_switching(traced, order, len(names), one_step=tangent)
     return finished(advance, taylor_method(order), trial=0)
 
 
@@ -166,8 +167,7 @@ def _application(traced: Trace) -> StepCode:
 
 
 def _compiled(code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
-    advance: Callable[..., Any] = generated_module(lane_module(code, dimension, len(names))).advance
-    return advance
+    return compiled_period(code, dimension, len(names))
 
 
 def finished(advance: Callable[..., Any], method: Method, trial: int = 1) -> PeriodKernel:

@@ -23,9 +23,8 @@ from .captured import kept
 from .derivative import along
 from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order, operation_on_numbers
 from .kernel import PeriodKernel, finished, traced_function
-from .lanes import lane_module
 from .methods import choose_method, taylor_order
-from .module import generated_module
+from .period import compiled_period
 from .rebind import ARRAY_FUNCTIONS, rebind
 from .taylor import taylor_steps
 from .trace import Trace, parameter_record
@@ -95,7 +94,7 @@ def linear_kernel(
     motion = replace(traced, states=(*states, *resting), outputs=(*scaled[: d + 1], *zeros))
     method = choose_method("auto", motion, rtol)
     code = taylor_steps(motion, taylor_order(rtol)) if method.name == "Taylor" else method.write(motion)
-    advance = generated_module(lane_module(code, len(motion.states), len(names) + 1)).advance
+    advance = compiled_period(code, len(motion.states), len(names) + 1)
     return LinearKernel(finished(advance, method), motion, tuple(scaled[d + 1 :]))
 
 

@@ -12,9 +12,8 @@ import pytest
 
 from cellmap import ForcedSystem
 from cellmap.codegen.kernel import flow_kernel, tangent_flow_kernel, traced_function
-from cellmap.codegen.lanes import lane_module
 from cellmap.codegen.methods import choose_method
-from cellmap.codegen.module import module_in_memory
+from cellmap.codegen.period import compiled_period
 
 # Arithmetic on doubles, in the assembly of x86 (SSE2, AVX, AVX-512) and of ARM (NEON).
 PACKED = re.compile(r"\s(v?(add|sub|mul|div|fn?m(add|sub)\w*)pd|f(add|sub|mul|div|mla|mls)(\.2d)?\s+v\d+\.2d)\b")
@@ -45,17 +44,16 @@ def innermost_loops(assembly: str) -> list[Loop]:
     return loops
 
 
-def lane_loop(advance: Any) -> Loop:
-    (assembly,) = advance.inspect_asm().values()
+def lane_loop(assembly: str) -> Loop:
     return max(innermost_loops(assembly), key=lambda loop: loop.packed + loop.scalar)
 
 
-def kernel(rhs: Callable[..., Any], dimension: int, names: tuple[str, ...], method: str = "auto") -> Any:
-    """Compile the period of a flow without the cache on disk, whose kernels have no assembly."""
+def assembly_of(rhs: Callable[..., Any], dimension: int, names: tuple[str, ...], method: str = "auto") -> str:
     traced = traced_function(rhs, dimension, names)
     assert traced is not None
-    text = lane_module(choose_method(method, traced, 1e-9).write(traced), dimension, len(names))
-    return module_in_memory(text.replace("**KERNEL)", "**{**KERNEL, 'cache': False})"), "structure").advance
+    compiled: Any = compiled_period(choose_method(method, traced, 1e-9).write(traced), dimension, len(names))
+    assembly: str = compiled.machine_code.assembly
+    return assembly
 
 
 @pytest.mark.parametrize(
@@ -65,7 +63,7 @@ def test_the_lane_loop_is_vector_code_without_a_call(
     problems: Mapping[str, ForcedSystem], name: str, method: str
 ) -> None:
     system = problems[name]
-    (assembly,) = kernel(system.rhs, system.dimension, tuple(system.params), method).inspect_asm().values()
+    assembly = assembly_of(system.rhs, system.dimension, tuple(system.params), method)
     loops = [loop for loop in innermost_loops(assembly) if loop.packed > 100]
     assert loops, "no loop holds packed arithmetic"
     assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)
@@ -78,7 +76,7 @@ def test_a_function_without_vector_form_shows_as_a_call() -> None:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], -math.atan2(x[0], 1.0)
 
-    assert lane_loop(kernel(rhs, 2, (), "DOP853")).calls > 0
+    assert lane_loop(assembly_of(rhs, 2, (), "DOP853")).calls > 0
 
 
 def test_a_branch_on_the_state_is_vector_code() -> None:

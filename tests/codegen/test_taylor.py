@@ -12,9 +12,8 @@ from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem
 from cellmap.codegen.kernel import flow_kernel, traced_function
-from cellmap.codegen.lanes import lane_module
 from cellmap.codegen.methods import choose_method, taylor_order
-from cellmap.codegen.module import module_in_memory
+from cellmap.codegen.period import compiled_period
 from cellmap.codegen.taylor import taylor_steps
 from cellmap.codegen.trace import Trace, parameter_record, trace
 from cellmap.kernels.options import LANES
@@ -22,8 +21,7 @@ from cellmap.kernels.options import LANES
 
 def step(traced: Trace, start: list[float], t: float, h: float, parameters: list[float], order: int) -> Any:
     """Image after one Taylor step, and the error estimate."""
-    text = lane_module(taylor_steps(traced, order), len(start), len(parameters))
-    advance = module_in_memory(text.replace("**KERNEL)", "**{**KERNEL, 'cache': False})"), "taylor").advance
+    advance = compiled_period(taylor_steps(traced, order), len(start), len(parameters))
     block = np.repeat(np.array(start)[None, :, None], LANES, axis=2)
     errors = np.empty_like(block)
     advance(block, np.array([1]), t, h, np.array(parameters, dtype=float), errors)

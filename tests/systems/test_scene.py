@@ -14,7 +14,7 @@ from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.codegen.kernel import flow_kernel, traced_function
 from cellmap.codegen.lanes import lane_module
 from cellmap.codegen.methods import choose_method
-from cellmap.codegen.module import generated_module
+from cellmap.codegen.machine_code import machine_code
 from cellmap.codegen.trace import STATEFUL, TIMED, Trace
 from systems import dimensionless_pendulum, driven_pendulum
 from systems.dimensionless import ScaledDamping, ScaledGravity, ScaledPendulum, ScaledVerticalDrive
@@ -110,11 +110,11 @@ def test_equal_structures_share_their_right_hand_side() -> None:
 
 def test_a_sweep_compiles_nothing() -> None:
     stroboscopic_map(driven_pendulum())([1.0, 0.0])
-    compiled = generated_module.cache_info().misses
+    compiled = machine_code.cache_info().misses
     for amplitude in (0.001, 0.002, 0.010):
         for frequency in (30.0, 60.0):
             stroboscopic_map(driven_pendulum(amplitude=amplitude, frequency=frequency))([1.0, 0.0])
-    assert generated_module.cache_info().misses == compiled
+    assert machine_code.cache_info().misses == compiled
 
 
 def test_the_order_of_effects_does_not_matter() -> None:

@@ -1,0 +1,224 @@
+"""Instructions of LLVM, written as text: values in, values out.
+
+A value is a number, which all lanes share, a vector with a number for each of `width` lanes, or the result of a
+comparison of either.  An operation on a number and a vector broadcasts the number.  Multiplications and additions carry
+the flag ``contract``, which allows fused multiply-adds and nothing else: tests for NaN keep their meaning.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A name or a literal, and what it stands for: "double", "i1", or a vector of either."""
+
+    text: str
+    vector: bool = False
+    flag: bool = False
+    literal: float | None = None
+
+
+def number(value: float) -> Value:
+    """Return a literal; its bits are written out, so that it is the same number on the other side."""
+    bits = struct.unpack("<Q", struct.pack("<d", value))[0]
+    return Value(f"0x{bits:016X}", literal=float(value))
+
+
+@dataclass
+class Instructions:
+    """The body of one function, instruction by instruction.
+
+    ``width`` is the number of lanes of a vector.  ``declared`` collects the functions of LLVM and of the C library that
+    the body calls.
+    """
+
+    width: int
+    lines: list[str] = field(default_factory=list)
+    declared: set[str] = field(default_factory=set)
+    block: str = "entry"
+    _count: int = 0
+    _broadcast: dict[str, Value] = field(default_factory=dict)
+    _before: list[str] | None = None
+
+    def type_of(self, value: Value) -> str:
+        """Return the type of a value."""
+        return self.type(value.vector, value.flag)
+
+    def type(self, vector: bool, flag: bool = False) -> str:
+        """Return the type of numbers, or of results of comparisons, shared or of lanes."""
+        scalar = "i1" if flag else "double"
+        return f"<{self.width} x {scalar}>" if vector else scalar
+
+    def write(self, line: str) -> None:
+        """Append an instruction that has no result, or whose result has a name of its own."""
+        self.lines.append("  " + line)
+
+    def result(self, instruction: str, vector: bool = False, flag: bool = False) -> Value:
+        """Append an instruction and return its result."""
+        return self._append(self.lines, instruction, vector, flag)
+
+    def _operation(self, instruction: str, vector: bool = False, flag: bool = False) -> Value:
+        """Append an operation; inside a loop over lanes, one on numbers that all lanes share stands before the loop."""
+        before = self.lines if vector or self._before is None else self._before
+        return self._append(before, instruction, vector, flag)
+
+    def _append(self, lines: list[str], instruction: str, vector: bool, flag: bool) -> Value:
+        self._count += 1
+        value = Value(f"%v{self._count}", vector, flag)
+        lines.append(f"  {value.text} = {instruction}")
+        return value
+
+    # Arithmetic.
+
+    def as_vector(self, value: Value) -> Value:
+        """Return a value with its number in every lane."""
+        if value.vector:
+            return value
+        scalar, vector = self.type(False, value.flag), self.type(True, value.flag)
+        if value.literal is not None:
+            return Value(f"<{', '.join([f'{scalar} {value.text}'] * self.width)}>", True, value.flag)
+        known = self._broadcast.get(value.text)
+        if known is None:
+            first = self.result(f"insertelement {vector} poison, {scalar} {value.text}, i32 0")
+            shuffle = f"shufflevector {vector} {first.text}, {vector} poison, <{self.width} x i32> zeroinitializer"
+            known = self._broadcast[value.text] = self.result(shuffle, True, value.flag)
+        return known
+
+    def alike(self, *values: Value) -> tuple[Value, ...]:
+        """Return values as vectors, if one of them is a vector."""
+        return tuple(map(self.as_vector, values)) if any(v.vector for v in values) else values
+
+    def binary(self, operation: str, a: Value, b: Value) -> Value:
+        """Apply fadd, fsub, fmul, fdiv."""
+        a, b = self.alike(a, b)
+        return self._operation(f"{operation} contract {self.type_of(a)} {a.text}, {b.text}", a.vector)
+
+    def negative(self, a: Value) -> Value:
+        """Return a number with the other sign."""
+        if a.literal is not None:
+            return number(-a.literal)
+        return self._operation(f"fneg {self.type_of(a)} {a.text}", a.vector)
+
+    def dot(self, factors: list[Value]) -> Value:
+        """Sum products of pairs in two chains of multiply-adds: a link of a chain waits for the one before."""
+        chains: list[Value | None] = [None, None]
+        for k in range(0, len(factors), 2):
+            product, chain = self.binary("fmul", factors[k], factors[k + 1]), chains[k // 2 % 2]
+            chains[k // 2 % 2] = product if chain is None else self.binary("fadd", chain, product)
+        first, second = chains
+        assert first is not None, "a sum has terms"
+        return first if second is None else self.binary("fadd", first, second)
+
+    def compare(self, relation: str, a: Value, b: Value) -> Value:
+        """Compare by olt, ole, ogt, oge, oeq (false for NaN) or une (true for NaN)."""
+        a, b = self.alike(a, b)
+        return self._operation(f"fcmp {relation} {self.type_of(a)} {a.text}, {b.text}", a.vector, True)
+
+    def logical(self, operation: str, a: Value, b: Value) -> Value:
+        """Apply and, or."""
+        a, b = self.alike(a, b)
+        return self._operation(f"{operation} {self.type_of(a)} {a.text}, {b.text}", a.vector, True)
+
+    def select(self, condition: Value, a: Value, b: Value) -> Value:
+        """Return a where the condition holds, else b."""
+        if condition.vector:
+            a, b = self.as_vector(a), self.as_vector(b)
+        a, b = self.alike(a, b)
+        if a.vector and not condition.vector:
+            condition = self.as_vector(condition)
+        what = f"{self.type_of(condition)} {condition.text}, {self.type_of(a)} {a.text}, {self.type_of(b)} {b.text}"
+        return self._operation(f"select {what}", a.vector, a.flag)
+
+    def intrinsic(self, name: str, *arguments: Value) -> Value:
+        """Call a function of LLVM, such as sqrt or floor."""
+        arguments = self.alike(*arguments)
+        kind, vector = self.type_of(arguments[0]), arguments[0].vector
+        function = f"@llvm.{name}.{f'v{self.width}f64' if vector else 'f64'}"
+        self.declared.add(f"declare {kind} {function}({', '.join([kind] * len(arguments))})")
+        given = ", ".join(f"{kind} {a.text}" for a in arguments)
+        return self._operation(f"call {kind} {function}({given})", vector)
+
+    def libm(self, name: str, *arguments: Value) -> Value:
+        """Call a function of the C library, once for each lane."""
+        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(arguments))})")
+        arguments = self.alike(*arguments)
+
+        def call_text(scalars: list[str]) -> str:
+            return f"call double @{name}({', '.join(f'double {s}' for s in scalars)})"
+
+        if not arguments[0].vector:
+            return self._operation(call_text([a.text for a in arguments]))
+        kind, total = self.type(True), Value("poison", True)
+        for i in range(self.width):
+            lanes = [self.result(f"extractelement {kind} {a.text}, i32 {i}").text for a in arguments]
+            value = self.result(call_text(lanes))
+            total = self.result(f"insertelement {kind} {total.text}, double {value.text}, i32 {i}", True)
+        return total
+
+    def power_of_two(self, exponent: Value) -> Value:
+        """Return 2 to a whole number, by its bits."""
+        whole = f"<{self.width} x i64>" if exponent.vector else "i64"
+
+        def constant(value: int) -> str:
+            return f"<{', '.join([f'i64 {value}'] * self.width)}>" if exponent.vector else str(value)
+
+        kind = self.type_of(exponent)
+        bits = self._operation(f"fptosi {kind} {exponent.text} to {whole}", exponent.vector)
+        biased = self._operation(f"add {whole} {bits.text}, {constant(1023)}", exponent.vector)
+        shifted = self._operation(f"shl {whole} {biased.text}, {constant(52)}", exponent.vector)
+        return self._operation(f"bitcast {whole} {shifted.text} to {kind}", exponent.vector)
+
+    # Memory.
+
+    def address(self, base: str, index: str | int) -> str:
+        """Return the address of an element of an array of eight-byte numbers."""
+        return self.result(f"getelementptr double, ptr {base}, i64 {index}").text
+
+    def load(self, address: str, vector: bool = False) -> Value:
+        """Load a number, or the numbers of neighbouring lanes."""
+        return self.result(f"load {self.type(vector)}, ptr {address}, align 8", vector)
+
+    def store(self, value: Value, address: str) -> None:
+        """Store a number, or the numbers of neighbouring lanes."""
+        self.write(f"store {self.type_of(value)} {value.text}, ptr {address}, align 8")
+
+    # Control.
+
+    def label(self, name: str) -> None:
+        """Begin a block.  Broadcasts of other blocks may not have been made on the way to it."""
+        self.lines.append(f"{name}:")
+        self.block, self._broadcast = name, {}
+
+    @contextmanager
+    def loop(self, name: str, count: str | int, step: int = 1) -> Iterator[str]:
+        """Repeat what is written inside for an index from 0 to below a count."""
+        index, before = f"%{name}", self.block
+        self.write(f"br label %{name}.test")
+        self.label(f"{name}.test")
+        self.write(f"{index} = phi i64 [0, %{before}], [%{name}.next, %{name}.end]")
+        self.write(f"%{name}.more = icmp slt i64 {index}, {count}")
+        self.write(f"br i1 %{name}.more, label %{name}.body, label %{name}.done")
+        self.label(f"{name}.body")
+        yield index
+        self.write(f"br label %{name}.end")
+        self.label(f"{name}.end")
+        self.write(f"%{name}.next = add i64 {index}, {step}")
+        self.write(f"br label %{name}.test")
+        self.label(f"{name}.done")
+
+    @contextmanager
+    def loop_over_lanes(self, lanes: int) -> Iterator[str]:
+        """Repeat what is written inside for each vector of lanes, given the number of its first lane."""
+        lines, self.lines, self._before = self.lines, [], []
+        with self.loop("lane", lanes, self.width) as lane:
+            yield lane
+        self.lines, self._before = [*lines, *self._before, *self.lines], None
+
+    def function(self, name: str, arguments: str) -> str:
+        """Return the text of the function whose body this is; `arguments` with their types."""
+        body = "\n".join(self.lines)
+        return f"define void @{name}({arguments}) #0 {{\nentry:\n{body}\n  ret void\n}}\n"

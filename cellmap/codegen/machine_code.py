@@ -1,0 +1,107 @@
+"""Machine code of this processor from the text of LLVM modules, compiled once and kept on disk."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from .instructions import Instructions
+from .object_cache import ObjectCache
+
+_LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
+
+
+@dataclass(frozen=True, eq=False)
+class MachineCode:
+    """Functions in memory.  They last as long as this record."""
+
+    text: str
+    engine: Any
+
+    def address(self, name: str) -> int:
+        """Return where a function begins."""
+        return int(self.engine.get_function_address(name))
+
+    @property
+    def assembly(self) -> str:
+        """Return the instructions of the processor that the text is compiled to."""
+        return assembly_for(self.text, *_host())
+
+
+def module_text(functions: str, *bodies: Instructions) -> str:
+    """Return the text of a module of functions, with the declarations that their bodies need."""
+    declared = "\n".join(sorted(set().union(*(body.declared for body in bodies))))
+    return f'{declared}\n{functions}\nattributes #0 = {{ nounwind "prefer-vector-width"="512" }}\n'
+
+
+@functools.lru_cache(maxsize=256)
+def machine_code(text: str) -> MachineCode:
+    """Return the compiled functions of a module, from disk where they have been compiled before."""
+    triple, cpu, features = _host()
+    cache = ObjectCache.of_user()
+    versions = (str(llvm.llvm_version_info), llvmlite.__version__, triple, cpu, features, str(_LEVEL))
+    key = hashlib.sha256("\0".join((text, *versions)).encode()).hexdigest()
+    found = cache.read(key)
+    if found is None:
+        found = object_code(text, triple, cpu, features)
+        cache.write(key, found)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine(*_host()))
+    engine.add_object_file(llvm.ObjectFileRef.from_data(found))
+    engine.finalize_object()
+    return MachineCode(text, engine)
+
+
+def object_code(text: str, triple: str, cpu: str, features: str) -> bytes:
+    """Return the object file of a module for a processor, this one or another."""
+    return bytes(_target_machine(triple, cpu, features).emit_object(_optimised(text, triple, cpu, features)))
+
+
+def assembly_for(text: str, triple: str, cpu: str, features: str) -> str:
+    """Return the instructions of a processor that a module is compiled to."""
+    return str(_target_machine(triple, cpu, features).emit_assembly(_optimised(text, triple, cpu, features)))
+
+
+def vector_width() -> int:
+    """Return how many doubles the registers of this processor hold, or two of them together where they are short."""
+    return 8 if "+avx512f" in _host()[2] else 4
+
+
+@functools.cache
+def _host() -> tuple[str, str, str]:
+    return llvm.get_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def _target_machine(triple: str, cpu: str, features: str) -> Any:
+    """Return a compiler's back end for a processor, this one or another."""
+    if triple == _host()[0]:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+    else:
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=_LEVEL)
+
+
+def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:
+    """Return the module of a text, simplified.
+
+    The text is vector code without repetitions already.  What is left to find are terms that functions inlined side by
+    side share; more passes take longer and gain nothing that could be measured.
+    """
+    machine = _target_machine(triple, cpu, features)
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = triple, str(machine.target_data)
+    module.verify()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=_LEVEL))
+    passes = llvm.create_new_function_pass_manager()
+    passes.add_new_gvn_pass()
+    passes.add_instruction_combine_pass()
+    for function in module.functions:
+        if not function.is_declaration:
+            passes.run(function, builder)
+    return module
