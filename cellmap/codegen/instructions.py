@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+
 @dataclass(frozen=True, slots=True)
 class Value:
     """A name or a literal, and what it stands for: "double", "i1", or a vector of either."""

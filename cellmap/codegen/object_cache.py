@@ -10,13 +10,12 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import stat
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..files import written_whole
-from .module import cache_folder
+from ..kernels.cache import cache_folder
 
 LIMIT = 256 * 2**20
 """Bytes of all entries together; the least recently used go first."""
@@ -35,9 +34,7 @@ class ObjectCache:
     @classmethod
     def of_user(cls) -> ObjectCache:
         """Return the cache of this user, one that keeps nothing where there is no private folder to be written."""
-        parent = cache_folder()
-        folder = None if parent is None else parent / "objects"
-        return cls(folder if folder is not None and _is_private(folder) else None)
+        return cls(cache_folder())
 
     def read(self, key: str) -> bytes | None:
         """Return an object file; None where there is none, or none that is whole."""
@@ -93,19 +90,6 @@ class ObjectCache:
 def _header(key: str, code: bytes) -> bytes:
     """Return what stands before the code: the key in full, and a checksum."""
     return _MAGIC + f"{key}\n{hashlib.sha256(key.encode() + code).hexdigest()}\n".encode()
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether a folder, made if there is none, is this user's and can be written by nobody else."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        entry = folder.stat()
-    except OSError:
-        return False
-    if hasattr(os, "getuid") and (entry.st_uid != os.getuid() or entry.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
-        _warn(folder, "can be written by others, so that no compiled code is kept there: make it yours, mode 0700")
-        return False
-    return True
 
 
 def _warn(path: Path, what: str) -> None:

@@ -84,8 +84,9 @@ compile_anew = machine_code.__wrapped__
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path))
-    return tmp_path / "objects"
+    place = tmp_path / "kept"
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(place))
+    return place
 
 
 def test_code_is_kept_in_a_private_folder(folder: Path) -> None:
@@ -112,15 +113,15 @@ def test_a_folder_that_others_can_write_is_not_used(folder: Path, mode: int) -> 
     folder.chmod(mode)
     for path in folder.iterdir():
         path.write_bytes(b"planted")
-    with pytest.warns(RuntimeWarning, match="can be written by others"):
+    with pytest.warns(UserWarning, match="others can write to it"):
         assert doubled(compile_anew(small_program())) == 4.0
     assert [path.read_bytes() for path in folder.iterdir()] == [b"planted"]
 
 
 def test_a_folder_of_somebody_else_is_not_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compile_anew(small_program())
-    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
-    with pytest.warns(RuntimeWarning, match="can be written by others"):
+    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    with pytest.warns(UserWarning, match="others can write to it"):
         assert doubled(compile_anew(small_program())) == 4.0
 
 

@@ -13,8 +13,8 @@ import pytest
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.codegen.kernel import flow_kernel, traced_function
 from cellmap.codegen.lanes import lane_module
-from cellmap.codegen.methods import choose_method
 from cellmap.codegen.machine_code import machine_code
+from cellmap.codegen.methods import choose_method
 from cellmap.codegen.trace import STATEFUL, TIMED, Trace
 from systems import dimensionless_pendulum, driven_pendulum
 from systems.dimensionless import ScaledDamping, ScaledGravity, ScaledPendulum, ScaledVerticalDrive
