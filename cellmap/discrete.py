@@ -15,7 +15,7 @@ from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
 from .kernels.blocks import pack, unpack, wrap_rows
-from .kernels.frames import address_of, carrying
+from .kernels.frames import carrying
 from .kernels.options import LANES
 from .orbit_batch import Orbits, Status
 from .pointmap import Family, Origin, PointMap
@@ -100,7 +100,7 @@ def discrete_map(
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
         carrying(d)(
-            address_of(step),
+            step.address("step"),
             parameters,
             lower,
             turn,

@@ -19,10 +19,11 @@ from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
-from .lanes import StepCode, lane_module, row_module
+from .lanes import StepCode, lane_module
+from .machine_code import MachineCode
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import module_in_memory
-from .period import compiled_period
+from .period import compiled_period, compiled_rows
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
 from .switching import compiled_switching
@@ -140,8 +141,11 @@ def discrete_kernel(
 
 
 @kept
-def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> Callable[..., Any] | None:
-    """Compile one application of a discrete map to states with a tangent vector in rows; None without derivatives."""
+def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> MachineCode | None:
+    """Compile one application of a discrete map to states with a tangent vector in rows; None without derivatives.
+
+    The function is ``step``, as :func:`cellmap.codegen.period.compiled_rows` describes it.
+    """
     traced = traced_function(function, dimension, names)
     if traced is None:
         return None
@@ -149,8 +153,7 @@ def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> 
         code = _application(tangent_trace(traced))
     except UntraceableError:
         return None
-    step: Callable[..., Any] = generated_module(row_module(code, 2 * dimension, len(names))).step
-    return step
+    return compiled_rows(code, 2 * dimension, len(names))
 
 
 def _application(traced: Trace) -> StepCode:

@@ -78,27 +78,6 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
     return HEADER + "\n".join(lines) + "\n"
 
 
-def row_module(code: StepCode, dimension: int, parameters: int) -> str:
-    """Return the text of a module with ``step(x, p)``, which moves the rows of x (n, dimension) on, one by one.
-
-    It is for orbits that are followed alone, whose periods come one after the other: there lanes stay empty.
-    """
-    components = range(dimension)
-    lines = [
-        "@njit('void(float64[:, ::1], float64[::1])', **KERNEL)",
-        "def step(x, p):",
-        *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
-        "    t = 0.0; h = 1.0",
-        *indent(1, code.once),
-        *indent(1, code.per_step),
-        "    for i in range(x.shape[0]):",
-        *indent(2, (f"x{j} = x[i, {j}]" for j in components)),
-        *indent(2, code.per_lane),
-        *indent(2, (f"x[i, {j}] = y{j}" for j in components)),
-    ]
-    return HEADER + "\n".join(lines) + "\n"
-
-
 def indent(depth: int, lines: Iterable[str]) -> list[str]:
     """Indent source lines by `depth` levels."""
     return ["    " * depth + line for line in lines]

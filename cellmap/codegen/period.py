@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..kernels.options import LANES
 from .instructions import Instructions, Value, number
 from .lanes import CHECKED, StepCode
-from .machine_code import machine_code, module_text, vector_width
+from .machine_code import MachineCode, machine_code, module_text, vector_width
 from .statements import Scope, translate
 
 _ARGUMENTS = (
@@ -79,6 +79,25 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
                     out.store(out.binary("fadd", out.load(errors[j], vector=True), size), errors[j])
             _leave_if_nothing_is_finite(out, x, step, dimension)
     return module_text(out.function("advance", _ARGUMENTS), out)
+
+
+@functools.lru_cache(maxsize=256)
+def compiled_rows(code: StepCode, dimension: int, parameters: int) -> MachineCode:
+    """Compile ``step(rows, count, p)``, which moves the rows of an array (count, dimension) on by one step, one by one.
+
+    It is for orbits that are followed alone, whose periods come one after the other: there lanes stay empty.
+    """
+    out, components = Instructions(1), range(dimension)
+    scope = {**parameter_scope(out, parameters), "t": number(0.0), "h": number(1.0)}
+    translate(out, (*code.once, *code.per_step), scope)
+    with out.loop("row", "%count") as row:
+        first = out.result(f"mul i64 {row}, {dimension}").text
+        places = [out.address("%rows", out.result(f"add i64 {first}, {j}").text) for j in components]
+        inside = {**scope, **{f"x{j}": out.load(place) for j, place in enumerate(places)}}
+        translate(out, code.per_lane, inside)
+        for j, place in enumerate(places):
+            out.store(inside[f"y{j}"], place)
+    return machine_code(module_text(out.function("step", "ptr noalias %rows, i64 %count, ptr noalias %p"), out))
 
 
 def parameter_scope(out: Instructions, parameters: int) -> Scope:

@@ -42,3 +42,9 @@ def call_begin(typing_context, address, lanes, series, p, start):
 def call_surfaces(typing_context, address, t, state, p, values, rates, gains, jumps, normals):
     """Evaluate all that decides about modes: ``surfaces(t, state, p, values, rates, gains, jumps, normals)``."""
     return types.void(address, t, state, p, values, rates, gains, jumps, normals), _caller()
+
+
+@intrinsic
+def call_rows(typing_context, address, rows, count, p):
+    """Move states in rows on by a step, in place: ``step(rows, count, p)``."""
+    return types.void(address, rows, count, p), _caller()

@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 
 from .borrow import borrowed
+from .calls import call_rows
 from .options import INLINE, KERNEL
 
 ROUNDING = 2.0**-52
 """Of the largest entry of a step: what is smaller is no number but noise."""
 
-_ROWS = (types.float64[:, ::1], types.float64[::1])  # arguments of a step: states in rows, parameters
 _LARGEST, _SMALLEST = 1e100, 1e-100  # product of growths whose logarithm is taken
 _LITTLE = 0.01  # of the square of a length: less is left with errors that a second pass removes
-
-
-def address_of(step: Any) -> int:
-    """Return where the machine code of a compiled step of rows begins; it stays there as long as `step` lives."""
-    (compiled,) = step.overloads.values()
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
-
-
-def _calling(typing_context, address, rows, parameters):
-    """Move states (n, m) on by the step at an address, in place."""
-
-    def generate(context, builder, signature, arguments):
-        function = builder.inttoptr(
-            arguments[0], ir.PointerType(context.call_conv.get_function_type(types.void, _ROWS))
-        )
-        context.call_conv.call_function(builder, function, types.void, _ROWS, arguments[1:])
-        return context.get_dummy_value()
-
-    return types.void(types.intp, *_ROWS), generate
-
-
-_call: Any = intrinsic(_calling)
-_view: Any = borrowed
 
 
 @functools.cache
@@ -55,7 +29,7 @@ def carrying(d):
         Parameters
         ----------
         step : int
-            Address of one step of states with one tangent vector each, 2 d numbers in a row.
+            Address of the step of states with one tangent vector each, 2 d numbers in a row.
         parameters, lower, turn : ndarray
             Parameters of the step; cuts and turns of the coordinates, shape (d,).
         bound : float
@@ -69,7 +43,7 @@ def carrying(d):
             Receives the logarithms: NaN where a derivative is not finite, minus infinity where a direction vanishes.
         """
         memory, factors = np.empty((d, 2 * d)), np.empty(d)
-        rows, given = _view(memory), _view(parameters)
+        rows, given = borrowed(memory), borrowed(parameters)
         vectors = rows[:, d:]
         for k in range(len(points)):
             growth[k] = 0.0
@@ -80,7 +54,7 @@ def carrying(d):
             for _ in range(periods):
                 if ended[k]:
                     break
-                _call(step, rows, given)
+                call_rows(step, rows, d, given)
                 inside = finite = True
                 for i in range(d):
                     inside &= abs(rows[0, i]) < bound
