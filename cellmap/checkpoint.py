@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .files import StoreError, discard_parts, written_whole
+from .sealed import ROOM, UnsealedError, get_number, get_text, opened, put_text, rows_of, seal
 
 FORMAT = "cellmap checkpoint"
-SCHEMA = 1
+SCHEMA = 2
 
 PART = "run"
 """Kind of temporary files that only who holds the lock of a checkpoint makes and removes."""
@@ -40,8 +41,6 @@ Arrays = Mapping[str, tuple[tuple[int, ...], DTypeLike]]
 
 Read = TypeVar("Read")
 
-_DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError)  # what reading damaged files raises
-_DENSEST = 2000  # compression squeezes zeros by half of this
 _RELEASE = 64  # tiles after which pages of the file are given back to the system
 
 
@@ -100,14 +99,23 @@ def made(
 ) -> Iterator[Checkpoint]:
     """Make a file with arrays of zeros and what `write` adds; yield it, to be filled before it takes its place."""
     with written_whole(path, kind=PART) as temporary:
-        with h5py.File(temporary, "w") as file:
-            file.attrs.update(format=FORMAT, schema=SCHEMA, belongs=json.dumps(plain(belongs)))
-            file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
+        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
+            describe(file, FORMAT, SCHEMA)
+            put_text(file, "belongs", json.dumps(plain(belongs)))
             for name, (shape, dtype) in arrays.items():
                 add_unwritten(file, name, shape, dtype)
             write(file)
+            holes = [(file[name].id.get_offset(), file[name].nbytes) for name in arrays if file[name].size]
         reserve(temporary)
+        seal(temporary, holes)
         yield Checkpoint(temporary)
+
+
+def describe(file: h5py.File, format: str, schema: int) -> None:
+    """Say what a file is, and what wrote it."""
+    put_text(file, "format", format)
+    file.attrs["schema"] = schema
+    put_text(file, "versions", json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")}))
 
 
 def add_unwritten(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> None:
@@ -136,28 +144,43 @@ def resumed(
     discard_parts(path, PART)
     if not path.exists():
         return None
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise StoreError(f"checkpoint={str(path)!r} is no checkpoint of this kind: give the name of a new file")
-            if int(file.attrs["schema"]) > SCHEMA:
-                raise StoreError(f"checkpoint={str(path)!r} was written by a newer cellmap: update, or delete the file")
-            theirs = json.loads(file.attrs["belongs"])
-    except StoreError:
-        raise
-    except _DAMAGE as error:
-        raise damaged(path, error) from error
-    check_belongs(path, theirs, belongs)
-    try:
-        with h5py.File(path, "r") as file:
-            found = read(file)
-        opened = Checkpoint(path)
+    theirs = _with_file(path, lambda file: [get_text(file, "format"), get_number(file, "schema"), _belongs(file)])
+    if theirs[0] != FORMAT:
+        raise _no_checkpoint(path)
+    if theirs[1] > SCHEMA:
+        raise StoreError(f"checkpoint={str(path)!r} was written by a newer cellmap: update, or delete the file")
+    check_belongs(path, theirs[2], belongs)
+
+    def contents(file: h5py.File) -> Read:
+        found = read(file)
         expected = arrays(found)
-        if any((opened[n].shape, opened[n].dtype) != (shape, np.dtype(t)) for n, (shape, t) in expected.items()):
+        if any((file[n].shape, file[n].dtype) != (shape, np.dtype(t)) for n, (shape, t) in expected.items()):
             raise ValueError("its arrays are of other shapes")
-    except _DAMAGE as error:
+        return found
+
+    found = _with_file(path, contents)
+    return Checkpoint(path), found
+
+
+def _with_file(path: Path, read: Callable[[h5py.File], Read]) -> Read:
+    try:
+        with opened(path) as file:
+            return read(file)
+    except UnsealedError as error:
+        raise _no_checkpoint(path) from error
+    except StoreError as error:
         raise damaged(path, error) from error
-    return opened, found
+
+
+def _belongs(file: h5py.File) -> Any:
+    return json.loads(get_text(file, "belongs")) if ".belongs" in file or "belongs" in file.attrs else {}
+
+
+def _no_checkpoint(path: Path) -> StoreError:
+    return StoreError(
+        f"checkpoint={str(path)!r} is no checkpoint of this kind, or one of an older cellmap, which had no checksum: "
+        "give the name of a new file"
+    )
 
 
 def damaged(path: Path, error: object) -> StoreError:
@@ -187,22 +210,12 @@ def digest_of(group: h5py.Group) -> str:
             digest.update(f"{key}={np.asarray(item.attrs[key]).tolist()!r}".encode())
         if isinstance(item, h5py.Dataset):
             digest.update(f"{item.dtype.str}{item.shape}".encode())
-            for part in _rows_of(item):
+            for part in rows_of(item):
                 digest.update(np.ascontiguousarray(part).tobytes())
 
     add("/", group)
     group.visititems(add)
     return digest.hexdigest()
-
-
-def _rows_of(item: h5py.Dataset) -> list[Any] | Any:
-    """Yield an array a few rows at a time, so that no large one is in memory as a whole."""
-    if not item.shape:
-        return [np.asarray(item[()])]
-    if item.dtype.itemsize * item.size > _DENSEST * (item.file.id.get_filesize() + 2**20):
-        raise ValueError(f"{item.name} is larger than its file can hold")
-    many = max(1, 2**24 // max(1, item.dtype.itemsize * int(np.prod(item.shape[1:], dtype=object))))
-    return (item[k : k + many] for k in range(0, item.shape[0], many))
 
 
 def plain(value: Any) -> Any:

@@ -6,6 +6,7 @@ import json
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor
-from .basins import Basins
-from .checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, digest_of, made, resumed
+from .basins import LABEL_NAMES, Basins
+from .checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .orbit_batch import Tally
 from .passes import Kept, Pass
+from .sealed import array_of, get_number, within
 from .search import Examined
 from .settling import Settled
 from .starts import BLOCK, Rows
@@ -51,7 +53,7 @@ class KeptInFile(Kept):
             self._path,
             self._belongs,
             lambda read: self._arrays(read[0]),
-            lambda file: _read_pass(file["pass"], examined, self.total),
+            lambda file: _read_pass(file["pass"], examined, self.total, int(self._belongs["max_periods"])),
         )
         if found is None:
             return None
@@ -59,6 +61,10 @@ class KeptInFile(Kept):
         self._use(file)
         if settled != self._settled_before(now):
             raise damaged(self._path, "labels are not those that were written")
+        for part in slices(self.total, BLOCK):
+            if not within(self.labels[part], min(LABEL_NAMES), len(now.attractors) - 1):
+                raise damaged(self._path, "labels name attractors that there are not")
+            self.forget()
         return now
 
     def finished(self) -> Basins | None:
@@ -139,22 +145,22 @@ def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
         group["rows"] = now.rows.bits
         group["settled"] = np.array(settled, np.uint32)
     _write_examined(group.create_group("examined"), now.examined)
-    group.attrs["digest"] = digest_of(group)
 
 
-def _read_pass(group: h5py.Group, examined: Examined, total: int) -> tuple[Pass, list[int]]:
-    if group.attrs["digest"] != digest_of(group):
-        raise ValueError("its contents are not those that were written")
-    rows = Rows(total, group["rows"][()] if "rows" in group else None)
+def _read_pass(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Pass, list[int]]:
+    rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
+    legs, horizon = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
+    if not all(0 < one < other <= limit for one, other in pairwise([*legs, horizon])) or horizon > limit:
+        raise ValueError(f"its passes come to {horizon} periods")
     now = Pass(
         attractors=read_attractors(group["attractors"], examined.coordinates),
         examined=_read_examined(group["examined"], examined),
         rows=rows,
-        legs=tuple(group.attrs["legs"].tolist()),
-        horizon=int(group.attrs["horizon"]),
+        legs=tuple(legs),
+        horizon=horizon,
         tally=Tally(*group.attrs["tally"].tolist()),
     )
-    return now, group["settled"][()].tolist() if "settled" in group else []
+    return now, array_of(group, "settled", np.uint32, (None,)).tolist() if "settled" in group else []
 
 
 def _write_examined(group: h5py.Group, examined: Examined) -> None:
@@ -168,12 +174,14 @@ def _write_examined(group: h5py.Group, examined: Examined) -> None:
 
 
 def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
-    guesses, periods, solved, ends = (group[name][()] for name in ("guesses", "periods", "solved", "ends"))
+    d = empty.points.shape[1]
+    guesses, ends = (array_of(group, name, np.float64, (None, d)) for name in ("guesses", "ends"))
+    periods, solved = array_of(group, "periods", np.int64, (None,)), array_of(group, "solved", np.bool_, (None,))
     known = {
         (guess.tobytes(), int(period)): end if success else None
         for guess, period, success, end in zip(guesses, periods, solved, ends, strict=True)
     }
-    return replace(empty, points=group["points"][()], ends=known)
+    return replace(empty, points=array_of(group, "points", np.float64, (None, d)), ends=known)
 
 
 def describe_attractors(attractors: Sequence[Attractor]) -> str:

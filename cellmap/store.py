@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, Cover, Kind, Neighbourhood
-from .basins import LABEL_NAMES, Basins
-from .checkpoint import PART, Checkpoint, add_unwritten, digest_of, plain, reserve
+from .basins import LABEL_NAMES, Basins, basins_memory
+from .checkpoint import PART, Checkpoint, add_unwritten, describe, digest_of, plain, reserve
+from .checks import claim_memory
 from .coordinates import Coordinate
 from .files import StoreError as StoreError
 from .files import as_path, as_target, written_whole
 from .grid import CellGrid
 from .orbit_batch import Cost
+from .sealed import ROOM, UnsealedError, array_of, get_number, get_text, opened, put_text, rows_of, seal, within
 from .signatures import checked
 
 FORMAT = "cellmap basins"
-SCHEMA = 1
+SCHEMA = 2
 """Number of the layout; readers take their own and older ones."""
 
 
@@ -81,10 +83,12 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
         raise ValueError(
             f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
         )
-    with written_whole(as_target("path", path)) as temporary, h5py.File(temporary, "w") as file:
-        for key, picture in pictures.items():
-            _write(file.create_group(key), picture)
-        _describe(file)
+    with written_whole(as_target("path", path)) as temporary:
+        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
+            for key, picture in pictures.items():
+                _write(file.create_group(key), picture)
+            _describe(file)
+        seal(temporary)
     return path
 
 
@@ -100,7 +104,7 @@ def write_picture(
     says which run they come from.
     """
     with written_whole(path, kind=PART) as temporary:
-        with h5py.File(temporary, "w") as file:
+        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
             group = file.create_group(_ONLY)
             add_unwritten(group, "labels", shape, np.int16)
             add_unwritten(group, "settling_time", shape, np.int32)
@@ -109,8 +113,9 @@ def write_picture(
         basins = fill(arrays, *(arrays[f"{_ONLY}/{name}"].reshape(-1) for name in ("labels", "settling_time")))
         with h5py.File(temporary, "r+") as file:
             _write(file[_ONLY], basins)
-            file[_ONLY].attrs["belongs"] = json.dumps(plain(belongs))
+            put_text(file[_ONLY], "belongs", json.dumps(plain(belongs)))
             _describe(file)
+        seal(temporary)
         arrays.release()
     return _with_arrays_of(path, basins)
 
@@ -118,8 +123,8 @@ def write_picture(
 def is_picture(path: Path) -> bool:
     """Tell whether there is a file of basins."""
     try:
-        with h5py.File(path, "r") as file:
-            return file.attrs.get("format") == FORMAT
+        with opened(path) as file:
+            return get_text(file, "format") == FORMAT
     except OSError:
         return False
 
@@ -129,8 +134,10 @@ def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
     belongs: dict[str, Any] = {}
 
     def read(group: h5py.Group) -> Basins:
-        belongs.update(json.loads(group.attrs["belongs"]) if "belongs" in group.attrs else {})
-        return _read(group, np.zeros(0, np.int16), np.zeros(0, np.int32))
+        belongs.update(
+            json.loads(get_text(group, "belongs")) if {"belongs", ".belongs"} & {*group.attrs, *group} else {}
+        )
+        return _read(group, in_file=True)
 
     basins = _checked(path, None, read)
     return (_with_arrays_of(path, basins), belongs) if belongs else (basins, belongs)
@@ -145,14 +152,13 @@ def _with_arrays_of(path: Path, basins: Basins) -> Basins:
 
 def _describe(file: h5py.File) -> None:
     """Say what a file is that holds its pictures already."""
-    file.attrs.update(format=FORMAT, schema=SCHEMA, written=datetime.now(UTC).isoformat(timespec="seconds"))
-    file.attrs["versions"] = json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")})
-    file.attrs["machine"] = platform.machine()
-    file.attrs["digest"] = digest_of(file)
+    describe(file, FORMAT, SCHEMA)
+    put_text(file, "written", datetime.now(UTC).isoformat(timespec="seconds"))
+    put_text(file, "machine", platform.machine())
 
 
 @checked
-def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins:
+def load_basins(path: str | os.PathLike[str], name: str | None = None, unverified: bool = False) -> Basins:
     """Read basins from an HDF5 file.
 
     Parameters
@@ -161,6 +167,9 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
         A file that :func:`save_basins` wrote.
     name : str, optional
         Which picture, in a file of several.
+    unverified : bool, optional
+        Read a file without a checksum, as older versions of cellmap wrote them, or one that another program has changed
+        since.  Damage to such a file may be noticed late or not at all, and make HDF5's library hang.
 
     Returns
     -------
@@ -174,35 +183,34 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None) -> Basins
     KeyError
         For a name that the file does not hold, or none where it holds several.
     StoreError
-        For a file that is truncated or damaged, that something else wrote, or that a newer cellmap wrote.
+        For a file that is truncated or damaged, that something else wrote, that holds what cellmap does not write, such
+        as links to other files, or that a newer cellmap wrote.
     """
-    return _checked(as_path("path", path), name, _read)
+    return _checked(as_path("path", path), name, _read, unverified)
 
 
-def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins]) -> Basins:
+def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins], unverified: bool = False) -> Basins:
     """Read a picture of a file whose contents are those that were written."""
     if not path.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
+        with opened(path, unverified) as file:
+            if "format" not in file.attrs or get_text(file, "format") != FORMAT:
                 raise StoreError(f"{str(path)!r} is an HDF5 file, but not one of basins that cellmap wrote")
-            if int(file.attrs["schema"]) > SCHEMA:
-                raise StoreError(
-                    f"{str(path)!r} has layout {file.attrs['schema']} and this cellmap knows {SCHEMA}: update cellmap"
-                )
-            if file.attrs["digest"] != digest_of(file):
-                raise StoreError(
-                    f"{str(path)!r} is damaged: its contents are not those that were written; write it again"
-                )
+            if (schema := get_number(file, "schema")) > SCHEMA:
+                raise StoreError(f"{str(path)!r} has layout {schema} and this cellmap knows {SCHEMA}: update cellmap")
+            if "digest" in file.attrs and get_text(file, "digest") != digest_of(file):  # of an older cellmap
+                raise ValueError("its contents are not those that were written")
             names = list(file)
             chosen = names[0] if name is None and len(names) == 1 else name
             if chosen in names:
                 return read(file[chosen])
-    except StoreError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeDecodeError) as error:
-        raise StoreError(f"{str(path)!r} is truncated, damaged or no HDF5 file: write it again ({error})") from error
+    except UnsealedError as error:
+        raise StoreError(
+            f"{str(path)!r} is an HDF5 file, but not one of basins that cellmap wrote, or one of an older cellmap, "
+            "without a checksum: if you trust where it comes from, load_basins(path, unverified=True) reads it; then "
+            "save it again"
+        ) from error
     raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
 
 
@@ -213,18 +221,18 @@ def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
 
 
 def _write(file: h5py.Group, basins: Basins) -> None:
-    file.attrs["system"] = basins.name
-    file.attrs["params"] = json.dumps(dict(basins.params))
-    file.attrs["settings"] = json.dumps(plain(basins.settings))
-    file.attrs["coordinates"] = json.dumps([dataclasses.asdict(c) for c in basins.coordinates])
+    put_text(file, "system", basins.name)
+    put_text(file, "params", json.dumps(dict(basins.params)))
+    put_text(file, "settings", json.dumps(plain(basins.settings)))
+    put_text(file, "coordinates", json.dumps([dataclasses.asdict(c) for c in basins.coordinates]))
     file.attrs["inaccurate"] = basins.inaccurate
-    file.attrs["cost"] = json.dumps(dataclasses.asdict(basins.cost))
+    put_text(file, "cost", json.dumps(dataclasses.asdict(basins.cost)))
     for name in ("labels", "settling_time"):
         if name not in file:
             _add_array(file, name, getattr(basins, name))
-    names = {str(k): basins.label_name(k) for k in range(len(basins.attractors))}
-    file["labels"].attrs["meaning"] = json.dumps(names | _codes())
-    file["settling_time"].attrs["unit"] = "periods"
+    names = {k: basins.label_name(k) for k in range(len(basins.attractors))} | dict(LABEL_NAMES)
+    put_text(file["labels"], "meaning", json.dumps(names))
+    put_text(file["settling_time"], "unit", "periods")
     if basins.grid is not None:
         grid = file.create_group("grid")
         grid.attrs.update(
@@ -246,12 +254,10 @@ def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> t
     return tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group)))
 
 
-def _codes() -> dict[str, str]:
-    return {str(k): name for k, name in LABEL_NAMES.items()}
-
-
 def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
-    group.attrs.update(kind=str(attractor.kind), period=attractor.period, turns=attractor.turns, name=attractor.name)
+    put_text(group, "kind", str(attractor.kind))
+    put_text(group, "name", attractor.name)
+    group.attrs.update(period=attractor.period, turns=attractor.turns)
     for name in ("points", "multipliers", "exponents"):
         group[name] = getattr(attractor, name)
     for part in ("neighbourhood", "cover"):
@@ -262,40 +268,81 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
                     group[f"{part}/{field.name}"] = value
 
 
-def _read(file: h5py.Group, labels: NDArray[np.int16] | None = None, times: NDArray[np.int32] | None = None) -> Basins:
-    """Read a picture, and its arrays if they are not given."""
-    coordinates = tuple(Coordinate(**c) for c in json.loads(file.attrs["coordinates"]))
-    grid = None
+def _read(file: h5py.Group, in_file: bool = False) -> Basins:
+    """Read a picture, with empty labels and settling times where these are to stay in the file."""
+    coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
+    grid, starts = None, None
     if "grid" in file:
         g = file["grid"].attrs
         grid = CellGrid(*(tuple(g[n].tolist()) for n in ("lower", "upper", "shape", "wraps")))
+    if "starts" in file:
+        starts = file["starts"][()]
+        if starts.dtype != np.float64 or starts.shape[-1:] != (len(coordinates),) or not np.isfinite(starts).all():
+            raise ValueError("its starts are no places")
+    if grid is not None and starts is None and grid.dimension == len(coordinates):
+        shape = grid.shape
+    elif starts is not None and grid is None:
+        shape = starts.shape[:-1]
+    else:
+        raise ValueError("it has no starts, or two kinds of them")
+    attractors = read_attractors(file["attractors"], coordinates)
+    for name, kind, lowest, highest in (
+        ("labels", np.int16, min(LABEL_NAMES), len(attractors) - 1),
+        ("settling_time", np.int32, -1, np.iinfo(np.int32).max),
+    ):
+        if (file[name].dtype, file[name].shape) != (np.dtype(kind), shape):
+            raise ValueError(f"{name} are {file[name].dtype} of shape {file[name].shape}")
+        if not all(within(part, lowest, highest) for part in rows_of(file[name])):
+            raise ValueError(f"{name} are not between {lowest} and {highest}")
+    if not in_file:
+        claim_memory(f"labels of {file.file.filename}", basins_memory(math.prod(shape)), "close other programs")
     return Basins(
-        labels=file["labels"][()] if labels is None else labels,
-        attractors=read_attractors(file["attractors"], coordinates),
-        settling_time=file["settling_time"][()] if times is None else times,
+        labels=np.zeros(0, np.int16) if in_file else file["labels"][()],
+        attractors=attractors,
+        settling_time=np.zeros(0, np.int32) if in_file else file["settling_time"][()],
         grid=grid,
-        starts=file["starts"][()] if "starts" in file else None,
-        name=str(file.attrs["system"]),
-        params=json.loads(file.attrs["params"]),
+        starts=starts,
+        name=get_text(file, "system"),
+        params={name: float(value) for name, value in json.loads(get_text(file, "params")).items()},
         coordinates=coordinates,
-        settings=json.loads(file.attrs["settings"]),
-        inaccurate=int(file.attrs["inaccurate"]),
-        cost=Cost(**json.loads(file.attrs["cost"])),
+        settings=json.loads(get_text(file, "settings")),
+        inaccurate=get_number(file, "inaccurate"),
+        cost=Cost(**json.loads(get_text(file, "cost"))),
     )
 
 
 def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> Attractor:
-    parts: dict[str, Any] = {}
-    for part, record in (("neighbourhood", Neighbourhood), ("cover", Cover)):
-        if part in group:
-            parts[part] = record(**{name: values[()] for name, values in group[part].items()})
+    d = len(coordinates)
+    kind, period = Kind(get_text(group, "kind")), get_number(group, "period")
+    points = array_of(group, "points", np.float64, (None if kind in (Kind.CHAOTIC, Kind.EQUILIBRIA) else period, d))
+    if not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"{group.name} has no points")
+    neighbourhood, cover = None, None
+    if "neighbourhood" in group:
+        neighbourhood = Neighbourhood(
+            array_of(group, "neighbourhood/centres", np.float64, (None, d)),
+            array_of(group, "neighbourhood/metrics", np.float64, (None, d, d)),
+            float(array_of(group, "neighbourhood/contraction", np.float64, ())),
+        )
+    if "cover" in group:
+        boxes = array_of(group, "cover/boxes", np.int64, (None, d))
+        cover = Cover(
+            array_of(group, "cover/lower", np.float64, (d,)),
+            array_of(group, "cover/widths", np.float64, (d,)),
+            boxes,
+            array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
+        )
+    turns = group.attrs["turns"]
+    if np.shape(turns) != (d,) or turns.dtype.kind != "i":
+        raise ValueError(f"{group.name} has the turns {turns}")
     return Attractor(
-        kind=Kind(group.attrs["kind"]),
-        period=int(group.attrs["period"]),
-        points=group["points"][()],
-        turns=tuple(map(int, group.attrs["turns"])),
-        multipliers=group["multipliers"][()],
-        exponents=group["exponents"][()],
+        kind=kind,
+        period=period,
+        points=points,
+        turns=tuple(turns.tolist()),
+        multipliers=array_of(group, "multipliers", np.complex128, (None,)),
+        exponents=array_of(group, "exponents", np.float64, (None,)),
         coordinates=coordinates,
-        **parts,
+        neighbourhood=neighbourhood,
+        cover=cover,
     )

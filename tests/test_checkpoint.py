@@ -198,7 +198,7 @@ def test_a_run_goes_on_where_it_died(name, moment, torn, plain, tmp_path, monkey
     except Died:
         died = True
         with h5py.File(path, "r") as file:
-            assert file.attrs["format"] == "cellmap checkpoint"
+            assert file.attrs["format"] == b"cellmap checkpoint"
         with pytest.raises(StoreError, match="not one of basins"):
             load_basins(path)
     monkeypatch.undo()

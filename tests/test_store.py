@@ -31,6 +31,7 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
+from cellmap.sealed import seal
 from cellmap.settling import DIVERGED, ESCAPED, UNDECIDED
 
 GRID = CellGrid((-pi, -100.0), (pi, 100.0), (24, 20))
@@ -166,14 +167,14 @@ def test_file_describes_itself_to_plain_h5py(made, tmp_path):
     basins = made["table, escaped"]
     path = save_basins(basins, tmp_path / "b.h5")
     with h5py.File(path, "r") as file:
-        assert file.attrs["format"] == "cellmap basins"
-        assert file.attrs["schema"] == 1
+        assert file.attrs["format"].decode() == "cellmap basins"
+        assert file.attrs["schema"] == 2
         assert json.loads(file.attrs["versions"]).keys() == {"cellmap", "numpy", "numba", "h5py"}
         assert json.loads(file.attrs["versions"])["cellmap"] == cellmap.__version__
-        assert file.attrs["written"][:2] == "20"
+        assert file.attrs["written"][:2] == b"20"
         assert file.attrs["machine"]
         (picture,) = file.values()
-        assert picture.attrs["system"] == "driven pendulum"
+        assert picture.attrs["system"] == b"driven pendulum"
         assert json.loads(picture.attrs["params"]) == dict(basins.params)
         assert json.loads(picture.attrs["settings"])["map"]["exact"]["rtol"] == 1e-9
         assert [c["name"] for c in json.loads(picture.attrs["coordinates"])] == ["theta", "theta'"]
@@ -186,9 +187,9 @@ def test_file_describes_itself_to_plain_h5py(made, tmp_path):
         assert (meaning["-1"], meaning["-2"], meaning["-3"]) == ("left the window", "diverged", "undecided")
         assert picture["labels"].compression == "gzip"
         assert picture["labels"].fletcher32
-        assert picture["settling_time"].attrs["unit"] == "periods"
+        assert picture["settling_time"].attrs["unit"] == b"periods"
         first = picture["attractors/0"]
-        assert first.attrs["kind"] == "fixed point"
+        assert first.attrs["kind"] == b"fixed point"
         assert first["points"].shape == (1, 2)
         assert first["multipliers"].dtype.kind == "c"
 
@@ -270,6 +271,8 @@ def test_foreign_hdf5_file(tmp_path):
         file.attrs["format"] = "somebody else's"
     with pytest.raises(StoreError, match="is an HDF5 file, but not one of basins that cellmap wrote"):
         load_basins(tmp_path / "foreign.h5")
+    with pytest.raises(StoreError, match=r"is an HDF5 file, but not one of basins that cellmap wrote$"):
+        load_basins(tmp_path / "foreign.h5", unverified=True)
     with h5py.File(tmp_path / "bare.h5", "w"):
         pass
     with pytest.raises(StoreError, match="is an HDF5 file, but not one of basins"):
@@ -280,7 +283,8 @@ def test_newer_layout(stored, tmp_path):
     path = shutil.copy(stored, tmp_path / "newer.h5")
     with h5py.File(path, "r+") as file:
         file.attrs["schema"] = 99
-    with pytest.raises(StoreError, match="has layout 99 and this cellmap knows 1: update cellmap"):
+    seal(Path(path))
+    with pytest.raises(StoreError, match="has layout 99 and this cellmap knows 2: update cellmap"):
         load_basins(path)
 
 
@@ -348,15 +352,43 @@ def stored_chunk(path: Path) -> bytes:
         lambda p: p["grid"].attrs.__setitem__("shape", [3, 3]),
         lambda p: (p.pop("labels"), p.__setitem__("labels", np.zeros((2, 2), np.int16))),
         lambda p: (p.pop("labels"), p.__setitem__("labels", np.full((24, 20), 77, np.int16))),
+        lambda p: (p.pop("labels"), p.__setitem__("labels", np.full((24, 20), -9, np.int16))),
+        lambda p: (p.pop("labels"), p.__setitem__("labels", np.zeros((24, 20)))),
+        lambda p: (p.pop("settling_time"), p.__setitem__("settling_time", np.full((24, 20), -2, np.int32))),
+        lambda p: (p.pop("settling_time"), p.__setitem__("settling_time", np.zeros((20, 24), np.int32))),
+        lambda p: p.attrs.__setitem__("inaccurate", -1),
+        lambda p: p.attrs.__setitem__("inaccurate", 2.5),
+        lambda p: p.attrs.__setitem__("params", json.dumps({"a": [1, 2]}).encode()),
+        lambda p: p.attrs.__setitem__("cost", b'{"dollars": 3}'),
+        lambda p: p["attractors/0"].attrs.__setitem__("turns", [1, 2, 3]),
+        lambda p: p["attractors/0"].attrs.__setitem__("period", 2),
+        lambda p: (p["attractors/0"].pop("points"), p.__setitem__("attractors/0/points", np.full((1, 2), np.nan))),
+        lambda p: (p["attractors/0"].pop("multipliers"), p.__setitem__("attractors/0/multipliers", np.ones(2))),
+        lambda p: (p["attractors/0"].pop("neighbourhood"), p.__setitem__("attractors/0/neighbourhood/centres", 1.0)),
+        lambda p: p.move("attractors/0", "attractors/7"),
     ],
 )
 def test_file_whose_parts_do_not_fit_is_an_error(stored, tmp_path, damage):
-    path = shutil.copy(stored, tmp_path / "odd.h5")
+    path = Path(shutil.copy(stored, tmp_path / "odd.h5"))
     with h5py.File(path, "r+") as file:
         (picture,) = file.values()
         damage(picture)
+    with pytest.raises(StoreError, match=r"odd\.h5.*its contents are not those that were written|odd\.h5.*it had"):
+        load_basins(path)
+    with pytest.raises(StoreError, match=r"odd\.h5"):
+        load_basins(path, unverified=True)
+    seal(path)
     with pytest.raises(StoreError, match=r"odd\.h5"):
         load_basins(path)
+
+
+def test_a_file_that_was_changed_on_purpose(stored, tmp_path):
+    path = Path(shutil.copy(stored, tmp_path / "changed.h5"))
+    with h5py.File(path, "r+") as file:
+        next(iter(file.values()))["labels"][0, 0] = -3
+    with pytest.raises(StoreError, match="damaged"):
+        load_basins(path)
+    assert load_basins(path, unverified=True).labels[0, 0] == -3
 
 
 def test_names_of_pictures(made, tmp_path):
