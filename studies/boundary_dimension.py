@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cellmap import Basins, CellGrid, critical_values, find_basins, interpolated_map, plot_basins, stroboscopic_map
-from cellmap.analysis.exponent import UncertaintyExponent
+from cellmap.analysis.exponent import FRACTAL, SMOOTH, UncertaintyExponent
 from cellmap.analysis.uncertainty import uncertainty_exponent
 from systems import driven_pendulum
 
@@ -94,8 +94,8 @@ def report_row(row: Row) -> None:
 
 
 def report(result: Result) -> None:
-    """Print where the boundary is smooth and where it is fractal, and where states of rest change their stability."""
-    for verdict in ("smooth", "fractal"):
+    """Print what is said of the boundary at which amplitudes, and where states of rest change their stability."""
+    for verdict in (SMOOTH, FRACTAL):
         found = [r.amplitude for r in result.rows if r.pairs.verdict == verdict]
         if found:
             print(f"{verdict} by pairs of starts: {min(found):g} to {max(found):g} mm")

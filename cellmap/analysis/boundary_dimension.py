@@ -12,6 +12,7 @@ from ..checks import random_numbers, whole_number
 from ..signatures import checked
 from .boxcount import BoxCount, averaged, checked_sizes, fitted
 from .label_boxes import LabelImage, count_boxes
+from .specks import are_noise, isolated_shares, without_specks
 
 _FEWEST_BOXES = 10
 _MISSED = 0.1
@@ -43,6 +44,11 @@ def boundary_dimension(
     them hold boundary (unless this is so at all sizes), and boxes that the cells miss are 10 % at most.  How many these
     are follows from the boxes that every other cell along each axis would miss, and the counts are corrected for them
     before they are fitted.  Among the usable sizes the window is that of :func:`~cellmap.analysis.fit.steady_window`.
+
+    Isolated labels, in specks of at most four cells, come from structure below a cell, or they are wrong.  The former
+    lie next to other boundary, so that the larger the boxes, the fewer hold nothing else; :attr:`BoxCount.isolated` is
+    their share.  Where it grows with the size of boxes and comes above 5 %, the specks are noise and are left out.
+    This holds for up to some percent of wrong labels, as long as there is other boundary.
 
     Parameters
     ----------
@@ -94,6 +100,12 @@ def boundary_dimension(
         raise ValueError("labels: no two basins meet, so that there is no boundary; choose another window, or codes=")
     steps = 1 if samples is None else whole_number("samples", samples, at_least=1)
     chosen = _sizes(sizes, min(boundary.shape), steps)
+    lengths = np.array(chosen, dtype=float)
+    cleaned = without_specks(image)
+    rest = cleaned.boundary()
+    isolated = isolated_shares(boundary, rest, image.wraps, chosen)
+    if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
+        image, boundary = cleaned, rest
     offsets = whole_number("offsets", offsets, at_least=1)
     rng = random_numbers(seed)
     if samples is None:
@@ -106,7 +118,6 @@ def boundary_dimension(
         measured = [sampled(image, boundary.size, size, steps, offsets, rng) for size in chosen]
         counts, errors = (np.array(v) for v in zip(*measured, strict=True))
         missed = np.zeros(len(chosen))
-    lengths = np.array(chosen, dtype=float)
     share = counts * lengths**boundary.ndim / boundary.size
     usable = (counts >= _FEWEST_BOXES) & (lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1) & (missed <= _MISSED)
     if usable.any() and share[np.argmax(usable)] <= _FULL:
@@ -117,6 +128,7 @@ def boundary_dimension(
         *("labels", lengths, counts, errors, missed, usable[::-1], correction, window),
         topological=boundary.ndim - 1,
         ignored=image.ignored,
+        isolated=isolated[::-1],
     )
 
 

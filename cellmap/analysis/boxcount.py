@@ -47,6 +47,9 @@ class BoxCount:
         Dimension of the set if it is smooth, where that is known: one less than that of the space for a boundary.
     ignored : float
         Share of the cells that belong to no basin; 0 for points.
+    isolated : ndarray, shape (n,), or None
+        Share of the boxes with boundary that hold that of isolated labels alone, before these are left out; None for
+        points.
     """
 
     sizes: NDArray[np.float64]
@@ -57,6 +60,7 @@ class BoxCount:
     fit: Fit
     topological: int | None = None
     ignored: float = 0.0
+    isolated: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
         first, last = self.sizes[self.fit.inside][[0, -1]]

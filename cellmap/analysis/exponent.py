@@ -13,8 +13,8 @@ from ..orbit_batch import Cost
 from .binomial import binomial_interval
 from .fit import Fit, fit_line
 
-SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "smooth", "fractal", "undetermined", "no boundary"
-"""What is said of a boundary."""
+SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "consistent with smooth", "fractal", "undetermined", "no boundary"
+"""What is said of a boundary.  That one is smooth cannot be shown: its dimension may be that little above."""
 
 _FEWEST = 20  # uncertain pairs at a distance that is used
 _UNDECIDED = 0.1  # as many pairs with undecided starts as this part of the uncertain ones spoil a distance
@@ -23,7 +23,7 @@ _REJECTED = 0.05  # probability of the scatter about a line below which it is no
 _ALIKE = 1.25  # ratio of errors up to which a longer window is preferred
 _DECADE = 10.0  # range of distances below which nothing is called fractal
 _RISE = 2.0  # times that from the coarser to the finer half of the distances: as far again as these reach
-_VAGUE = 0.1  # standard error above which nothing is called smooth
+_VAGUE = 0.1  # standard error above which nothing is called consistent with smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +109,11 @@ class UncertaintyExponent:
 
     @property
     def verdict(self) -> str:
-        """Whether the boundary is "smooth", "fractal", "undetermined", or there is "no boundary".
+        """Whether it is "fractal", "consistent with smooth", "undetermined", or there is "no boundary".
 
-        Smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  Fractal: the exponent is more
+        Consistent with smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  A fractal
+        boundary whose dimension is as close to that of a smooth one, as those of many Julia sets are, is that too.
+        Fractal: the exponent is more
         than three standard errors below 1, over at least a decade; and so is that of the finer half of the distances,
         should it go on to rise by twice as much as it has risen from the coarser half, as it does where smooth pieces
         lie side by side and begin to be resolved.  What the numbers of pairs leave open of that rise counts as error.

@@ -72,14 +72,14 @@ class FractalTest:
 
     @property
     def verdict(self) -> str:
-        """Whether the boundary is "smooth" or "fractal" at this scale, "undetermined", or there is "no boundary".
+        """Whether it is "fractal" at this scale, "consistent with smooth", "undetermined", or there is "no boundary".
 
         Fractal: the mean is more than three standard errors above the range of a straight boundary, and the cells
         themselves find no smooth one: next to a smooth boundary the share of pairs of cells that differ doubles with
-        their distance, even where it is too curved for the discs or its basins are narrower than these.  Smooth: the
-        mean is within the range, or no more than two standard errors away.  In between, and with fewer than 100 discs
-        on the boundary, it is undetermined; and so it is far below the range, where discs see little of a second basin:
-        thin strands of a fractal do that, and so do a few wrong labels beside a smooth boundary.
+        their distance, even where it is too curved for the discs or its basins are narrower than these.  Consistent
+        with smooth: the mean is within the range, or no more than two standard errors away.  In between, and with fewer
+        than 100 discs on the boundary, it is undetermined; and so it is far below the range, where discs see little of
+        a second basin: thin strands of a fractal do that, and so do a few wrong labels beside a smooth boundary.
         """
         if not self.discs:
             return NO_BOUNDARY
@@ -148,7 +148,7 @@ def fractal_boundary_test(
     >>> import numpy as np
     >>> halves = np.add.outer(np.arange(300), np.arange(200)) > 250
     >>> fractal_boundary_test(halves).verdict
-    'smooth'
+    'consistent with smooth'
     """
     image = label_image(basins, also, wraps)
     shape = image.numbers.shape

@@ -108,7 +108,7 @@ def uncertainty_exponent(
     >>> from cellmap import CellGrid, discrete_map
     >>> signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
     >>> uncertainty_exponent(signs, CellGrid((-3, -1), (3, 1), (10, 10)), pairs=300_000).verdict
-    'smooth'
+    'consistent with smooth'
     """
     began = time.perf_counter()
     counted = also_labels(also)

@@ -78,6 +78,25 @@ def test_cantor_stripes():
     assert found.fractal
 
 
+@pytest.mark.parametrize("flipped", [1e-4, 1e-3, 1e-2])
+def test_wrong_labels_are_no_fractal(flipped):
+    """A straight boundary, and Cantor's stripes, with isolated labels that are wrong: what they were without them."""
+    rng, x = np.random.default_rng(7), (np.arange(1200) + 0.5) / 1200 - 0.5
+    line = (x[:, None] < 0.3 * x + 0.1).astype(int)
+    found = boundary_dimension(np.where(rng.random(line.shape) < flipped, 1 - line, line))
+    assert found.dimension == pytest.approx(1.0, abs=0.02)
+    assert not found.fractal
+    # Of the 37.5^2 boxes of 32 cells, 38 hold the line, and the others a wrong label with this probability.
+    assert found.isolated[found.sizes == 32] == pytest.approx(
+        1.0 - 38 / (1406 * (1.0 - np.exp(-1089 * flipped))), abs=0.02
+    )
+    assert found.isolated[-1] < found.isolated.max()
+    stripes = np.repeat(cantor_labels(6, 1)[:, None], 729, axis=1)
+    noisy = boundary_dimension(np.where(rng.random(stripes.shape) < flipped, 1 - stripes, stripes), offsets=16)
+    assert noisy.dimension == pytest.approx(1.0 + CANTOR, abs=0.05)
+    assert noisy.fractal
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 0.5])
 def test_koch_snowflake(turn):

@@ -18,6 +18,7 @@ from cellmap import (
     smooth_boundary_entropy,
     stroboscopic_map,
 )
+from cellmap.analysis.exponent import SMOOTH
 from cellmap.analysis.smooth_limit import ball
 
 mpl.use("Agg")
@@ -171,7 +172,7 @@ def test_smooth_limit_of_boxes_against_random_lines():
 )
 def test_smooth_boundaries(labels, seed):
     found = fractal_boundary_test(labels, seed=seed)
-    assert found.verdict in ("smooth", "undetermined")
+    assert found.verdict in (SMOOTH, "undetermined")
     assert found.entropy == pytest.approx(found.smooth, abs=0.04)
 
 
@@ -179,7 +180,7 @@ def test_smooth_boundaries(labels, seed):
 def test_random_discs_on_a_circle(seed):
     """0.4395 (Puy et al. 2021), with discs of 20 cells on a circle of 350."""
     found = fractal_boundary_test(disc(1000, 0.35), radius=20, seed=seed)
-    assert found.verdict == "smooth"
+    assert found.verdict == SMOOTH
     assert found.entropy == pytest.approx(0.4395, abs=3 * found.standard_error)
     assert found.smooth == pytest.approx(0.4395, abs=0.003)
 
@@ -225,7 +226,7 @@ def test_test_in_one_and_three_dimensions():
     line = (np.arange(2000) // 250) % 2
     assert fractal_boundary_test(line, radius=10).entropy == pytest.approx(0.5, abs=0.05)
     solid = np.arange(40)[:, None, None] // 20 + np.zeros((40, 30, 30), int)
-    assert fractal_boundary_test(solid, radius=4, discs=500).verdict in ("smooth", "undetermined")
+    assert fractal_boundary_test(solid, radius=4, discs=500).verdict in (SMOOTH, "undetermined")
 
 
 def test_errors_of_discs():

@@ -21,7 +21,7 @@ from cellmap import (
     stroboscopic_map,
     uncertainty_exponent,
 )
-from cellmap.analysis.exponent import fit_exponent
+from cellmap.analysis.exponent import SMOOTH, fit_exponent
 from cellmap.analysis.final_states import final_states
 from cellmap.analysis.uncertainty import smallest_distance
 
@@ -149,7 +149,7 @@ def test_inverted_pendulum_is_smooth():
     found = uncertainty_exponent(find_basins(table(systems.dimensionless_pendulum(-0.1, 0.545, 0.2), 5.0), WINDOW))
     assert found.exponent == pytest.approx(1.0, abs=2 * found.standard_error)
     assert found.standard_error < 0.03
-    assert found.verdict == "smooth"
+    assert found.verdict == SMOOTH
 
 
 def test_slices_and_lines():
@@ -163,10 +163,18 @@ def test_slices_and_lines():
 # --- what is not said
 
 
+def test_a_julia_set_of_dimension_near_one_is_not_called_smooth():
+    """z^2 + 0.05: a fractal of dimension 1 + 0.05^2/(4 ln 2) = 1.0009 (Ruelle 1982), which pairs cannot tell from 1."""
+    square = discrete_map(lambda x, p: (x[0] ** 2 - x[1] ** 2 + 0.05, 2 * x[0] * x[1]), {}, ("x", "y"))
+    found = uncertainty_exponent(square, CellGrid((-1.3, -1.3), (1.3, 1.3), (10, 10)), also=(-2,), pairs=300_000)
+    assert found.boundary_dimension == pytest.approx(1.0 + 0.05**2 / (4.0 * log(2.0)), abs=3.0 * found.standard_error)
+    assert found.verdict == "consistent with smooth"
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_line_is_not_fractal(seed):
     found = uncertainty_exponent(SIGNS, CellGrid((-3, -1), (3, 1), (10, 10)), pairs=300_000, seed=seed)
-    assert found.verdict == "smooth"
+    assert found.verdict == SMOOTH
     assert found.exponent == pytest.approx(1.0, abs=3 * found.standard_error)
 
 
@@ -290,7 +298,7 @@ def stripes(width, basins=2):
 def test_smooth_pictures(labels):
     found = image_uncertainty_exponent(labels)
     assert found.exponent == pytest.approx(1.0, abs=0.03)
-    assert found.verdict == "smooth"
+    assert found.verdict == SMOOTH
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 5])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
+from cellmap.analysis.exponent import SMOOTH
 from studies import boundary_dimension
 from studies._boundary import box_counts
 from systems import two_well_duffing
@@ -57,7 +58,7 @@ def test_smooth_at_4_mm_and_fractal_at_10_mm() -> None:
         (4.0, 10.0), pairs=200_000, uncertain=500, cells=100, lines=8, line_cells=2**15, side=1000
     )
     smooth, fractal = result.rows
-    assert smooth.pairs.verdict == "smooth"
+    assert smooth.pairs.verdict == SMOOTH
     assert smooth.boxes.dimension == pytest.approx(1.0, abs=0.02)
     assert fractal.pairs.verdict == "fractal"
     assert 1.75 - 2.0 * fractal.pairs.standard_error < fractal.pairs.boundary_dimension < 1.83

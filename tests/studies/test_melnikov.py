@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
+from cellmap.analysis.exponent import SMOOTH
 from studies import melnikov
 from systems import moon_li_duffing
 
@@ -83,7 +84,7 @@ def test_the_dimension_at_a_tenth() -> None:
         (0.08, 0.10), pairs=300_000, cells=100, lines=8, line_cells=2**16, side=1000, points=500, halvings=3
     )
     smooth, fractal = result.rows
-    assert smooth.pairs.verdict == "smooth"
+    assert smooth.pairs.verdict == SMOOTH
     assert smooth.pairs.boundary_dimension == pytest.approx(1.0, abs=3.0 * smooth.pairs.standard_error)
     assert fractal.pairs.verdict == "fractal"
     assert fractal.pairs.boundary_dimension == pytest.approx(1.776, abs=0.01 + 2.0 * fractal.pairs.standard_error)
