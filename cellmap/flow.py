@@ -13,8 +13,11 @@ from .codegen.kernel import (
     flow_kernel,
     switching_kernel,
     tangent_flow_kernel,
+    traced_function,
+    traced_switching,
     traces_faithfully,
 )
+from .codegen.linear import values
 from .coordinates import turns_of
 from .kernels.blocks import pack, unpack
 from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
@@ -98,20 +101,36 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
 @functools.lru_cache(maxsize=16)
 def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     """Return the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
-    times = np.arange(_FORCING_SAMPLES) * (system.length / _FORCING_SAMPLES)
+    times = np.linspace(0.0, system.length, _FORCING_SAMPLES, endpoint=False)
     found = []
     for size in (0.1, 1.1):
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
             # Jumps are met as events: what is sampled is one smooth side.
             signs = tuple(1.0 if s >= 0.0 else -1.0 for s in system.signs(0.0, state))
-            with np.errstate(all="ignore"):
-                samples = np.array([system.derivative(t, state, signs) for t in times.tolist()])
+            samples = _derivatives(system, times, state, signs)
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
             found.append(samples)
     return found
+
+
+def _derivatives(
+    system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...], signs: tuple[float, ...]
+) -> NDArray[np.float64]:
+    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known."""
+    traced, names = None, tuple(system.params)
+    if system.switches is not None:
+        in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
+        traced = None if in_modes is None else in_modes.free_motion
+    elif _is_symbolic(system):
+        traced = traced_function(system.rhs, system.dimension, names)
+    if traced is not None:
+        found = values(traced.outputs, times, state, _values(system), signs)
+        return np.stack([np.broadcast_to(f, len(times)) for f in found], axis=1)
+    with np.errstate(all="ignore"):
+        return np.array([system.derivative(t, state, signs) for t in times.tolist()])
 
 
 def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:

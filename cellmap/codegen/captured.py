@@ -64,7 +64,7 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
     seen.add(id(item))
     if isinstance(item, types.FunctionType):
         yield item.__code__
-        names = frozenset(names_in(item.__code__))
+        names = names_in(item.__code__)
         inner: list[Any] = [item.__globals__[n] for n in sorted(global_names(item.__code__)) if n in item.__globals__]
         inner += [c.cell_contents for c in item.__closure__ or ()]
         inner += [item.__defaults__, item.__kwdefaults__]

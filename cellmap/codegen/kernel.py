@@ -57,7 +57,11 @@ def traced_function(function: Callable[..., Any], dimension: int, names: Names) 
 
 def traces_faithfully(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> bool:
     """Whether a function can be traced, and its trace gives what the function itself gives in plain Python."""
-    names, values = tuple(params), tuple(params.values())
+    return _traces_faithfully(function, dimension, tuple(params), tuple(params.values()))
+
+
+@kept
+def _traces_faithfully(function: Callable[..., Any], dimension: int, names: Names, values: tuple[float, ...]) -> bool:
     traced = traced_function(function, dimension, names)
     return traced is not None and is_faithful(traced, function, values, parameter_record(names)(*values))
 

@@ -99,13 +99,18 @@ def linear_kernel(
 
 
 def values(
-    expressions: Sequence[Expression], time: Any, states: Sequence[Any], parameters: NDArray[np.float64]
+    expressions: Sequence[Expression],
+    time: Any,
+    states: Sequence[Any],
+    parameters: NDArray[np.float64],
+    signs: Sequence[float] = (),
 ) -> list[NDArray[np.float64]]:
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
     inputs: dict[str, Callable[[Any], Any]] = {
         "time": lambda _: time,
         "state": states.__getitem__,
         "parameter": lambda i: parameters[i],
+        "sign": signs.__getitem__,
         "constant": np.float64,
     }
     known: dict[Expression, Any] = {}

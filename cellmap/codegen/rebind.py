@@ -120,15 +120,19 @@ def _rebind_callable(function: Any, copy: Callable[[types.FunctionType], Any]) -
     return functools.partial(copy(call), function) if isinstance(call, types.FunctionType) else function
 
 
-def global_names(code: types.CodeType) -> set[str]:
+@functools.lru_cache(maxsize=1024)
+def global_names(code: types.CodeType) -> frozenset[str]:
     """Return the names that code, and the code inside it, looks up among globals."""
     looked_up = {"LOAD_GLOBAL", "LOAD_NAME"}
-    return {i.argval for part in _with_inner(code) for i in dis.get_instructions(part) if i.opname in looked_up}
+    return frozenset(
+        i.argval for part in _with_inner(code) for i in dis.get_instructions(part) if i.opname in looked_up
+    )
 
 
-def names_in(code: types.CodeType) -> set[str]:
+@functools.lru_cache(maxsize=1024)
+def names_in(code: types.CodeType) -> frozenset[str]:
     """Return all names outside of it that code, and the code inside it, mentions, those of attributes among them."""
-    return {name for part in _with_inner(code) for name in part.co_names}
+    return frozenset(name for part in _with_inner(code) for name in part.co_names)
 
 
 def _with_inner(code: types.CodeType) -> Iterator[types.CodeType]:

@@ -49,6 +49,7 @@ def compiled_switching(
     if one_step:
         addresses[switching_period.FREE] = 0
     dimension, count = len(traced.normals[0]), len(traced.surfaces)
+    move = switching_period.period(count == 1)
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
 
     def advance(
@@ -59,9 +60,7 @@ def compiled_switching(
         p: NDArray[np.float64],
         error: NDArray[np.float64],
     ) -> None:
-        switching_period.advance(
-            x, steps, start, period, p, error, addresses, dimension, count, order, not aligned
-        )  # fmt: skip
+        move(x, steps, start, period, p, error, addresses, dimension, count, order, not aligned)
 
     advance.machine_code = loaded  # type: ignore[attr-defined]  # the code lives as long as the function
     return advance

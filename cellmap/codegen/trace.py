@@ -38,6 +38,11 @@ class Trace:
     def __repr__(self) -> str:
         return f"Trace({len(self.outputs)} components, {len(in_order(self.outputs))} nodes)"
 
+    @functools.cached_property
+    def nodes(self) -> list[Expression]:
+        """Every node that the components need, arguments before the nodes that use them."""
+        return in_order(self.outputs)
+
     @property
     def is_analytic(self) -> bool:
         """Whether the components have power series."""
@@ -114,7 +119,7 @@ def evaluate(traced: Trace, t: float, state: Sequence[float], parameters: Sequen
     """Return the values of the expressions of a trace; NaN where an operation is not defined."""
     inputs = {"time": lambda _: t, "state": state.__getitem__, "parameter": parameters.__getitem__, "constant": float}
     values: dict[Expression, float] = {}
-    for node in in_order(traced.outputs):
+    for node in traced.nodes:
         if node.operation in inputs:
             values[node] = inputs[node.operation](node.value)
             continue

@@ -14,6 +14,8 @@ event.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numba import njit
 
@@ -24,98 +26,6 @@ from .switching import NO_EVENT, begin_on_surface, land, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
-
-
-@njit(**KERNEL)
-def advance(x, steps, start, period, p, error, addresses, dimension, count, order, project_at_end):
-    """Move the blocks of x on by a period; no steps at all stand for a trial step, in which events do not count."""
-    size = x.shape[1]
-    length = order + 1
-    local = (size + count) * length
-    flag = (local + size + 2) * LANES
-    errors_row = size + 1 + 2 * count
-    end = start + period
-    shared = (2 * size + 3 * count + 2) * LANES
-    rows = ((size + count) * length + size + 3) * LANES
-    memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + count * (count + 2 * dimension))
-    # Views that count no references: counting would cost more than all else that is done at an event.
-    whole = borrowed(memory)
-    place = 0
-    lanes, place = _piece(whole, place, shared)
-    series, place = _piece(whole, place, rows)
-    state, place = _piece(whole, place, size)
-    errors, place = _piece(whole, place, size)
-    values, place = _piece(whole, place, count)
-    rates, place = _piece(whole, place, count)
-    signs, place = _piece(whole, place, count)
-    slides, place = _piece(whole, place, count)
-    hits, place = _piece(whole, place, count)
-    on_surface, place = _piece(whole, place, count)
-    held, place = _piece(whole, place, count)
-    after, place = _piece(whole, place, count)
-    fresh, place = _piece(whole, place, count + 1)
-    a, place = _piece(whole, place, length)
-    flat, place = _piece(whole, place, count * count)
-    gains = flat.reshape((count, count))
-    flat, place = _piece(whole, place, count * dimension)
-    jumps = flat.reshape((count, dimension))
-    flat, place = _piece(whole, place, count * dimension)
-    normals = flat.reshape((count, dimension))
-    for b in range(x.shape[0]):
-        lanes[errors_row * LANES :] = 0.0
-        rate = max(steps[b], 1) / period
-        for j in range(size):
-            for i in range(LANES):
-                lanes[j * LANES + i] = x[b, j, i]
-        call_begin(addresses[BEGIN], lanes, series, p, start)
-        for i in range(LANES):
-            if series[flag + i] > 0.0:
-                t = _load(lanes, i, state, signs, slides, errors, fresh)
-                call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
-                begin_on_surface(
-                    values, rates, gains, jumps, normals, signs, slides, fresh, state, hits, on_surface, held, after
-                )
-                _store(lanes, i, t, state, signs, slides, errors, fresh)
-        rounds = 8 * steps[b] + 1024
-        moving = 1
-        while moving and rounds:
-            rounds -= 1
-            _step(addresses, lanes, series, p, end, rate, size, count)
-            # No steps at all: one is tried, for its error alone, and no event is looked for.
-            if steps[b] == 0:
-                break
-            moving = 0
-            for i in range(LANES):
-                if series[flag + i] > 0.0:
-                    t = _load(lanes, i, state, signs, slides, errors, fresh)
-                    landed = land(series[i:], state, signs, slides, errors, fresh, hits, a, held, t, order, end)
-                    if landed > NO_EVENT:
-                        t = landed
-                        call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
-                        project(state, values, normals, hits, slides, on_surface, held)
-                        switch(
-                            rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors,
-                            on_surface, held, after,
-                        )  # fmt: skip
-                    _store(lanes, i, t, state, signs, slides, errors, fresh)
-                moving += lanes[size * LANES + i] < end
-        if project_at_end:
-            # Lanes that slide are brought back onto their surfaces, where rounding has led away.
-            for i in range(LANES):
-                t = _load(lanes, i, state, signs, slides, errors, fresh)
-                if slides.max() > 0.0:
-                    hits[:] = 0.0
-                    call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
-                    project(state, values, normals, hits, slides, on_surface, held)
-                    for j in range(size):
-                        lanes[j * LANES + i] = state[j]
-        for j in range(size):
-            for i in range(LANES):
-                through = lanes[size * LANES + i] >= end
-                x[b, j, i] = lanes[j * LANES + i]
-                error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
-    # The views do not keep their memory alive.
-    memory[0] = 0.0
 
 
 @njit(**INLINE)
@@ -169,3 +79,102 @@ def _store(lanes, i, t, state, signs, slides, errors, fresh):
         lanes[(size + 1 + count + e) * LANES + i] = slides[e]
     for e in range(count + 1):
         lanes[(2 * size + 1 + 2 * count + e) * LANES + i] = fresh[e]
+
+
+@functools.cache
+def period(single):
+    """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
+
+    @njit(**KERNEL)
+    def advance(x, steps, start, period, p, error, addresses, dimension, surfaces, order, project_at_end):
+        """Move the blocks of x on by a period; no steps at all stand for a trial step, in which events do not count."""
+        count = 1 if single else surfaces
+        size = x.shape[1]
+        length = order + 1
+        local = (size + count) * length
+        flag = (local + size + 2) * LANES
+        errors_row = size + 1 + 2 * count
+        end = start + period
+        shared = (2 * size + 3 * count + 2) * LANES
+        rows = ((size + count) * length + size + 3) * LANES
+        memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + count * (count + 2 * dimension))
+        # Views that count no references: counting would cost more than all else that is done at an event.
+        whole = borrowed(memory)
+        place = 0
+        lanes, place = _piece(whole, place, shared)
+        series, place = _piece(whole, place, rows)
+        state, place = _piece(whole, place, size)
+        errors, place = _piece(whole, place, size)
+        values, place = _piece(whole, place, count)
+        rates, place = _piece(whole, place, count)
+        signs, place = _piece(whole, place, count)
+        slides, place = _piece(whole, place, count)
+        hits, place = _piece(whole, place, count)
+        on_surface, place = _piece(whole, place, count)
+        held, place = _piece(whole, place, count)
+        after, place = _piece(whole, place, count)
+        fresh, place = _piece(whole, place, count + 1)
+        a, place = _piece(whole, place, length)
+        flat, place = _piece(whole, place, count * count)
+        gains = flat.reshape((count, count))
+        flat, place = _piece(whole, place, count * dimension)
+        jumps = flat.reshape((count, dimension))
+        flat, place = _piece(whole, place, count * dimension)
+        normals = flat.reshape((count, dimension))
+        for b in range(x.shape[0]):
+            lanes[errors_row * LANES :] = 0.0
+            rate = max(steps[b], 1) / period
+            for j in range(size):
+                for i in range(LANES):
+                    lanes[j * LANES + i] = x[b, j, i]
+            call_begin(addresses[BEGIN], lanes, series, p, start)
+            for i in range(LANES):
+                if series[flag + i] > 0.0:
+                    t = _load(lanes, i, state, signs, slides, errors, fresh)
+                    call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                    begin_on_surface(
+                        values, rates, gains, jumps, normals, signs, slides, fresh, state, hits, on_surface, held, after
+                    )
+                    _store(lanes, i, t, state, signs, slides, errors, fresh)
+            rounds = 8 * steps[b] + 1024
+            moving = 1
+            while moving and rounds:
+                rounds -= 1
+                _step(addresses, lanes, series, p, end, rate, size, count)
+                # No steps at all: one is tried, for its error alone, and no event is looked for.
+                if steps[b] == 0:
+                    break
+                moving = 0
+                for i in range(LANES):
+                    if series[flag + i] > 0.0:
+                        t = _load(lanes, i, state, signs, slides, errors, fresh)
+                        landed = land(series[i:], state, signs, slides, errors, fresh, hits, a, held, t, order, end)
+                        if landed > NO_EVENT:
+                            t = landed
+                            call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                            project(state, values, normals, hits, slides, on_surface, held)
+                            switch(
+                                rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors,
+                                on_surface, held, after,
+                            )  # fmt: skip
+                        _store(lanes, i, t, state, signs, slides, errors, fresh)
+                    moving += lanes[size * LANES + i] < end
+            if project_at_end:
+                # Lanes that slide are brought back onto their surfaces, where rounding has led away.
+                for i in range(LANES):
+                    t = _load(lanes, i, state, signs, slides, errors, fresh)
+                    if slides.max() > 0.0:
+                        hits[:] = 0.0
+                        call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                        project(state, values, normals, hits, slides, on_surface, held)
+                        for j in range(size):
+                            lanes[j * LANES + i] = state[j]
+            for j in range(size):
+                for i in range(LANES):
+                    through = lanes[size * LANES + i] >= end
+                    x[b, j, i] = lanes[j * LANES + i]
+                    error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
+        # The views do not keep their memory alive.
+        memory[0] = 0.0
+
+    return advance
