@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from ..pointmap import PointMap
 from ..signatures import checked
 from .lyapunov import GROUPS
 
+_FACTOR = 100.0  # by which eigenvectors that are far from orthogonal let growth differ for a while
 _VANISHING = 1e-14  # growth in one step, of the largest, below which a direction is lost to rounding
 
 
@@ -27,11 +29,15 @@ class CovariantVectors:
         The orbit, angles in their turn.
     vectors : ndarray, shape (n, d, d)
         At each point unit columns, in the order of the exponents.  The derivative takes column j to a multiple of
-        column j at the next point.
+        column j at the next point.  Where exponents cannot be told from equal ones, the columns that belong to them are
+        an orthonormal basis of one subspace, which the derivative takes to that at the next point.
     growth : ndarray, shape (n, d)
-        Logarithm of that multiple's size.
+        Logarithm of that multiple's size; in a subspace of several dimensions, that of its volume over its dimension.
     exponents, standard_errors : ndarray, shape (d,)
-        Mean growth per step, the largest first, and its error from the spread between 20 parts of the orbit.
+        Mean growth per step, the largest first, and its error from the spread between 20 parts of the orbit; in a
+        subspace of several dimensions with the spread between the exponents that a frame gives for it.
+    dimensions : tuple of int
+        Dimensions of the subspaces, in the order of the exponents; all 1 where these differ.
     transient : int
         Steps in which directions turned, on either side of these points.
     name : str
@@ -45,13 +51,23 @@ class CovariantVectors:
     growth: NDArray[np.float64]
     exponents: NDArray[np.float64]
     standard_errors: NDArray[np.float64]
+    dimensions: tuple[int, ...]
     transient: int
     name: str
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{m:.4g} +- {e:.1g}" for m, e in zip(self.exponents, self.standard_errors, strict=True))
-        return f"CovariantVectors({self.name}, {len(self.points)} points: {values} per step)"
+        values = [
+            f"{self.exponents[k]:.4g} +- {self.standard_errors[k]:.1g}"
+            + (f" (one subspace of dimension {n})" if n > 1 else "")
+            for k, n in zip(self._begins, self.dimensions, strict=True)
+        ]
+        return f"CovariantVectors({self.name}, {len(self.points)} points: {', '.join(values)} per step)"
+
+    @property
+    def _begins(self) -> list[int]:
+        """Number of the first direction of each subspace."""
+        return (np.cumsum(self.dimensions) - self.dimensions).tolist()  # type: ignore[no-any-return]
 
     @property
     def expanding(self) -> int:
@@ -76,12 +92,17 @@ class CovariantVectors:
         Raises
         ------
         ValueError
-            Where no direction is left on one of the sides.
+            Where no direction is left on one of the sides, or `first` divides a subspace.
         """
         d = self.points.shape[1]
         k = self.expanding if first is None else whole_number("first", first)
         if not 0 < k < d:
             raise ValueError(f"first={k}: of {d} directions one at least has to be on each side")
+        if k not in self._begins:
+            raise ValueError(
+                f"first={k} divides a subspace whose directions grow alike: give one of {self._begins[1:]}, or take "
+                "more periods to tell them apart"
+            )
         one, other = (np.linalg.qr(part)[0] for part in (self.vectors[..., :k], self.vectors[..., k:]))
         # Sines, as cosines do not tell small angles apart; of two spaces the smaller one's.
         small, large = (one, other) if k <= d - k else (other, one)
@@ -96,7 +117,10 @@ def covariant_vectors(
     """Return the covariant Lyapunov vectors along an orbit.
 
     A frame that is carried along and kept orthonormal spans what grows most; what is in the span of its first j columns
-    and grows least on the way back is direction j (Ginelli et al. 2007).
+    and grows least on the way back is direction j (Ginelli et al. 2007).  Directions of equal exponents, as of a
+    complex pair of multipliers or of one without a second eigenvector, have no meaning of their own: neighbours whose
+    growth over n steps differs by less than a factor of 100 n^2, or by less than three standard errors, are taken
+    together as one subspace.
 
     Parameters
     ----------
@@ -144,27 +168,51 @@ def covariant_vectors(
     total = periods + transient
     claim_memory(f"frames along {total:,} steps", 24 * total * d * d, "take fewer periods")
     points, frames, factors = _forward(exact, wrap(begin, exact.coordinates), transient, total)
-    directions = np.eye(d)
+    logs = np.log(np.abs(np.diagonal(factors, axis1=1, axis2=2)))
+    groups = _alike(logs)
+    bases = [np.eye(d)[:, group] for group in groups]
     vectors, growth = np.empty((periods, d, d)), np.empty((periods, d))
     for k in reversed(range(total)):
-        before = np.linalg.solve(factors[k], directions)
-        lengths = np.linalg.norm(before, axis=0)
-        directions = before / lengths
-        if k < periods:
-            vectors[k], growth[k] = frames[k] @ directions, -np.log(lengths)
-    parts = np.array([part.mean(axis=0) for part in np.array_split(growth, GROUPS)])
-    errors = parts.std(axis=0, ddof=1) / np.sqrt(GROUPS)
-    order = np.argsort(-growth.mean(axis=0), kind="stable")
+        for number, group in enumerate(groups):
+            basis, upper = np.linalg.qr(np.linalg.solve(factors[k], bases[number]))
+            sizes = np.diagonal(upper)
+            bases[number] = basis * np.sign(sizes)
+            if k < periods:
+                vectors[k][:, group] = frames[k] @ bases[number]
+                growth[k, group] = -np.log(np.abs(sizes)).mean()
+    spread = np.concatenate([np.full(g.stop - g.start, 0.5 * np.ptp(logs[:, g].mean(axis=0))) for g in groups])
+    groups.sort(key=lambda g: -float(growth[:, g.start].mean()))
+    order = np.concatenate([np.arange(g.start, g.stop) for g in groups])
     return CovariantVectors(
         points=points[:periods],
         vectors=vectors[..., order],
         growth=growth[:, order],
         exponents=growth.mean(axis=0)[order],
-        standard_errors=errors[order],
+        standard_errors=np.hypot(_errors(growth), spread)[order],
+        dimensions=tuple(g.stop - g.start for g in groups),
         transient=transient,
         name=exact.name,
         coordinates=exact.coordinates,
     )
+
+
+def _errors(growth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return standard errors of mean growth (n, d), from the spread between parts of the orbit."""
+    parts = np.array([part.mean(axis=0) for part in np.array_split(growth, GROUPS)])
+    return np.asarray(parts.std(axis=0, ddof=1) / np.sqrt(GROUPS))
+
+
+def _alike(logs: NDArray[np.float64]) -> list[slice]:
+    """Return the neighbouring directions of a frame whose growth (n, d) cannot be told apart.
+
+    Of two vectors that a matrix without a second eigenvector carries, one grows n^2 times as much as the other that is
+    kept orthogonal to it; those of a complex pair take turns.
+    """
+    n, d = logs.shape
+    apart = logs[:, :-1] - logs[:, 1:]
+    told = (apart.sum(axis=0) > log(_FACTOR * n**2)) & (apart.mean(axis=0) > 3.0 * _errors(apart))
+    ends = [*(np.flatnonzero(told) + 1).tolist(), d]
+    return [slice(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _forward(

@@ -55,6 +55,39 @@ def test_directions_of_a_linear_map_are_its_eigenvectors(matrix: Any) -> None:
     assert found.standard_errors.max() < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("matrix", "exponents", "dimensions"),
+    [
+        ([[0.9, 1.0], [0.0, 0.9]], [np.log(0.9)] * 2, (2,)),  # one eigenvector
+        ([[0.5, -0.7], [0.7, 0.5]], [np.log(0.74) / 2] * 2, (2,)),  # a complex pair
+        ([[1.2, 0.3, 0.0], [0.0, 0.5, -2.1], [0.0, 0.2, 0.5]], [np.log(1.2)] + [np.log(0.67) / 2] * 2, (1, 2)),
+        ([[0.9, 1.0, 0.0], [0.0, 0.9, 1.0], [0.0, 0.0, 0.9]], [np.log(0.9)] * 3, (3,)),
+        ([[0.3, 0.0, 2.0], [0.0, 0.8, 5.0], [0.0, 0.0, 0.8]], [np.log(0.8)] * 2 + [np.log(0.3)], (2, 1)),
+    ],
+)
+@pytest.mark.parametrize("periods", [100, 1000])
+def test_equal_exponents_have_one_subspace(matrix: Any, exponents: Any, dimensions: Any, periods: int) -> None:
+    """Errors cover the exact logarithms, and the derivative maps the subspace to itself."""
+    d = len(matrix)
+    linear = discrete_map(
+        lambda x, p: tuple(sum(float(m) * v for m, v in zip(row, x, strict=True)) for row in matrix),
+        {},
+        tuple("abcd"[:d]),
+    )
+    found = covariant_vectors(linear, np.zeros(d), periods=periods)
+    assert found.dimensions == dimensions
+    assert (np.abs(found.exponents - exponents) <= 2.0 * found.standard_errors + 1e-12).all()
+    assert (found.standard_errors < 10.0 / periods).all()
+    begin = dimensions.index(max(dimensions))
+    part = slice(begin, begin + max(dimensions))
+    images = np.array(matrix) @ found.vectors[:-1][..., part]
+    basis = found.vectors[1:][..., part]
+    assert np.abs(images - basis @ (basis.swapaxes(-1, -2) @ images)).max() < 1e-9
+    assert f"(one subspace of dimension {max(dimensions)})" in repr(found)
+    with pytest.raises(ValueError, match="divides a subspace"):
+        found.angles(begin + 1)
+
+
 def test_the_cat_map_is_uniformly_hyperbolic() -> None:
     """A symmetric matrix: its directions are orthogonal everywhere; of [[1, 1], [1, 0]] o shear they are not."""
     torus = (angle("x", "", 1.0), angle("y", "", 1.0))
