@@ -67,7 +67,7 @@ class CovariantVectors:
     @property
     def _begins(self) -> list[int]:
         """Number of the first direction of each subspace."""
-        return (np.cumsum(self.dimensions) - self.dimensions).tolist()  # type: ignore[no-any-return]
+        return (np.cumsum(self.dimensions) - self.dimensions).tolist()
 
     @property
     def expanding(self) -> int:
