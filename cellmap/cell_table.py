@@ -23,10 +23,11 @@ class CellTable:
     coefficients : ndarray, shape (n_1 + order, ..., n_d + order, d)
         B-spline coefficients of the displacement in one period.
     indicator : ndarray of float32, shape of the grid
-        Distance between the interpolated and the exact image of each cell's centre, in cell widths (largest over the
-        components); infinite where there is no exact image.
+        Estimate of the largest interpolation error in each cell, in cell widths (largest over the components): its
+        leading terms along the axes, and by how much these miss the error that is measured at the centre.  Infinite
+        where the centre has no exact image.
     rough : ndarray of bool, shape of the grid
-        Cells that are left to the exact map.
+        Fallback cells, which are evaluated with the exact map.
     """
 
     grid: CellGrid

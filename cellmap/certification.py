@@ -42,8 +42,8 @@ def certify(
     too, for the exact map has errors of the size of its tolerance.  At last some random starts that were kept are
     integrated.
 
-    The error of a period in a cell is `safety` times the largest that the table's check found in the cell and its
-    neighbours, plus the tolerance of the exact map.  This is an argument from measured errors and derivatives, not a
+    The error of a period in a cell is `safety` times the largest estimate that the table's check found for the cell and
+    its neighbours, axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and derivatives, not a
     proof in interval arithmetic; the audit tests it.
 
     Parameters

@@ -21,10 +21,11 @@ from .orbit_batch import Cost, Orbits
 from .pointmap import Family, Origin, PointMap
 from .signatures import checked
 from .spline_coefficients import ORDERS, PADDING, filtered, nodes_of, tabulated_nodes, with_spare_doubles
+from .spline_errors import leading_errors
 from .table_tiles import TableTiles, table_checkpoint
 from .tiles import check_client
 
-ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # difference at a cell's centre, in cell widths
+ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # error in a cell, in cell widths
 _LEAP = 0.01  # of that difference, for tables of several periods
 _FARTHEST = 100.0  # an image so many windows away counts as none
 _HERE = TableTiles()
@@ -46,8 +47,9 @@ def interpolated_map(
 
     The images of one period are tabulated at the nodes of the grid, and their displacements interpolated by tensor
     B-splines.  For a smooth map the error falls as h^2, h^4, h^6 with the node distance h for orders 1, 3, 5.  The
-    exact image of each cell's centre is compared with the interpolated one; cells that fail, across kinks of the map
-    for instance, are left to the exact map.
+    error in each cell is estimated from its leading terms along the axes, which the coefficients give, and from the
+    exact image of its centre; fallback cells, where it is too large, across kinks of the map for instance, are
+    evaluated with the exact map.
 
     Parameters
     ----------
@@ -62,13 +64,13 @@ def interpolated_map(
         What becomes of an orbit that leaves the window: it ends with the status ESCAPED, or the exact map carries it
         on until it is back.
     tolerance : float, optional
-        Largest difference allowed at a cell's centre, in the units of the coordinates.  By default a share of a cell's
-        width in each coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
+        Largest error allowed in a cell, in the units of the coordinates.  By default a share of a cell's width in each
+        coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
     leap : int, optional
         Most periods that one look-up may make, a power of two.  Tables of 2, 4, ..., `leap` periods are made from that
-        of one; each cell takes the longest leap at whose centre it differs from single periods by no more than
+        of one; each cell takes the longest leap whose error in it, against single periods, is no more than
         `tolerance`, or a hundredth of the default.  The map itself stays that of one period.
     client : distributed.Client, optional
         Dask cluster that computes the exact images; by default the threads of this process do.
@@ -132,7 +134,7 @@ def interpolated_map(
         coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
         allowed = _allowed(grid, order, tolerance)
         smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-        indicator, rough = _centre_errors(exact, smooth, allowed, progress, tiles)
+        indicator, rough = _errors_in_cells(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
     share = float(rough.mean())
     if share > 0.5:
@@ -199,7 +201,7 @@ def _with_table(
 
 
 def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
-    """Return the largest difference at a cell's centre, for each coordinate."""
+    """Return the largest error in a cell that is allowed, for each coordinate."""
     return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
 
 
@@ -209,10 +211,10 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     Examples
     --------
     >>> table_memory(CellGrid((0, 0), (1, 1), (100, 100)), 5) // 1000
-    518
+    528
     """
     d = grid.dimension
-    return (16 * d * tabulated_nodes(grid, order) + 5 * grid.size) * leap.bit_length()
+    return (16 * d * tabulated_nodes(grid, order) + 6 * grid.size) * leap.bit_length()
 
 
 def _coefficients(
@@ -266,22 +268,25 @@ def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: 
     return corner
 
 
-def _centre_errors(
+def _errors_in_cells(
     exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles = _HERE
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Compare both images of every cell's centre."""
+    """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
     grid = table.grid
     indicator = np.empty(grid.size, np.float32)
     rough = np.empty(grid.size, bool)
     turn = turns_of(exact.coordinates)[1]
     interpolated = LookUps(exact, [table], "escape")
     axes = [grid.axis(j) for j in range(grid.dimension)]
+    leading = leading_errors(table.coefficients, table.order, grid.wraps)
+    sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
 
     def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
         orbits = Orbits.starting(grid_points(axes, part))
         interpolated(orbits, 1)
-        error = np.abs(images - (orbits.points + orbits.turns * turn))
         with np.errstate(invalid="ignore", over="ignore"):
+            error = np.abs(images - (orbits.points + orbits.turns * turn) - sums[part])
+            error += 0.5 * (absolute[part] + np.abs(sums[part]))
             worst = (error / grid.widths).max(axis=-1)
             arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
             arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
@@ -302,7 +307,7 @@ def _leap_table(
     coefficients, spoilt = _coefficients(carried, grid, order, progress)
     smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
     single = _several(exact, LookUps(exact, tables[:1], outside), periods)
-    indicator, rough = _centre_errors(single, smooth, allowed, progress)
+    indicator, rough = _errors_in_cells(single, smooth, allowed, progress)
     if outside == "escape":
         ended = np.isnan(
             _displacements(single, nodes_of(grid, order), progress)[..., 0]

@@ -14,6 +14,7 @@ from .orbit_batch import CHUNK, Orbits
 from .pointmap import PointMap
 from .threads import run_over, slices
 
+_UNBOUNDED = 1e9  # widths of a cell: an error of which nothing follows
 _ACROSS = 0.49  # step of differences over a cell, in widths of it
 
 
@@ -58,7 +59,8 @@ class TableErrors:
         for i, j in np.ndindex(d, d):
             for k, change in enumerate(_changes(slopes[:, i, j].reshape(grid.shape), grid)):
                 bends[:, k] += change.ravel() ** 2
-        errors = safety * _of_neighbours(np.maximum, np.where(table.rough, 0.0, table.indicator).astype(float), grid)
+        # A table that orbits stay in despite a neighbour without image has an error that is not known to be small.
+        errors = safety * _of_neighbours(np.maximum, np.minimum(table.indicator, _UNBOUNDED).astype(float), grid)
         errors = np.where(table.rough, np.inf, errors).ravel()
         tolerances = tolerance_in_cells(exact, images * grid.widths + grid.lower, grid)
         known = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(tolerances)
