@@ -62,9 +62,12 @@ class Verification:
     share : float
         ``wrong / starts``.
     low, high : float
-        95 % confidence interval of the share (Wilson 1927).
+        95 % confidence interval of the share (Wilson 1927), of all starts drawn but the excluded ones: from none of the
+        undecided being wrong to all of them.
     excluded : int
         Starts drawn that left the window, where there is nothing to compare.
+    undecided : int
+        Starts drawn that are undecided, and stay so by the exact map: neither right nor wrong, and not in `starts`.
     """
 
     starts: int
@@ -73,18 +76,25 @@ class Verification:
     low: float
     high: float
     excluded: int
+    undecided: int = 0
 
     @classmethod
-    def of(cls, wrong: int, starts: int, excluded: int = 0) -> Verification:
-        """Give the share of `wrong` among some starts its interval."""
-        if not starts:
-            return cls(0, 0, 0.0, 0.0, 1.0, excluded)
-        z, share = 1.959963984540054, wrong / starts
-        centre = share + z * z / (2 * starts)
-        half = z * np.sqrt(share * (1 - share) / starts + z * z / (4 * starts * starts))
-        low, high = ((centre + way * half) / (1 + z * z / starts) for way in (-1, 1))
-        low, high = float(max(low, 0.0)) if wrong else 0.0, float(min(high, 1.0)) if wrong < starts else 1.0
-        return cls(starts, wrong, share, low, high, excluded)
+    def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
+        """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
+        low, _ = _wilson(wrong, starts + undecided)
+        _, high = _wilson(wrong + undecided, starts + undecided)
+        return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
+
+
+def _wilson(hits: int, number: int) -> tuple[float, float]:
+    """Return the 95 % confidence interval of a share (Wilson 1927)."""
+    if not number:
+        return 0.0, 1.0
+    z, share = 1.959963984540054, hits / number
+    centre = share + z * z / (2 * number)
+    half = z * np.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
+    low, high = ((centre + way * half) / (1 + z * z / number) for way in (-1, 1))
+    return float(max(low, 0.0)) if hits else 0.0, float(min(high, 1.0)) if hits < number else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +177,8 @@ class Basins:
     def verify(self, n: int = 1000, seed: int = 0) -> Verification:
         """Label random starts again by the exact map and compare.
 
+        Starts that are undecided by both are counted apart, for nothing says that they are right.
+
         Parameters
         ----------
         n : int, optional
@@ -213,8 +225,10 @@ class Basins:
             labels[part.start + early.undecided] = late.labels
 
         run_over(slices(len(drawn), CHUNK // 8), label)
-        wrong = int(np.count_nonzero(labels != self.labels.ravel()[drawn]))
-        return Verification.of(wrong, len(drawn), n - len(drawn))
+        given = self.labels.ravel()[drawn]
+        wrong = int(np.count_nonzero(labels != given))
+        undecided = int(np.count_nonzero((labels == UNDECIDED) & (given == UNDECIDED)))
+        return Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided)
 
 
 def basins_memory(starts: int, checkpoint: bool = False) -> int:

@@ -61,7 +61,7 @@ class Setting:
             attractors=len(basins.attractors),
             catalogue=catalogue,
             direct=exact,
-            exact=within(grid, exact) if escapes else exact,
+            exact=exact_within(point_map),
             escapes=escapes,
             place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
             neighbourhoods=(catalogue.centres, catalogue.metrics, catalogue.owners),
@@ -72,6 +72,13 @@ class Setting:
         """Return the cells of those points that have one, flat."""
         places = self.grid.locate(from_edge(points, np.array(self.grid.lower), self.catalogue.turn))
         return places[places >= 0]
+
+
+def exact_within(point_map: PointMap) -> PointMap:
+    """Return the exact map of a table, with the window of the table if orbits end there."""
+    table, exact = point_map.table, point_map.exact
+    assert table is not None and exact is not None
+    return within(table.grid, exact) if point_map.recipe.get("outside") == "escape" else exact
 
 
 def within(grid: CellGrid, exact: PointMap) -> PointMap:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .basins import Basins, Verification
 from .orbit_batch import Cost
+from .settling import UNDECIDED
 
 
 class Evidence(IntEnum):
@@ -22,7 +23,9 @@ class Evidence(IntEnum):
     EXACT = 2
     """The table leaves it open; the exact map does not, whatever its tolerance adds."""
     OPEN = 3
-    """The label of the exact map, which errors of the size of its tolerance could change, or its limit of periods."""
+    """The label of the exact map, which errors of the size of its tolerance could change, or its limit of periods.
+
+    A start that is undecided is among these, and has no label yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +41,12 @@ class Certificate:
     redone : int
         Starts that were labelled again by the exact map: those with the evidence EXACT and OPEN.
     changed : int
-        Starts among them whose label came out differently.
+        Starts whose label came out differently.
     audit : Verification
         Random starts that were *not* redone, against the exact map.
     wrong : tuple of float
-        95 % interval of the share of all starts whose label differs from that of the exact map.
+        95 % interval of the share of all starts whose label is not that of the exact map.  Undecided starts have no
+        label that could be right, and count in its upper end.
     cost : Cost
         Wall time, and periods of all orbits.
     """
@@ -60,10 +64,16 @@ class Certificate:
         """Number of starts whose label even the tolerance of the exact map could change."""
         return int(np.count_nonzero(self.evidence == Evidence.OPEN))
 
+    @property
+    def undecided(self) -> int:
+        """Number of starts that the exact map leaves undecided within the periods allowed."""
+        return int(np.count_nonzero(self.basins.labels == UNDECIDED))
+
     def __repr__(self) -> str:
         total = self.evidence.size
         return (
-            f"Certificate({self.basins.name}, {total:,} starts: {self.redone:,} redone, {self.changed:,} of these "
-            f"changed, {self.open:,} open; {self.audit.wrong} of {self.audit.starts:,} others wrong, so at most "
+            f"Certificate({self.basins.name}, {total:,} starts: {self.redone:,} redone, {self.changed:,} changed, "
+            f"{self.open:,} open, {self.undecided:,} of these undecided; "
+            f"{self.audit.wrong} of {self.audit.starts:,} others wrong, so at most "
             f"{100 * self.wrong[1]:.2g} % of all)"
         )

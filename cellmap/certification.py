@@ -22,9 +22,11 @@ from .signatures import checked
 from .starts import Starts
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
 from .threads import run_over, slices
+from .undecided import Search
 
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
+_SEARCHES = 8  # times that a picture is certified at most, because attractors have come up
 _GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
 
 
@@ -43,8 +45,12 @@ def certify(
     integrated.
 
     The error of a period in a cell is `safety` times the largest estimate that the table's check found for the cell and
-    its neighbours, axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and derivatives, not a
-    proof in interval arithmetic; the audit tests it.
+    its neighbours, axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and
+    derivatives, not a proof in interval arithmetic; the audit tests it.
+
+    Starts that are undecided are labelled by the exact map, and those that it leaves undecided are searched for further
+    attractors, with all that the exact map leaves undecided later on.  Where one comes up, labels are certified again
+    with it.  What then is undecided has no label: it is open, and counts in the upper end of the interval.
 
     Parameters
     ----------
@@ -96,26 +102,34 @@ def certify(
     total = basins.labels.size
     claim_memory(f"evidence for {total:,} starts", 6 * total, "take fewer starts")
     claim_memory(f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take a smaller table")
-    run = _Run(basins, point_map, safety, progress)
-    run.follow(point_map, np.arange(total), run.bounds.errors, Evidence.ORBIT)
-    redone = np.flatnonzero(run.evidence == Evidence.OPEN)
-    run.follow(run.setting.exact, redone, run.bounds.tolerances, Evidence.EXACT)
-    kept = np.flatnonzero(run.evidence <= Evidence.ORBIT)
-    checked = run.audit(kept, audit, seed)
-    share = len(kept) / total
-    shape = basins.labels.shape
+    bounds = TableErrors.of(point_map, safety, progress)
+    search = Search(basins, progress)
+    search.among(np.flatnonzero(basins.labels.ravel() == UNDECIDED))
+    run = _Run(search, bounds, NOTHING)
+    checked = run.certify(audit, seed)
+    for again in range(1, _SEARCHES):
+        # What was shown to go to one attractor may have one on its way that was not known.
+        if not search.among(run.undecided):
+            break
+        run = _Run(search, bounds, run.tally)
+        checked = run.certify(audit, seed + again)
+    shape, kept = basins.labels.shape, 1.0 - run.redone / total
     return Certificate(
-        basins=replace(basins, labels=run.labels.reshape(shape)),
+        basins=replace(
+            search.basins,
+            labels=run.labels.reshape(shape),
+            settling_time=run.times.reshape(shape),
+        ),
         evidence=run.evidence.reshape(shape),
-        redone=len(redone),
-        changed=int(np.count_nonzero(run.labels[redone] != basins.labels.ravel()[redone])),
+        redone=run.redone,
+        changed=int(np.count_nonzero(run.labels != search.before(basins).ravel())),
         audit=checked,
-        wrong=(share * checked.low, share * checked.high),
+        wrong=(kept * checked.low, kept * checked.high + np.count_nonzero(run.labels == UNDECIDED) / total),
         cost=Cost(
             seconds=time.perf_counter() - began,
-            steps=run.tally.steps,
-            evaluations=run.tally.evaluations,
-            look_ups=run.tally.look_ups,
+            steps=run.tally.steps + search.tally.steps,
+            evaluations=run.tally.evaluations + search.tally.evaluations,
+            look_ups=run.tally.look_ups + search.tally.look_ups,
         ),
     )
 
@@ -138,19 +152,42 @@ class _Left:
 class _Run:
     """Labels and the evidence for them, found in several ways one after the other."""
 
-    def __init__(self, basins: Basins, point_map: PointMap, safety: float, progress: bool) -> None:
-        self.basins, self.progress = basins, progress
+    def __init__(self, search: Search, bounds: TableErrors, tally: Tally) -> None:
+        basins, self.progress = search.basins, search.progress
+        point_map = basins.point_map
+        assert point_map is not None
+        self.name, self.told, self.point_map = basins.name, search.told.copy(), point_map
         self.starts = Starts(basins.grid, basins.starts)
         self.setting = Setting.of(basins, point_map)
         self.periods = int(basins.settings["max_periods"])
         self.slow = _slow(basins)
         times = basins.settling_time.ravel()
         self.patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
-        self.bounds = TableErrors.of(point_map, safety, progress)
+        self.bounds = bounds
         self.owners = owners_of_cells(self.setting, self.bounds, self._late())
-        self.labels = basins.labels.ravel().copy()
+        self.labels, self.times = basins.labels.flatten(), basins.settling_time.flatten()
         self.evidence = np.full(self.labels.size, Evidence.OPEN, np.uint8)
-        self.tally = NOTHING
+        self.redone = 0
+        self.undecided = np.zeros(0, np.int64)
+        self.tally = tally
+
+    def certify(self, audit: int, seed: int) -> Verification:
+        """Find labels and the evidence for them; return the audit of those that were not made again.
+
+        Starts that the exact map leaves undecided, those of the audit among them, are then in `undecided`.
+        """
+        total = self.labels.size
+        self.follow(self.point_map, np.arange(total), self.bounds.errors, Evidence.ORBIT)
+        redone = np.flatnonzero(self.evidence == Evidence.OPEN)
+        self.redone = len(redone)
+        self.follow(self.setting.exact, redone, self.bounds.tolerances, Evidence.EXACT)
+        kept = np.flatnonzero(self.evidence <= Evidence.ORBIT)
+        drawn = random_numbers(seed).choice(kept, audit) if len(kept) else kept
+        direct = self._direct_labels(drawn)
+        undecided = self.labels == UNDECIDED
+        undecided[drawn[direct == UNDECIDED]] = True
+        self.undecided = np.flatnonzero(undecided)
+        return Verification.of(int(np.count_nonzero(direct != self.labels[drawn])), len(drawn))
 
     def _late(self) -> Iterator[NDArray[np.float64]]:
         """Yield the starts that come to an end late or never, in batches."""
@@ -173,16 +210,18 @@ class _Run:
                 tally = tally.plus(self._settle(part))
             tallies[number] = tally
 
-        run_over(range(len(parts)), work, f"certifying {self.basins.name}" if self.progress else None)
+        run_over(range(len(parts)), work, f"certifying {self.name}" if self.progress else None)
         self.tally = self.tally.plus(tallies.sum(axis=0))
 
     def _settle(self, left: _Left) -> Tally:
         """Label starts by the exact map, from the beginning where an attractor may have had them before."""
-        orbits, age = left.orbits, left.age
+        new = ~self.told[left.rows]
+        rows, orbits, age = left.rows[new], left.orbits[new], left.age
         if self.setting.catalogue.covers or len(self.setting.overhangs):
-            orbits, age = Orbits.starting(self.starts.wrapped(left.rows, self.setting.exact)), 0
+            orbits, age = Orbits.starting(self.starts.wrapped(rows, self.setting.exact)), 0
         settled = settle(self.setting.exact, orbits, self.setting.catalogue, self.periods - age, age)
-        self.labels[left.rows] = settled.labels
+        changed = settled.labels != self.labels[rows]
+        self.labels[rows[changed]], self.times[rows[changed]] = settled.labels[changed], settled.times[changed]
         return settled.tally
 
     @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
@@ -203,7 +242,8 @@ class _Run:
             )  # fmt: skip
             self._stopped(orbits, spread, found)
             held = pending & (found >= ESCAPED)
-            self.labels[rows[held]] = found[held]
+            changed = held & (found != self.labels[rows])
+            self.labels[rows[changed]], self.times[rows[changed]] = found[changed], k
             self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
             settled |= held
             reach = sum(spread[:, j, j] for j in range(point_map.dimension))
@@ -254,12 +294,6 @@ class _Run:
         carry_rows(wider, slopes, tolerances + bends * reach)
         spread[rest] = wider
 
-    def audit(self, rows: NDArray[np.int64], number: int, seed: int) -> Verification:
-        """Compare labels of some starts among those of the rows with those that the exact map gives."""
-        drawn = random_numbers(seed).choice(rows, number) if len(rows) else rows
-        wrong = int(np.count_nonzero(self._direct_labels(drawn) != self.labels[drawn]))
-        return Verification.of(wrong, len(drawn))
-
     def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         labels = np.empty(len(rows), np.int16)
         parts = slices(len(rows), CHUNK // 8)
@@ -270,6 +304,6 @@ class _Run:
             settled = settle(self.setting.exact, Orbits.starting(starts), self.setting.catalogue, self.periods)
             labels[parts[number]], tallies[number] = settled.labels, settled.tally
 
-        run_over(range(len(parts)), label, f"integrating {self.basins.name}" if self.progress else None)
+        run_over(range(len(parts)), label, f"integrating {self.name}" if self.progress else None)
         self.tally = self.tally.plus(tallies.sum(axis=0))
         return labels

@@ -49,7 +49,8 @@ def leading_errors(
     sums, absolute = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
 
     @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
-    def add(axis: int, across: int, part: slice) -> None:
+    def add(task: tuple[int, int, slice]) -> None:
+        axis, across, part = task
         taken = part if across == d else slice(part.start, part.stop + order)
         errors = _along(coefficients[(slice(None),) * across + (taken,)], axis, order, wraps[axis])
         slab = (slice(None),) * across + (part,)
@@ -60,7 +61,7 @@ def leading_errors(
         # In slabs across another axis: little memory besides the result, and work for all threads.
         across = 0 if axis else 1
         size = max(1, _SLAB * shape[across] // coefficients.size)
-        run_over(slices(shape[across], size), lambda part, j=axis, k=across: add(j, k, part))
+        run_over([(axis, across, part) for part in slices(shape[across], size)], add)
     return sums, absolute
 
 

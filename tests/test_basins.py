@@ -552,6 +552,25 @@ def test_interval_of_the_share(n, wrong):
     assert (high == 1) == (wrong == n)
 
 
+def test_undecided_starts_are_never_right():
+    """A rotation has no attractor: by both maps all starts are undecided, and nothing says that this is right."""
+    turning = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
+    basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
+    assert (basins.labels == UNDECIDED).all()
+    check = basins.verify(80)
+    assert (check.starts, check.wrong, check.undecided) == (0, 0, 80)
+    assert (check.low, check.high) == (0.0, 1.0)
+
+
+def test_undecided_starts_reach_from_right_to_wrong():
+    from cellmap.basins import Verification
+
+    found = Verification.of(5, 50, undecided=45)
+    assert found.share == 0.1
+    assert found.low == Verification.of(5, 95).low
+    assert found.high == Verification.of(50, 95).high
+
+
 def test_verify_is_reproducible():
     basins = planted(find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 30)), 90, 0)
     assert basins.verify(100) == basins.verify(100)

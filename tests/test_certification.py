@@ -27,6 +27,7 @@ from cellmap.orbit_batch import Orbits
 from cellmap.settling import UNDECIDED, Catalogue, settle
 from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
 
+COARSE = 1e6  # a tolerance that leaves no cell to the exact map
 EDGE = 0.1234567  # of the basins of the map below
 
 
@@ -130,6 +131,23 @@ def labels_within(basins):
     return settled.labels.reshape(basins.labels.shape)
 
 
+@pytest.mark.parametrize("order", [1, 5])
+def test_errors_that_cancel_at_the_centres_of_cells_decide_no_label(order):
+    """Holomorphic: z - 0.3 (z^3 - z) on square cells; attractors -1 and 1, and infinity."""
+
+    def cubic(x, p):
+        re, im = x[0] * x[0] - x[1] * x[1], 2.0 * x[0] * x[1]
+        return 1.3 * x[0] - 0.3 * (re * x[0] - im * x[1]), 1.3 * x[1] - 0.3 * (re * x[1] + im * x[0])
+
+    exact = discrete_map(cubic, {}, ("x", "y"))
+    table, window = CellGrid((-1.4, -1.4), (1.4, 1.4), (16, 16)), CellGrid((-1.4, -1.4), (1.4, 1.4), (150, 150))
+    basins = find_basins(interpolated_map(exact, table, order, "integrate", tolerance=COARSE), window, max_periods=500)
+    certificate = certify(basins, audit=200)
+    direct = find_basins(exact, window, max_periods=500, attractors=certificate.basins.attractors)
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert (certificate.evidence <= Evidence.ORBIT).sum() > 1000
+
+
 @pytest.mark.parametrize("gap", [1e-3, 0.05])
 def test_attractors_that_hold_no_cell_as_a_whole(gap):
     """Paths of cells lead past these attractors and out of the window; orbits stay, or cross the gap to its other side.
@@ -173,6 +191,10 @@ def test_starts_that_settle_late_or_never(contraction):
     assert (certificate.basins.labels == UNDECIDED).any()
     np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
     assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
+    undecided = (certificate.basins.labels == UNDECIDED).mean()
+    assert certificate.undecided == round(undecided * certificate.evidence.size)
+    assert certificate.wrong[0] == 0.0
+    assert undecided < certificate.wrong[1] < undecided + 0.1  # none of these labels counts as right
 
 
 @pytest.mark.slow
@@ -193,6 +215,39 @@ def test_coexisting_chaos():
     certificate = certify(basins)
     assert certificate.redone < 50
     np.testing.assert_array_equal(certificate.basins.labels, basins.labels)
+
+
+def test_attractors_that_the_table_has_not_shown():
+    """x -> 2.74 sin x is chaotic on either side of 0; straight lines between seven nodes have no attractor."""
+    exact = discrete_map(lambda x, p: (p.r * sin(x[0]),), {"r": 2.74}, ("x",))
+    window = CellGrid((-3.1,), (3.1,), (100,))
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (6,)), 1, "integrate", tolerance=COARSE)
+    basins = find_basins(icm, window, max_periods=300)
+    assert (basins.labels == UNDECIDED).all()
+    certificate = certify(basins, audit=50)
+    direct = find_basins(exact, window, max_periods=300)
+    assert [a.kind for a in certificate.basins.attractors] == ["chaotic", "chaotic"]
+    assert (certificate.undecided, certificate.changed) == (0, window.size)
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert (certificate.basins.settling_time >= 0).all()
+
+
+@pytest.mark.slow
+def test_an_attractor_that_the_table_has_not_shown():
+    """Of the two kinds of motion of this pendulum the coarse table finds rotations only."""
+    exact = stroboscopic_map(forced_pendulum(damping=0.5, forcing=2.5))
+    window = CellGrid((-pi, -4.0), (pi, 4.0), (12, 12))
+    icm = interpolated_map(exact, CellGrid((-pi, -9.0), (pi, 9.0), (16, 16)), 3, "integrate", tolerance=COARSE)
+    basins = find_basins(icm, window, max_periods=500)
+    assert "chaotic" not in [a.kind for a in basins.attractors]
+    assert (basins.labels == UNDECIDED).any()
+    certificate = certify(basins, audit=50)
+    direct = find_basins(exact, window, max_periods=500)
+    assert [a.kind for a in certificate.basins.attractors] == ["rotating", "rotating", "chaotic"]
+    assert certificate.undecided == 0
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert ((certificate.basins.settling_time >= 0) == (certificate.basins.labels >= 0)).all()
+    assert certificate.basins.verify(100).wrong == 0
 
 
 def test_given_starts_and_three_dimensions():
