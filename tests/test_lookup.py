@@ -12,8 +12,7 @@ from scipy.interpolate import BSpline, NdBSpline
 from scipy.ndimage import map_coordinates
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
-from cellmap.codegen.lookup import BLOCK, lookup_kernel, lookup_text
-from cellmap.codegen.module import module_in_memory
+from cellmap.codegen.lookup import BLOCK, lookup_kernel
 from cellmap.kernels.contraction import WIDTH, basis_polynomials
 
 ORDERS = (1, 3, 5)
@@ -195,10 +194,9 @@ PACKED_SUM = re.compile(r"\b(v?(add|mul|fmadd\d+)pd)\b|\bf(add|mul|mla)(\.2d)?\s
 
 
 def assembly_of(order: int) -> str:
-    text = lookup_text(2, order).replace("**KERNEL)", "**{**KERNEL, 'cache': False})")
-    look_up: Any = module_in_memory(text, "structure").look_up
-    (assembly,) = look_up.inspect_asm().values()
-    return str(assembly)
+    look_up: Any = lookup_kernel(2, order)
+    assembly: str = look_up.machine_code.assembly
+    return assembly
 
 
 @pytest.mark.parametrize("order", ORDERS)

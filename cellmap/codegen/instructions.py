@@ -187,7 +187,33 @@ class Instructions:
         """Store a number, or the numbers of neighbouring lanes."""
         self.write(f"store {self.type_of(value)} {value.text}, ptr {address}, align 8")
 
+    def load_whole(self, address: str) -> str:
+        """Load a whole number; return its name."""
+        return self.result(f"load i64, ptr {address}, align 8").text
+
+    def store_whole(self, value: str | int, address: str) -> None:
+        """Store a whole number."""
+        self.write(f"store i64 {value}, ptr {address}, align 8")
+
+    def whole(self, operation: str, a: str | int, b: str | int) -> str:
+        """Apply add, sub, mul, shl, ashr, or to whole numbers; return the name of the result."""
+        return self.result(f"{operation} i64 {a}, {b}").text
+
+    def array(self, size: int, kind: str = "double") -> str:
+        """Reserve memory until the function returns; to be called at its beginning.  Return its address."""
+        return self.result(f"alloca [{size} x {kind}], align 64").text
+
     # Control.
+
+    def jump(self, name: str) -> None:
+        """Go on at a label."""
+        self.write(f"br label %{name}")
+
+    def branch(self, relation: str, a: str | int, b: str | int, then: str, otherwise: str) -> None:
+        """Compare whole numbers by eq, ne, slt, sgt, and go on at one of two labels, the first of which begins here."""
+        condition = self.result(f"icmp {relation} i64 {a}, {b}").text
+        self.write(f"br i1 {condition}, label %{then}, label %{otherwise}")
+        self.label(then)
 
     def label(self, name: str) -> None:
         """Begin a block.  Broadcasts of other blocks may not have been made on the way to it."""
@@ -212,10 +238,10 @@ class Instructions:
         self.label(f"{name}.done")
 
     @contextmanager
-    def loop_over_lanes(self, lanes: int) -> Iterator[str]:
+    def loop_over_lanes(self, lanes: int, name: str = "lane") -> Iterator[str]:
         """Repeat what is written inside for each vector of lanes, given the number of its first lane."""
         lines, self.lines, self._before = self.lines, [], []
-        with self.loop("lane", lanes, self.width) as lane:
+        with self.loop(name, lanes, self.width) as lane:
             yield lane
         self.lines, self._before = [*lines, *self._before, *self.lines], None
 

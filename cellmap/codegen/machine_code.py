@@ -99,6 +99,7 @@ def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:
     module.verify()
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=_LEVEL))
     passes = llvm.create_new_function_pass_manager()
+    passes.add_sroa_pass()
     passes.add_new_gvn_pass()
     passes.add_instruction_combine_pass()
     for function in module.functions:
