@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from .cell_table import CellTable
 from .codegen.lookup import lookup_kernel
+from .codegen.spline_basis import WIDTH
 from .coordinates import turns_of
-from .kernels.contraction import WIDTH
 from .orbit_batch import Orbits, Status
 from .pointmap import PointMap
 

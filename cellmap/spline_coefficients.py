@@ -7,8 +7,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from .codegen.spline_basis import WIDTH, basis_polynomials
 from .grid import CellGrid
-from .kernels.contraction import WIDTH, basis_polynomials
 from .threads import run_over, slices
 
 ORDERS = (1, 3, 5)

@@ -13,7 +13,7 @@ from scipy.ndimage import map_coordinates
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
 from cellmap.codegen.lookup import BLOCK, lookup_kernel
-from cellmap.kernels.contraction import WIDTH, basis_polynomials
+from cellmap.codegen.spline_basis import WIDTH, basis_polynomials
 
 ORDERS = (1, 3, 5)
 

@@ -190,7 +190,7 @@ def _tableau(method: Method) -> Any:
 
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
-    text = lane_module(code, dimension, len(names)).replace("**KERNEL)", "**{**KERNEL, 'cache': False})")
+    text = lane_module(code, dimension, len(names))
     table = {name: f for name, f in vars(simd_math).items() if hasattr(f, "py_func")}
     try:
         scope = {"rhs": rebind(function, table, njit(**INLINE)), "Parameters": parameter_record(names)}

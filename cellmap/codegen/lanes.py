@@ -52,7 +52,7 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
     """Return the text of a module with the function ``advance`` described above."""
     components = range(dimension)
     lines = [
-        f"@njit({SIGNATURE!r}, **KERNEL)",
+        f"@njit({SIGNATURE!r}, **{{**KERNEL, 'cache': False}})",
         "def advance(x, steps, start, period, p, error):",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
         *indent(1, code.once),

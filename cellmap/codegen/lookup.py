@@ -30,9 +30,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.contraction import basis_polynomials
 from .instructions import Instructions, Value, number
 from .machine_code import machine_code, module_text, vector_width
+from .spline_basis import basis_polynomials
 from .spline_sum import spline_sum
 from .statements import Scope, translate
 

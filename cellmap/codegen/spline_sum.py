@@ -11,8 +11,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 
-from ..kernels.contraction import WIDTH, basis_polynomials
 from .instructions import Instructions, Value, number
+from .spline_basis import WIDTH, basis_polynomials
 
 
 def spline_sum(

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..cell_table import CellTable
 from ..checks import memory_available
+from ..codegen.spline_basis import WIDTH
 from ..grid import CellGrid
 from ..interpolated import interpolated_map, table_memory
-from ..kernels.contraction import WIDTH
 from ..look_ups import LookUps
 from ..orbit_batch import Orbits
 from ..pointmap import PointMap, follow

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import pytest
 from cellmap.codegen.instructions import Instructions
 from cellmap.codegen.machine_code import MachineCode, machine_code, module_text
 from cellmap.codegen.object_cache import ObjectCache
+from cellmap.kernels.cache import cache_folder
 
 KEY, OTHER = "0123456789abcdef" * 4, "fedcba9876543210" * 4
 
@@ -131,3 +134,49 @@ def test_without_a_folder_code_lives_in_memory(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "file" / "cache"))
     assert doubled(compile_anew(small_program())) == 4.0
+
+
+def test_the_folder_is_made_for_its_user_alone(folder: Path) -> None:
+    old = os.umask(0)
+    try:
+        compile_anew(small_program())
+    finally:
+        os.umask(old)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_the_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "mine"))
+    assert cache_folder() == tmp_path / "mine"
+    monkeypatch.delenv("CELLMAP_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "cellmap"
+
+
+def test_no_temporary_file_is_left(folder: Path) -> None:
+    compile_anew(small_program())
+    assert [path.suffix for path in folder.rglob("*") if path.is_file()] == [".object"]
+
+
+PROGRAM = """
+import numpy as np, sys
+from math import cos, pi
+from cellmap import ForcedSystem, stroboscopic_map
+def rhs(t, x, p):
+    return x[1], x[0] - x[0]**3 - 0.15 * x[1] + 0.2 * cos(t)
+system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
+np.save(sys.argv[1], stroboscopic_map(system, method="RK45", rtol=1e-6)(np.linspace(-1, 1, 20).reshape(10, 2)))
+"""
+
+
+def test_processes_that_start_together_agree(tmp_path: Path) -> None:
+    """Processes compile, write and read the same code at the same time; a later one reads it."""
+    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path / "shared")}
+    command = [sys.executable, "-c", PROGRAM]
+    results = [tmp_path / f"{i}.npy" for i in range(5)]
+    together = [subprocess.Popen([*command, str(r)], env=environment) for r in results[:4]]
+    assert [p.wait(timeout=120) for p in together] == [0] * 4
+    subprocess.run([*command, str(results[4])], env=environment, check=True, timeout=120)
+    first, *others = (np.load(r) for r in results)
+    assert np.isfinite(first).all()
+    assert all(np.array_equal(first, other) for other in others)
