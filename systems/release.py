@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import floor, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import Attractor, ForcedSystem, find_basins, stroboscopic_map
-from cellmap.checks import finite_number
+from cellmap.checks import finite_number, whole_number
 from cellmap.flow import flow
 from cellmap.orbit_batch import Orbits
 
 _PARTS = 16  # parts into which a bracket is cut in one batch
+_PEAKS = 8  # places on a line at which islands are looked for
+_PROMINENT = 4  # periods by which releases there settle later than on either side
+_DOUBLINGS = 3  # of the angles, while islands are found
+
+
+class IslandWarning(UserWarning):
+    """Islands of other basins lie between the angles of a scan, and more of them may."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +37,9 @@ class ReleaseLimits:
     lower, upper : ndarray
         Largest distances on both sides, lower and higher angles (rad): a release from any smaller one that was tried
         ends on the same attractor.  0 where even a release in the middle does not, and pi where all do.
+    error : ndarray
+        By how much the limits may be too large (rad): the tolerance, and where islands of other basins were found
+        between the angles of a scan, twice what they cut off.
     attractor : Attractor
         Where these releases end.
     """
@@ -35,6 +47,7 @@ class ReleaseLimits:
     phases: NDArray[np.float64]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
+    error: NDArray[np.float64]
     attractor: Attractor
 
     def __repr__(self) -> str:
@@ -54,7 +67,9 @@ def release_limits(
 
     Releases at all phases and at equally spaced angles up to half a turn away are integrated and labelled together.
     The first that ends elsewhere gives a bracket for each phase and side; all brackets are then cut together.  Islands
-    of other basins narrower than the spacing may be missed.
+    of other basins between the angles are looked for where releases settle later than around, and by up to three scans
+    of twice as many angles each, until one finds no more.  Where a scan has found some, the boundary may be fractal,
+    and narrower ones may lie nearer: the error says how far.
 
     Parameters
     ----------
@@ -81,6 +96,11 @@ def release_limits(
     TypeError, ValueError
         For arguments out of range, and where a release in the middle ends on no attractor.
 
+    Warns
+    -----
+    IslandWarning
+        Where islands were found between the angles.
+
     Examples
     --------
     >>> from systems.pendulum import driven_pendulum
@@ -97,44 +117,133 @@ def release_limits(
     moments = np.atleast_1d(np.asarray(phases, dtype=float))
     if moments.ndim != 1 or not moments.size or not np.isfinite(moments).all():
         raise ValueError(f"phases={phases!r}: give finite numbers")
-    strobe = stroboscopic_map(system, rtol=fine, atol=fine)
-    to_section = [_to_section(system, moment - floor(moment), fine) for moment in moments.tolist()]
-    known: tuple[Attractor, ...] = ()
-
-    def ends(offsets: NDArray[np.float64]) -> tuple[NDArray[np.int16], tuple[Attractor, ...]]:
-        """Label releases at offsets (any, sides, phases)."""
-        states = np.stack([middle + offsets, np.zeros_like(offsets)], axis=-1)
-        for k, carry in enumerate(to_section):
-            rows = np.ascontiguousarray(states[..., k, :].reshape(-1, 2))
-            states[..., k, :] = carry(rows).reshape(states[..., k, :].shape)
-        basins = find_basins(strobe, states, max_periods, attractors=known)
-        return basins.labels, basins.attractors
-
-    sides = np.array([-1.0, 1.0])[:, None]
-    scan = np.linspace(0.0, pi, angles + 1)[:, None, None]
-    labels, known = ends(np.broadcast_to(scan * sides, (angles + 1, 2, moments.size)).copy())
-    home = int(labels[0, 0, 0])
-    if home < 0:
+    releases = _Releases(system, middle, moments, fine, max_periods)
+    angles = whole_number("angles", angles, at_least=2)
+    scan = [_equally_spaced(angles)] * (2 * moments.size)
+    releases.add(scan)
+    if releases.target is None:
         raise ValueError(f"near={near!r}: a release from there ends on no attractor; give damping, or a stronger drive")
-    target = known[home]
-    low, high = _bracket(np.broadcast_to(scan, labels.shape), labels == home)
-    while (high - low).max() > fine:
-        shares = (np.arange(_PARTS + 1) / _PARTS)[:, None, None]
-        cuts = low + shares * (high - low)
-        labels, present = ends(cuts[1:-1] * sides)
-        homes = [k for k, a in enumerate(present) if a is target]
-        stays = np.concatenate([[low >= 0.0], np.isin(labels, homes), [np.zeros(low.shape, bool)]])
-        low, high = _bracket(cuts, stays | (low == high))
-    return ReleaseLimits(moments, low[0], low[1], target)
+    plain = np.array([line.bracket()[0] for line in releases.lines])
+    reach = _settled(releases, scan, fine)
+    moved = np.where(plain > reach, plain - reach, 0.0)
+    for doubling in range(1, _DOUBLINGS + 1):
+        places = _equally_spaced(angles * 2**doubling)
+        scan = [places[places < limit] for limit in reach]
+        releases.add([np.setdiff1d(new, old.x) for new, old in zip(scan, releases.lines, strict=True)])
+        nearer = _settled(releases, scan, fine)
+        drop, reach = reach - nearer, nearer
+        moved += drop
+        if drop.max() <= fine:
+            break
+    error = np.where(moved > fine, 2.0 * moved, 0.0).reshape(2, -1).max(axis=0) + fine
+    if moved.max() > fine:
+        warnings.warn(
+            f"angles={angles}: islands of other basins between the angles cut off up to {moved.max():.2g} rad of the "
+            "limits, and narrower ones may lie nearer, as the errors say; give more angles",
+            IslandWarning,
+            stacklevel=2,
+        )
+    lower, upper = reach.reshape(2, -1)
+    return ReleaseLimits(moments, lower, upper, error, releases.target)
 
 
-def _bracket(values: NDArray[np.float64], stays: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the last value, along the first axis, before the first that does not stay, and that one."""
-    first = np.where(stays.all(axis=0), len(values), np.argmin(stays, axis=0))
-    last, next_one = np.maximum(first - 1, 0), np.minimum(first, len(values) - 1)
-    low = np.take_along_axis(values, last[None], axis=0)[0]
-    high = np.take_along_axis(values, next_one[None], axis=0)[0]
-    return low, high
+def _equally_spaced(angles: int) -> NDArray[np.float64]:
+    return np.asarray(np.arange(angles + 1) * (pi / angles), dtype=float)
+
+
+@dataclass(eq=False)
+class _Line:
+    """Releases on one side at one phase: distances in rising order, whether each comes back, and settling times."""
+
+    x: NDArray[np.float64]
+    stays: NDArray[np.bool_]
+    times: NDArray[np.integer]
+
+    def bracket(self) -> tuple[float, float]:
+        """Return the last distance before the first from which a release does not come back, and that one."""
+        first = len(self.x) if self.stays.all() else int(np.argmin(self.stays))
+        return float(self.x[max(first - 1, 0)]), float(self.x[min(first, len(self.x) - 1)])
+
+
+class _Releases:
+    """Releases that have been followed, on lines of both sides, all phases of one side before those of the other."""
+
+    def __init__(
+        self, system: ForcedSystem, middle: float, moments: NDArray[np.float64], fine: float, max_periods: int
+    ) -> None:
+        self.target: Attractor | None = None
+        self.lines = [_Line(np.empty(0), np.empty(0, bool), np.empty(0, np.int64)) for _ in range(2 * moments.size)]
+        self._strobe = stroboscopic_map(system, rtol=fine, atol=fine)
+        self._carry = [_to_section(system, moment - floor(moment), fine) for moment in moments.tolist()]
+        self._middle, self._max_periods = middle, max_periods
+        self._known: tuple[Attractor, ...] = ()
+
+    def add(self, distances: Sequence[NDArray[np.float64]]) -> None:
+        """Follow releases from further distances on each line, in one batch."""
+        counts = [len(new) for new in distances]
+        if not sum(counts):
+            return
+        half, states = len(self.lines) // 2, []
+        for k, new in enumerate(distances):
+            offsets = new if k >= half else -new
+            states.append(self._carry[k % half](np.stack([self._middle + offsets, np.zeros(len(new))], axis=-1)))
+        basins = find_basins(self._strobe, np.concatenate(states), self._max_periods, attractors=self._known)
+        if not self._known and basins.labels[0] >= 0:
+            self._known, self.target = basins.attractors, basins.attractors[int(basins.labels[0])]
+        back = np.isin(basins.labels, [k for k, a in enumerate(basins.attractors) if a is self.target])
+        ends = np.cumsum(counts)[:-1]
+        found = zip(distances, np.split(back, ends), np.split(basins.settling_time, ends), strict=True)
+        for k, (x, stay, time) in enumerate(found):
+            line = self.lines[k]
+            places = np.concatenate([line.x, x])
+            order = np.argsort(places, kind="stable")
+            stays, times = np.concatenate([line.stays, stay]), np.concatenate([line.times, time])
+            self.lines[k] = _Line(places[order], stays[order], times[order])
+
+
+def _settled(releases: _Releases, scan: Sequence[NDArray[np.float64]], fine: float) -> NDArray[np.float64]:
+    """Look for islands where releases settle late, cut the brackets, and return the limits of all lines.
+
+    An orbit stays the longer near a saddle on the boundary the nearer it begins to the boundary, so that an island that
+    lies between two angles of a scan lengthens the times around it.
+    """
+    windows = [_late(line, places) for line, places in zip(releases.lines, scan, strict=True)]
+    while any(windows):
+        cuts = [[np.linspace(a, b, _PARTS + 1)[1:-1] for a, b in found] for found in windows]
+        releases.add([np.setdiff1d(np.concatenate([np.empty(0), *c]), old.x) for c, old in _pairs(cuts, releases)])
+        windows = [
+            [w for a, b in found for w in _narrower(line, a, b, fine)] for found, line in _pairs(windows, releases)
+        ]
+    while True:
+        brackets = [line.bracket() for line in releases.lines]
+        if max(b - a for a, b in brackets) <= fine:
+            return np.array([a for a, _ in brackets])
+        releases.add([np.linspace(a, b, _PARTS + 1)[1:-1] if b - a > fine else np.empty(0) for a, b in brackets])
+
+
+def _pairs(values: Sequence[Any], releases: _Releases) -> list[tuple[Any, _Line]]:
+    return list(zip(values, releases.lines, strict=True))
+
+
+def _late(line: _Line, scan: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Return windows about the angles of a scan, below the limit, from which releases settle latest of those around."""
+    from scipy.signal import find_peaks
+
+    places = scan[scan <= line.bracket()[0]]
+    times = line.times[np.searchsorted(line.x, places)]
+    peaks, shape = find_peaks(times, prominence=_PROMINENT)
+    highest = np.sort(peaks[np.argsort(-shape["prominences"], kind="stable")[:_PEAKS]])
+    return [(float(places[k - 1]), float(places[k + 1])) for k in highest]
+
+
+def _narrower(line: _Line, low: float, high: float, fine: float) -> list[tuple[float, float]]:
+    """Return the part of a window about the latest release, none where it holds an island or is narrow enough."""
+    inside = slice(*np.searchsorted(line.x, [low, high * (1.0 + 1e-15)]))
+    if not line.stays[inside].all() or high - low <= fine:
+        return []
+    x = line.x[inside]
+    k = int(np.clip(np.argmax(line.times[inside]), 1, len(x) - 2))
+    return [(float(x[k - 1]), float(x[k + 1]))]
 
 
 def _to_section(
