@@ -12,6 +12,7 @@ Must come out: theta_c = 0.927068123 rad at 3 mm and 1.226427972 rad at 4 mm; th
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from math import acos, cos, pi
 from pathlib import Path
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from cellmap import ForcedSystem
 from systems import driven_pendulum
 from systems.averaging import EffectivePotential, effective_potential
-from systems.release import ReleaseLimits, release_limits
+from systems.release import IslandWarning, ReleaseLimits, release_limits
 from systems.wells import Well, find_well
 
 DRAWN = (0.0, 0.002, 0.003, 0.004, 0.006, 0.010)
@@ -54,7 +55,10 @@ def compute(amplitudes: NDArray[np.float64], phases: NDArray[np.float64]) -> Res
     for amplitude in amplitudes.tolist():
         system = driven_pendulum(amplitude=amplitude)
         well = find_well(effective_potential(system))
-        releases.append(Release(amplitude, well, _kapitza_angle(system), release_limits(system, pi, phases)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IslandWarning)  # the report prints the errors
+            limits = release_limits(system, pi, phases)
+        releases.append(Release(amplitude, well, _kapitza_angle(system), limits))
     result = Result(potentials, releases)
     report(result)
     return result
@@ -82,11 +86,19 @@ def report(result: Result) -> None:
         print(f"theta_c at {1e3 * amplitude:g} mm: {well.critical_angle:.9f} rad, and published {published:.9f}")
     phases = result.releases[0].limits.phases
     print("\nTrue limits of release (rad) by phase of the drive, in turns; 0 is the pivot at its top.")
-    print("  A, mm    theta_c  formula-  " + "".join(f"  {p:7.3f}" for p in phases) + "   two sides differ by")
+    print(
+        "  A, mm    theta_c  formula-  "
+        + "".join(f"  {p:7.3f}" for p in phases)
+        + "   two sides differ by, largest error"
+    )
     for r in result.releases:
         lower, upper = r.limits.lower, r.limits.upper
         row = f"{1e3 * r.amplitude:7.3f}  {r.well.critical_angle:9.6f}  {r.formula - r.well.critical_angle:8.0e}  "
-        print(row + "".join(f"  {a:7.4f}" for a in upper) + f"   {np.abs(upper - lower).max():.0e}")
+        print(
+            row
+            + "".join(f"  {a:7.4f}" for a in upper)
+            + f"   {np.abs(upper - lower).max():.0e}  {r.limits.error.max():.0e}"
+        )
 
 
 def draw(result: Result) -> Figure:
