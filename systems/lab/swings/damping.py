@@ -104,10 +104,6 @@ def fit_damping(
     TypeError, ValueError
         As :func:`swing_envelope`, :func:`compare_decays` and :func:`fit_motion`.
 
-    Notes
-    -----
-    Kernels of dry friction and quadratic drag compile for half a minute, once.
-
     Examples
     --------
     >>> from cellmap import trajectory
