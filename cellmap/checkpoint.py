@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import json
 import mmap
-import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .files import StoreError, discard_parts, written_whole
-from .sealed import ROOM, UnsealedError, get_number, get_text, opened, put_text, rows_of, seal
+from .sealed import ROOM, UnsealedError, get_number, get_text, image_of, opened, put_text, reserve, rows_of, seal
 
 FORMAT = "cellmap checkpoint"
 SCHEMA = 2
@@ -41,6 +40,7 @@ Arrays = Mapping[str, tuple[tuple[int, ...], DTypeLike]]
 
 Read = TypeVar("Read")
 
+SLACK = 2**16  # bytes that HDF5 may take for its own more than it has taken in memory
 _RELEASE = 64  # tiles after which pages of the file are given back to the system
 
 
@@ -99,16 +99,29 @@ def made(
 ) -> Iterator[Checkpoint]:
     """Make a file with arrays of zeros and what `write` adds; yield it, to be filled before it takes its place."""
     with written_whole(path, kind=PART) as temporary:
-        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
+
+        def fill(file: h5py.File) -> None:
             describe(file, FORMAT, SCHEMA)
             put_text(file, "belongs", json.dumps(plain(belongs)))
+            write(file)
+
+        rest = sum(int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize for shape, dtype in arrays.values())
+        with made_with_room(temporary, rest, fill) as file:
             for name, (shape, dtype) in arrays.items():
                 add_unwritten(file, name, shape, dtype)
-            write(file)
+            fill(file)
             holes = [(file[name].id.get_offset(), file[name].nbytes) for name in arrays if file[name].size]
         reserve(temporary)
         seal(temporary, holes)
         yield Checkpoint(temporary)
+
+
+@contextmanager
+def made_with_room(path: Path, arrays: int, fill: Callable[[h5py.File], None]) -> Iterator[h5py.File]:
+    """Make an HDF5 file, once there is room for arrays of some bytes and for what `fill` adds to them."""
+    reserve(path, arrays + len(image_of(fill)) + SLACK)
+    with h5py.File(path, "w", userblock_size=ROOM) as file:
+        yield file
 
 
 def describe(file: h5py.File, format: str, schema: int) -> None:
@@ -125,13 +138,6 @@ def add_unwritten(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: D
     how.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     space = h5py.h5s.create_simple(shape)
     h5py.h5d.create(group.id, name.encode(), h5py.h5t.py_create(np.dtype(dtype)), space, how).close()
-
-
-def reserve(path: Path) -> None:
-    """Take the room of a file on the disk, for a full disk would kill a process that writes through a map."""
-    if hasattr(os, "posix_fallocate"):
-        with path.open("r+b") as stream:
-            os.posix_fallocate(stream.fileno(), 0, path.stat().st_size)
 
 
 def resumed(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -9,7 +10,6 @@ import platform
 import re
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def as_target(name: str, value: Any) -> Path:
     return path
 
 
-@contextmanager
+@contextlib.contextmanager
 def written_whole(path: Path, durable: bool = True, kind: str = "part") -> Iterator[Path]:
     """Yield an empty file beside a place; move it there at the end, or remove it where that is not reached.
 
@@ -71,7 +71,7 @@ def discard_parts(path: Path, kind: str) -> None:
             part.unlink(missing_ok=True)
 
 
-@contextmanager
+@contextlib.contextmanager
 def locked(path: Path | None) -> Iterator[None]:
     """Have a file to oneself, among all processes and threads that ask for it so; None is no file.
 
@@ -105,8 +105,9 @@ def _lock(place: Path, path: Path) -> int | None:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(place, handle):
-                os.truncate(handle, 0)
-                os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
+                with contextlib.suppress(OSError):  # a full disk; the name is for others to read
+                    os.truncate(handle, 0)
+                    os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
                 return handle
         except BlockingIOError:
             holder = os.read(handle, 200).decode(errors="replace")

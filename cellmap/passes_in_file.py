@@ -23,7 +23,8 @@ from .sealed import array_of, get_number, within
 from .search import Examined
 from .settling import Settled
 from .starts import BLOCK, Rows
-from .store import is_picture, mapped_picture, read_attractors, write_attractors, write_picture
+from .store import is_picture, mapped_picture, write_picture
+from .stored_attractors import read_attractors, write_attractors
 from .threads import slices
 
 _FORGET = 64  # tiles after which pages of a file need not stay in memory

@@ -8,11 +8,12 @@ groups, arrays of numbers in the file itself, and attributes of fixed length.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from .checks import in_bytes
 from .files import StoreError
 
 
@@ -53,6 +55,51 @@ def seal(path: Path, holes: Sequence[Hole] = ()) -> None:
             raise ValueError(f"{len(holes)} arrays are too many to be left out of a checksum")
         stream.seek(0)
         stream.write(block.ljust(ROOM, b"\0"))
+
+
+def image_of(write: Callable[[h5py.File], None]) -> bytes:
+    """Return what a file would hold that `write` fills.
+
+    HDF5's library does not survive a write that fails, as on a full disk; what it has written to memory does.
+    """
+    with h5py.File("image", "w", driver="core", backing_store=False) as file:
+        write(file)
+        file.flush()
+        return bytes(file.id.get_file_image())
+
+
+def write_sealed(path: Path, write: Callable[[h5py.File], None]) -> None:
+    """Make a file that `write` fills, by way of memory."""
+    content = image_of(write)
+    with _told(path, ROOM + len(content)):
+        path.write_bytes(bytes(ROOM) + content)
+        seal(path)
+
+
+def reserve(path: Path, more: int = 0) -> None:
+    """Take the room of a file on the disk, and some more, before what cannot bear a full one writes there.
+
+    These are HDF5's library and maps into memory.
+    """
+    size = path.stat().st_size + more
+    with _told(path, size), path.open("r+b") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, size)
+        else:
+            stream.truncate(size)
+
+
+@contextmanager
+def _told(path: Path, size: int) -> Iterator[None]:
+    """Say of what has no room how much that would be."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.EFBIG, errno.ENOSPC, errno.EDQUOT):
+            raise
+        remedy = "raise the limit of file sizes (ulimit -f)" if error.errno == errno.EFBIG else "free some"
+        text = f"{os.strerror(error.errno)}: {in_bytes(size)} are needed; {remedy}, or choose another folder"
+        raise OSError(error.errno, text, str(path)) from error
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,29 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor, Cover, Kind, Neighbourhood
 from .basins import LABEL_NAMES, Basins, basins_memory
-from .checkpoint import PART, Checkpoint, add_unwritten, describe, digest_of, plain, reserve
+from .checkpoint import PART, SLACK, Checkpoint, add_unwritten, describe, digest_of, made_with_room, plain
 from .checks import claim_memory
 from .coordinates import Coordinate
 from .files import StoreError as StoreError
 from .files import as_path, as_target, written_whole
 from .grid import CellGrid
 from .orbit_batch import Cost
-from .sealed import ROOM, UnsealedError, array_of, get_number, get_text, opened, put_text, rows_of, seal, within
+from .sealed import (
+    UnsealedError,
+    get_number,
+    get_text,
+    image_of,
+    opened,
+    put_text,
+    reserve,
+    rows_of,
+    seal,
+    within,
+    write_sealed,
+)
 from .signatures import checked
+from .stored_attractors import read_attractors, write_attractors
 
 FORMAT = "cellmap basins"
 SCHEMA = 2
@@ -83,12 +95,14 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
         raise ValueError(
             f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
         )
+
+    def fill(file: h5py.File) -> None:
+        for key, picture in pictures.items():
+            _write(file.create_group(key), picture)
+        _describe(file)
+
     with written_whole(as_target("path", path)) as temporary:
-        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
-            for key, picture in pictures.items():
-                _write(file.create_group(key), picture)
-            _describe(file)
-        seal(temporary)
+        write_sealed(temporary, fill)
     return path
 
 
@@ -104,17 +118,23 @@ def write_picture(
     says which run they come from.
     """
     with written_whole(path, kind=PART) as temporary:
-        with h5py.File(temporary, "w", userblock_size=ROOM) as file:
+        with made_with_room(temporary, 6 * math.prod(shape), lambda file: None) as file:
             group = file.create_group(_ONLY)
             add_unwritten(group, "labels", shape, np.int16)
             add_unwritten(group, "settling_time", shape, np.int32)
         reserve(temporary)
         arrays = Checkpoint(temporary)
         basins = fill(arrays, *(arrays[f"{_ONLY}/{name}"].reshape(-1) for name in ("labels", "settling_time")))
+
+        def describe_all(group: h5py.Group, picture: Basins) -> None:
+            _write(group, picture)
+            put_text(group, "belongs", json.dumps(plain(belongs)))
+            _describe(group.file)
+
+        small = _with_arrays(basins, np.zeros(1, np.int16), np.zeros(1, np.int32))
+        reserve(temporary, SLACK + len(image_of(lambda file: describe_all(file.create_group(_ONLY), small))))
         with h5py.File(temporary, "r+") as file:
-            _write(file[_ONLY], basins)
-            put_text(file[_ONLY], "belongs", json.dumps(plain(belongs)))
-            _describe(file)
+            describe_all(file[_ONLY], basins)
         seal(temporary)
         arrays.release()
     return _with_arrays_of(path, basins)
@@ -146,7 +166,10 @@ def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
 def _with_arrays_of(path: Path, basins: Basins) -> Basins:
     """Return basins whose arrays are those of a file; changes of them are not written there."""
     arrays = Checkpoint(path, "c")
-    labels, times = (arrays[f"{_ONLY}/{name}"] for name in ("labels", "settling_time"))
+    return _with_arrays(basins, arrays[f"{_ONLY}/labels"], arrays[f"{_ONLY}/settling_time"])
+
+
+def _with_arrays(basins: Basins, labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
     return dataclasses.replace(basins, labels=labels, settling_time=times)
 
 
@@ -243,31 +266,6 @@ def _write(file: h5py.Group, basins: Basins) -> None:
     write_attractors(file.create_group("attractors"), basins.attractors)
 
 
-def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None:
-    """Write attractors under their numbers."""
-    for k, attractor in enumerate(attractors):
-        _write_attractor(group.create_group(str(k)), attractor)
-
-
-def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> tuple[Attractor, ...]:
-    """Read what :func:`write_attractors` wrote."""
-    return tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group)))
-
-
-def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
-    put_text(group, "kind", str(attractor.kind))
-    put_text(group, "name", attractor.name)
-    group.attrs.update(period=attractor.period, turns=attractor.turns)
-    for name in ("points", "multipliers", "exponents"):
-        group[name] = getattr(attractor, name)
-    for part in ("neighbourhood", "cover"):
-        record = getattr(attractor, part)
-        if record is not None:
-            for field in dataclasses.fields(record):
-                if (value := getattr(record, field.name)) is not None:
-                    group[f"{part}/{field.name}"] = value
-
-
 def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     """Read a picture, with empty labels and settling times where these are to stay in the file."""
     coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
@@ -308,41 +306,4 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         settings=json.loads(get_text(file, "settings")),
         inaccurate=get_number(file, "inaccurate"),
         cost=Cost(**json.loads(get_text(file, "cost"))),
-    )
-
-
-def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> Attractor:
-    d = len(coordinates)
-    kind, period = Kind(get_text(group, "kind")), get_number(group, "period")
-    points = array_of(group, "points", np.float64, (None if kind in (Kind.CHAOTIC, Kind.EQUILIBRIA) else period, d))
-    if not len(points) or not np.isfinite(points).all():
-        raise ValueError(f"{group.name} has no points")
-    neighbourhood, cover = None, None
-    if "neighbourhood" in group:
-        neighbourhood = Neighbourhood(
-            array_of(group, "neighbourhood/centres", np.float64, (None, d)),
-            array_of(group, "neighbourhood/metrics", np.float64, (None, d, d)),
-            float(array_of(group, "neighbourhood/contraction", np.float64, ())),
-        )
-    if "cover" in group:
-        boxes = array_of(group, "cover/boxes", np.int64, (None, d))
-        cover = Cover(
-            array_of(group, "cover/lower", np.float64, (d,)),
-            array_of(group, "cover/widths", np.float64, (d,)),
-            boxes,
-            array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
-        )
-    turns = group.attrs["turns"]
-    if np.shape(turns) != (d,) or turns.dtype.kind != "i":
-        raise ValueError(f"{group.name} has the turns {turns}")
-    return Attractor(
-        kind=kind,
-        period=period,
-        points=points,
-        turns=tuple(turns.tolist()),
-        multipliers=array_of(group, "multipliers", np.complex128, (None,)),
-        exponents=array_of(group, "exponents", np.float64, (None,)),
-        coordinates=coordinates,
-        neighbourhood=neighbourhood,
-        cover=cover,
     )

@@ -471,6 +471,39 @@ def test_permissions_are_those_of_ordinary_files_without_touching_the_mask(tmp_p
     assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, save_basins
+half = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"), name="half")
+grid, folder = CellGrid((-1, -1), (1, 1), (60, 60)), Path(sys.argv[1])
+basins, _ = find_basins(half, grid), interpolated_map(half, grid)
+for limit in (0, 300, 1000, 3000, 10_000, 25_000, 40_000, 70_000, 90_000):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    for name, call in {
+        "save": lambda: save_basins(basins, folder / "save"),
+        "find": lambda: find_basins(half, grid, checkpoint=folder / "find"),
+        "table": lambda: interpolated_map(half, grid, checkpoint=folder / "table"),
+    }.items():
+        try:
+            call()
+        except OSError as error:
+            assert error.errno == 27 and "ulimit -f" in str(error) and "." + name in str(error), error
+        else:
+            print(name, limit)
+            (folder / name).unlink()
+"""
+
+
+def test_a_limit_of_file_sizes_is_an_error_and_not_the_end_of_the_process(tmp_path):
+    """HDF5's library crashes when a write fails, so that nothing is written by it for which there is no room."""
+    done = subprocess.run([sys.executable, "-c", LIMITED, str(tmp_path)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    smallest = {line.split()[0] for line in done.stdout.splitlines()}
+    assert smallest >= {"save"}, "what has room is written"
+    assert [p for p in tmp_path.iterdir() if not p.name.endswith(".lock")] == []
+
+
 # --- files that are not what they should be
 
 
