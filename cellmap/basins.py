@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, distinct_names
-from .checks import random_numbers, whole_number
+from .checks import affordable_number, random_numbers
 from .coordinates import Coordinate
 from .grid import CellGrid
 from .orbit_batch import CHUNK, Cost, Orbits
@@ -198,7 +198,7 @@ class Basins:
         """
         if self.point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
-        n = whole_number("n", n, at_least=1)
+        n = affordable_number("n", n, 8 * (3 * len(self.coordinates) + 5), at_least=1)
         exact = self.point_map.exact or self.point_map
         drawn = random_numbers(seed).integers(0, self.labels.size, n)
         drawn = drawn[self.labels.ravel()[drawn] != ESCAPED]
@@ -240,9 +240,11 @@ def basins_memory(starts: int, checkpoint: bool = False) -> int:
     Examples
     --------
     >>> basins_memory(10**8) // 10**6, basins_memory(10**8, checkpoint=True) // 10**6
-    (600, 305)
+    (625, 305)
     """
-    return 3 * (starts // 8) + _HELD_BYTES * min(starts, HELD) if checkpoint else 6 * starts
+    if checkpoint:
+        return 3 * (starts // 8) + _HELD_BYTES * min(starts, HELD)
+    return 6 * starts + 24 * min(starts, BLOCK)
 
 
 def basins_disk(starts: int) -> int:

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .memory import memory_available
+
 _PACKAGE = str(Path(__file__).parent) + os.sep
 
 
@@ -177,19 +179,18 @@ def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
     warnings.warn(message, category, stacklevel=level - 1)
 
 
-def memory_available() -> int | None:
-    """Return the bytes of memory that are free now, None where the system does not say."""
-    try:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return None
+def affordable_number(name: str, value: Any, each: int, at_least: int = 0) -> int:
+    """Return an int of which there is memory for: `each` bytes times it."""
+    number = whole_number(name, value, at_least)
+    claim_memory(f"{name}={value!r}", each * number, "give a smaller number")
+    return number
 
 
 def claim_memory(what: str, needed: int, remedy: str) -> None:
     """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free."""
     logging.getLogger("cellmap").info("%s: %s of memory", what, in_bytes(needed))
     free = memory_available()
-    if free is not None and needed > free:
+    if needed > free:
         raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
 
 

@@ -20,7 +20,7 @@ from .look_ups import LookUps
 from .orbit_batch import Cost, Orbits
 from .pointmap import Family, Origin, PointMap
 from .signatures import checked
-from .spline_coefficients import ORDERS, PADDING, filtered, nodes_of, tabulated_nodes, with_spare_doubles
+from .spline_coefficients import ORDERS, PADDING, filtered, line_memory, nodes_of, tabulated_nodes, with_spare_doubles
 from .spline_errors import leading_errors
 from .table_tiles import TableTiles, table_checkpoint
 from .tiles import check_client
@@ -210,11 +210,12 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
 
     Examples
     --------
-    >>> table_memory(CellGrid((0, 0), (1, 1), (100, 100)), 5) // 1000
-    528
+    >>> table_memory(CellGrid((0, 0), (1, 1), (1000, 1000)), 1) // 10**6
+    38
     """
-    d = grid.dimension
-    return (16 * d * tabulated_nodes(grid, order) + 6 * grid.size) * leap.bit_length()
+    d, nodes = grid.dimension, tabulated_nodes(grid, order)
+    along = sum(line_memory(n, nodes // n, order, wraps) for n, wraps in zip(grid.shape, grid.wraps, strict=True))
+    return (16 * d * nodes + 6 * grid.size + along) * leap.bit_length()
 
 
 def _coefficients(

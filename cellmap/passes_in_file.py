@@ -62,10 +62,11 @@ class KeptInFile(Kept):
         self._use(file)
         if settled != self._settled_before(now):
             raise damaged(self._path, "labels are not those that were written")
-        for part in slices(self.total, BLOCK):
-            if not within(self.labels[part], min(LABEL_NAMES), len(now.attractors) - 1):
-                raise damaged(self._path, "labels name attractors that there are not")
-            self.forget()
+        if now.rows.bits is not None:
+            for part in slices(self.total, BLOCK):
+                if not self._known(self.labels[part][~now.rows.inside(part)], now):
+                    raise damaged(self._path, "labels name attractors that there are not")
+                self.forget()
         return now
 
     def finished(self) -> Basins | None:
@@ -81,7 +82,8 @@ class KeptInFile(Kept):
         open_ = []
         for number in range(len(now.parts)):
             rows = now.rows_of(number)
-            if not self._file.is_done("tiles", number, [self.labels[rows], self.times[rows]]):
+            labels = self.labels[rows]
+            if not self._file.is_done("tiles", number, [labels, self.times[rows]]) or not self._known(labels, now):
                 open_.append(number)
             if number % _FORGET == 0:
                 self.forget()
@@ -107,6 +109,9 @@ class KeptInFile(Kept):
     def forget(self) -> None:
         """Give pages of the file back to the system."""
         self._file.release()
+
+    def _known(self, labels: NDArray[np.int16], now: Pass) -> bool:
+        return within(labels, min(LABEL_NAMES), len(now.attractors) - 1)
 
     def _arrays(self, now: Pass) -> Arrays:
         """Arrays of the file of a pass."""

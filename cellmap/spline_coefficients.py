@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .codegen.spline_basis import WIDTH, basis_polynomials
 from .grid import CellGrid
-from .threads import run_over, slices
+from .threads import run_over, slices, thread_count
 
 ORDERS = (1, 3, 5)
 PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
@@ -32,6 +32,16 @@ def nodes_of(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
         numbers = np.arange(n) if wraps else np.arange(-past, n + 1 + past)
         axes.append(grid.along(j, numbers))
     return axes
+
+
+def line_memory(cells: int, lines: int, order: int, wraps: bool) -> int:
+    """Return the bytes for the coordinates along an axis, and for solving for its coefficients, a line a thread."""
+    numbers = 6
+    if order > 1 and not wraps:
+        reach = order + 1
+        # The band, and two copies with room for its factors.
+        numbers += ((2 * reach + 1) + 2 * (3 * reach + 1) + 6) * min(thread_count(), max(1, lines))
+    return 8 * numbers * (cells + 2 * PADDING[order] + 1)
 
 
 def filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:

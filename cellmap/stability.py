@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor
-from .checks import claim_memory, finite_number, whole_number
+from .checks import affordable_number, claim_memory, finite_number
 from .crossings import Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines
 from .curves import BoundaryCurve, linked
 from .floquet import linearise, swept_values
@@ -179,7 +179,7 @@ def critical_values(
     low, high = finite_number("lower", lower), finite_number("upper", upper)
     if not low < high:
         raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
-    count = whole_number("points", points, at_least=3)
+    count = affordable_number("points", points, 8 * 100, at_least=3)
     linear = linearise(system, equilibrium, (name,), _TOLERANCE)
     scan = np.linspace(low, high, count)
     linear.check(scan[:, None])

@@ -58,7 +58,12 @@ class Starts:
     def points(self, rows: slice | NDArray[np.int64]) -> NDArray[np.float64]:
         """Return some starts as a new array, shape (n, dimension)."""
         if self.grid is not None:
-            return grid_points(self._axes, rows)
+            if sum(self.grid.shape) <= BLOCK:
+                return grid_points(self._axes, rows)
+            # Axes of a grid of one dimension are as long as the grid.
+            numbers = np.arange(rows.start, rows.stop) if isinstance(rows, slice) else rows
+            index = np.unravel_index(numbers, self.grid.shape)
+            return np.stack([self.grid.along(j, i + 0.5) for j, i in enumerate(index)], axis=-1)
         assert self.given is not None
         return self.given.reshape(-1, self.given.shape[-1])[rows].copy()
 

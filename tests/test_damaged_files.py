@@ -359,7 +359,6 @@ def test_something_that_is_no_file(kind, tmp_path):
 
 
 CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
-    "label": lambda f: f["labels"].__setitem__(7, 900),
     "horizon": lambda f: f["pass"].attrs.__setitem__("horizon", 2**60),
     "legs": lambda f: f["pass"].attrs.__setitem__("legs", np.array([5, 3])),
     "huge legs": lambda f: f["pass"].attrs.__setitem__("legs", np.array([2**60])),

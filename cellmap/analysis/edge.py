@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import finite_number, finite_points, whole_number
+from ..checks import affordable_number, finite_number, finite_points, whole_number
 from ..coordinates import Coordinate, difference, wrap
 from ..orbit import PeriodicOrbit
 from ..periodic_search import periodic_orbit
@@ -127,7 +127,7 @@ def edge_orbit(
     >>> edge_orbit(find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))).orbit.multipliers.real
     array([1.5, 0.5])
     """
-    total = whole_number("steps", steps, at_least=3)
+    total = affordable_number("steps", steps, 8 * (3 * len(basins.coordinates) + 6), at_least=3)
     longest = whole_number("max_period", max_period, at_least=1)
     close = finite_number("narrow", narrow, above=1e-15)
     apart = finite_number("wide", wide, above=close, at_most=0.1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import random_numbers, whole_number
+from ..checks import affordable_number, random_numbers, whole_number
 from ..signatures import checked
 from .image_uncertainty import finest_exponent, is_rough
 from .labels import LabelImage, label_image
@@ -159,7 +159,7 @@ def basin_entropy(
     if positions is None:
         counts = _tiled(image, sides)
     else:
-        counts = _random(image, sides, whole_number("positions", positions, at_least=2), seed)
+        counts = _random(image, sides, affordable_number("positions", positions, 8 * 8, at_least=2), seed)
     entropies = box_entropies(counts, prod(sides))
     valid = entropies[np.isfinite(entropies)]
     if not len(valid):

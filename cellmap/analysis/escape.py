@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..checks import finite_number, random_numbers, whole_number
+from ..checks import affordable_number, finite_number, random_numbers
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
 from ..orbit_batch import CHUNK, Orbits
@@ -193,8 +193,8 @@ def escape_rate(
     0.41
     """
     region = restraint(point_map, window, attractors)
-    number = whole_number("n", n, at_least=1)
-    last = whole_number("most", most, at_least=3)
+    number = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
+    last = affordable_number("most", most, 8 * 12, at_least=3)
     allowed = finite_number("tolerance", tolerance, above=0.0)
     rng = random_numbers(seed)
     grid = region.window

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..attractor import Attractor, distinct_names
 from ..basins import LABEL_NAMES, Basins
-from ..checks import finite_points, random_numbers, whole_number
+from ..checks import affordable_number, finite_points, random_numbers
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
@@ -148,7 +148,7 @@ def basin_stability(
     Share(0.769 in [0.7416, 0.7948], 769 states)
     """
     label = labeller(source, attractors, point_map, max_periods)
-    number = whole_number("n", n, at_least=1)
+    number = affordable_number("n", n, 8 * (4 * label.point_map.dimension + 6), at_least=1)
     if distribution is None and isinstance(source, Basins):
         distribution = source.grid
     states = _drawn(distribution, label, number, seed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..attractor import Attractor
-from ..checks import finite_number, random_numbers, whole_number
+from ..checks import affordable_number, finite_number, random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
 from ..pointmap import PointMap, follow
@@ -117,10 +117,10 @@ def chaotic_saddle(
     True
     """
     region = restraint(point_map, window, attractors)
-    wanted = whole_number("n", n, at_least=1)
+    wanted = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
     steps = whole_number("lifetime", lifetime, at_least=1)
     farthest = finite_number("largest", largest, above=1e-14, at_most=0.5)
-    dropped = whole_number("transient", transient)
+    dropped = affordable_number("transient", transient, 8 * (3 * window.dimension + 6))
     rng = random_numbers(seed)
     point = _first(region, steps, rng)
     total = wanted + dropped

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import random_numbers, whole_number
+from ..checks import affordable_number, random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
@@ -149,7 +149,7 @@ def minimal_fatal_shock(
     coordinates = basins.coordinates
     d = len(coordinates)
     unit = scale_of(scale, coordinates, span_of(basins))
-    tried = whole_number("trials", trials, at_least=1)
+    tried = affordable_number("trials", trials, 8 * (7 * d + 4), at_least=1)
     free = _columns(along, coordinates)
     origins = basins.attractors[k].points if point is None else np.asarray(point, dtype=float)[None]
     if origins.shape[-1:] != (d,) or origins.ndim != 2 or not np.isfinite(origins).all():

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..checks import memory_available
 from ..coordinates import turns_of
 from ..grid import CellGrid
+from ..memory import memory_available
 from ..spline_coefficients import ORDERS
 from ..threads import thread_count
 from .job import Job, percentile_error, places_in, some_starts

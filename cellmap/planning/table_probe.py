@@ -10,11 +10,11 @@ from threading import Lock
 import numpy as np
 
 from ..cell_table import CellTable
-from ..checks import memory_available
 from ..codegen.spline_basis import WIDTH
 from ..grid import CellGrid
 from ..interpolated import interpolated_map, table_memory
 from ..look_ups import LookUps
+from ..memory import memory_available
 from ..orbit_batch import Orbits
 from ..pointmap import PointMap, follow
 from ..spline_coefficients import tabulated_nodes
@@ -93,7 +93,7 @@ def _samples(
     samples: list[_Sample] = []
     surplus = 0.0
     n, threads = _FIRST_SIZE.get(window.dimension, 8), thread_count()
-    limit = (memory_available() or 1 << 32) // 4
+    limit = memory_available() // 4
     while True:
         grid = sized(window, n)
         images = tabulated_nodes(grid, order) + grid.size
