@@ -131,8 +131,7 @@ def labels_within(basins):
     return settled.labels.reshape(basins.labels.shape)
 
 
-@pytest.mark.parametrize("order", [1, 5])
-def test_errors_that_cancel_at_the_centres_of_cells_decide_no_label(order):
+def test_errors_that_cancel_at_the_centres_of_cells_decide_no_label():
     """Holomorphic: z - 0.3 (z^3 - z) on square cells; attractors -1 and 1, and infinity."""
 
     def cubic(x, p):
@@ -140,10 +139,10 @@ def test_errors_that_cancel_at_the_centres_of_cells_decide_no_label(order):
         return 1.3 * x[0] - 0.3 * (re * x[0] - im * x[1]), 1.3 * x[1] - 0.3 * (re * x[1] + im * x[0])
 
     exact = discrete_map(cubic, {}, ("x", "y"))
-    table, window = CellGrid((-1.4, -1.4), (1.4, 1.4), (16, 16)), CellGrid((-1.4, -1.4), (1.4, 1.4), (150, 150))
-    basins = find_basins(interpolated_map(exact, table, order, "integrate", tolerance=COARSE), window, max_periods=500)
-    certificate = certify(basins, audit=200)
-    direct = find_basins(exact, window, max_periods=500, attractors=certificate.basins.attractors)
+    table, window = CellGrid((-1.4, -1.4), (1.4, 1.4), (16, 16)), CellGrid((-1.4, -1.4), (1.4, 1.4), (80, 80))
+    basins = find_basins(interpolated_map(exact, table, 1, "integrate", tolerance=COARSE), window, max_periods=100)
+    certificate = certify(basins, audit=50)
+    direct = find_basins(exact, window, max_periods=100, attractors=certificate.basins.attractors)
     np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
     assert (certificate.evidence <= Evidence.ORBIT).sum() > 1000
 
