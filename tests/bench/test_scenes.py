@@ -1,10 +1,7 @@
-"""Scenes: what an effect costs, dry friction against viscous, the double pendulum against heyoka, first compilation."""
+"""Scenes: what an effect costs, dry friction against viscous, the double pendulum against heyoka."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import reduce
 from math import atan, cos, pi, sin, sqrt
@@ -282,31 +279,3 @@ def test_double_pendulum_against_heyoka(say, one_thread, damping):
             f"  heyoka {key[1]:g}, {key[0]}: largest error {own:.1e}; cellmap is {at_equal}, "
             f"{peer_times[key] / own_times[best]:.2f} times at its own 1e-9"
         )
-
-
-PROGRAM = """
-import sys, time
-import cellmap, systems
-names = {
-    "pendulum": lambda: systems.driven_pendulum(),
-    "double pendulum": lambda: systems.double_pendulum(),
-    "pendulum with dry friction": lambda: systems.driven_pendulum(friction=10.0),
-    "double pendulum with dry friction": lambda: systems.double_pendulum(friction=10.0),
-}
-for make in names.values():
-    began = time.perf_counter()
-    system = make()
-    cellmap.stroboscopic_map(system)([0.1] * system.dimension)
-    print(f"{time.perf_counter() - began:.2f}")
-"""
-
-
-def test_first_map(say, tmp_path):
-    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    names = ("pendulum", "double pendulum", "pendulum with dry friction", "double pendulum with dry friction")
-    runs = [
-        subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
-        for _ in range(2)
-    ]
-    for name, first, second in zip(names, *(done.stdout.split() for done in runs), strict=True):
-        say(f"first map of a {name}: {first} s with its compilation, {second} s in the next process")

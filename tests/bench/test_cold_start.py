@@ -1,0 +1,97 @@
+"""First results of new processes: with nothing of a system compiled, and with everything on disk.
+
+Everything of the library's own has been compiled before, as it is after the first use on a machine.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+LAPS = """
+import time
+before = time.perf_counter()
+def lap(what):
+    global before
+    now = time.perf_counter()
+    print(f"{what}: {now - before:.2f} s", flush=True)
+    before = time.perf_counter()
+"""
+
+README = (
+    LAPS
+    + """
+from math import cos, pi
+from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
+def rhs(t, x, p):
+    q, v = x
+    return v, q - q**3 - p.delta * v + p.gamma * cos(p.omega * t)
+duffing = ForcedSystem(rhs, {"delta": 0.15, "gamma": 0.2, "omega": 1.0}, period=2 * pi, coordinates=("q", "v"))
+grid = CellGrid(lower=(-2.2, -2.2), upper=(2.2, 2.2), shape=(300, 300))
+find_basins(interpolated_map(stroboscopic_map(duffing), grid), grid)
+lap("program of the README to its labels, 300^2, import included")
+"""
+)
+
+SCENES = (
+    LAPS
+    + """
+from math import pi
+import numpy as np
+from cellmap import CellGrid, ForcedSystem, find_basins, jacobian, section_map, stroboscopic_map
+from systems import driven_pendulum
+from systems.chain import Chain
+from systems.drives import VerticalDrive
+from systems.effects import DryFriction, Gravity, ViscousDamping
+from systems.scene import scene
+
+def chain(links, effect):
+    body = Chain(lengths=(0.032,) * links, masses=(1.0, 0.25, 0.2, 0.1)[:links])
+    return scene(body, Gravity(9.8), VerticalDrive(amplitude=0.006, frequency=50.0), effect)
+
+def lorenz(t, x, p):
+    return p.s * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - p.b * x[2]
+
+systems = {
+    "pendulum": driven_pendulum(),
+    "pendulum with dry friction": driven_pendulum(friction=10.0),
+    "double pendulum": chain(2, ViscousDamping(10.0)),
+    "double pendulum with dry friction": chain(2, DryFriction(300.0)),
+    "chain of four links with dry friction": chain(4, DryFriction(300.0)),
+}
+lap("import")
+for name, system in systems.items():
+    start = np.full(system.dimension, 0.3)
+    strobe = stroboscopic_map(system)
+    strobe(start)
+    lap(f"{name}, first map")
+    if system.dimension < 8:
+        jacobian(strobe, start)
+        lap(f"{name}, Jacobian")
+    if system.dimension == 4:
+        cells = 60 if name == "double pendulum" else 30
+        grid = CellGrid((-pi, -pi, -1.0, -1.0), (pi, pi, 1.0, 1.0), (cells, cells, 1, 1))
+        find_basins(strobe, grid, max_periods=200)
+        lap(f"{name}, {cells} x {cells} slice")
+section_map(ForcedSystem(lorenz, {"s": 10.0, "r": 28.0, "b": 8 / 3}, 1.0, ("x", "y", "z")), ("z", 27.0, 1))([1.0, 1.0])
+lap("section map of Lorenz's system")
+"""
+)
+
+
+@pytest.mark.parametrize("program", [README, SCENES], ids=["readme", "scenes"])
+def test_first_results(program: str, tmp_path: Path, say: Callable[[str], None]) -> None:
+    def run(folder: str) -> list[str]:
+        environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path / folder)}
+        command = [sys.executable, "-c", program]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
+
+    run("first")  # compiles what is the library's own
+    say("")
+    for cold, warm in zip(run("second"), run("second"), strict=True):
+        say(f"{cold} cold, {warm.split(': ')[1]} with everything on disk")
