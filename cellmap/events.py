@@ -30,6 +30,7 @@ TESTS = (
 """What the test functions are for; a pitchfork's is that of all crossings of branches."""
 
 _CHANGES = {BifurcationKind.NEIMARK_SACKER: 2}
+_SIMPLE = {BifurcationKind.FOLD, BifurcationKind.PITCHFORK, BifurcationKind.PERIOD_DOUBLING}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,10 @@ class Watch:
         found.sort(key=lambda f: f[0])
         cuts = [0.5 * (a[0] + b[0]) for a, b in pairwise(found)]
         counts = [before.unstable, *(self._count_at(stride, cut, before.unstable) for cut in cuts), after.unstable]
+        if any(kind in _SIMPLE and counts[k] == counts[k + 1] for k, (_, kind, _) in enumerate(found)):
+            # Between two bifurcations that are close together a multiplier stays within the margin for rounding.
+            exact = [self._exactly(p) for p in (stride.begin, *(stride.at(c) for c in cuts), stride.end)]
+            counts = [c if e is None else e for c, e in zip(counts, exact, strict=True)]
         events, clear = [], True
         for k, (_, kind, place) in enumerate(found):
             change = abs(counts[k + 1] - counts[k])
@@ -123,6 +128,10 @@ class Watch:
     def _count_at(self, stride: Stride, length: float, otherwise: int) -> int:
         place = stride.at(length)
         return otherwise if place is None else self.unstable(place)
+
+    def _exactly(self, place: Place | None) -> int | None:
+        """Return the number of multipliers outside the unit circle, however near to it; None for no place."""
+        return None if place is None else int(unstable_count(self.multipliers(place), 0.0))
 
     def _where_count_changes(self, stride: Stride, count: int) -> Place:
         low, high, place = 0.0, stride.length, stride.end

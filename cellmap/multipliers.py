@@ -9,10 +9,10 @@ MARGIN = 1e-8
 """A multiplier nearer to the unit circle than this counts as on it."""
 
 
-def unstable_count(multipliers: NDArray[np.complex128]) -> NDArray[np.int64]:
+def unstable_count(multipliers: NDArray[np.complex128], margin: float = MARGIN) -> NDArray[np.int64]:
     """Return how many multipliers (..., d) are outside the unit circle; -1 where they are not known."""
     modulus = np.abs(multipliers)
-    return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + MARGIN, axis=-1))
+    return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + margin, axis=-1))
 
 
 def multipliers_of(

@@ -152,6 +152,17 @@ def test_a_pitchfork_and_its_branches() -> None:
         assert len(np.unique(np.sign(arm.points))) == 1
 
 
+@pytest.mark.parametrize("half", [1e-3, 1e-4])
+def test_doublings_that_are_close_together_change_the_stability(half: float) -> None:
+    """The multiplier q^2 - half^2 - 1 is outside the unit circle by half^2 at most, down to 1e-8."""
+    pair = discrete_map(
+        lambda x, p: (x[0] * (p.q**2 - p.half**2 - 1.0) + x[0] ** 3,), {"q": -0.5, "half": half}, ("x",)
+    )
+    found = continue_orbit(pair, periodic_orbit(pair, [0.0]), "q", -0.9, 0.9).bifurcations
+    assert [(b.kind, b.before, b.after) for b in found] == [(DOUBLING, 0, 1), (DOUBLING, 1, 0)]
+    np.testing.assert_allclose([b.value for b in found], [-half, half], rtol=1e-6)
+
+
 def test_an_isola_is_closed() -> None:
     # Fixed points on the circle x^2 + q^2 = 1, traced once around.
     ring = discrete_map(lambda x, p: (x[0] + 0.3 * (1.0 - x[0] ** 2 - p.q**2),), {"q": 0.0}, ("x",))
