@@ -17,6 +17,8 @@ from .signatures import checked
 from .tracing import Place, corrected, tangent_of
 from .walker import Walker, born_orbit
 
+_SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
+
 
 @checked
 def continue_orbit(
@@ -96,17 +98,27 @@ def continue_orbit(
         raise ValueError(f"sizes={own.tolist()}: give positive numbers")
     for end in (low, high):
         exact.with_params(**{name: end})
-    problem = orbit_problem(exact, state, period, (name,), (high - low,), own)
-    start = corrected(problem, np.append(state, value) / problem.scale, problem.upright)
-    if start is None:
-        start = _at_a_fold(problem, np.append(state, value) / problem.scale)
-    walker = Walker(exact, name, problem, (low, high), longest, most, f"continuation in {name}" if progress else None)
-    start = walker.clear_start(start)
-    ahead = walker.walk(start)
-    if ahead.end == "closed":
-        return replace(walker.branch(None, ahead), ends=("closed", "closed"))
-    back = walker.walk(replace(start, tangent=-start.tangent))
-    return walker.branch(back.reversed(), ahead)
+    label = f"continuation in {name}" if progress else None
+
+    def follow(span: float) -> Branch:
+        problem = orbit_problem(exact, state, period, (name,), (span,), own)
+        unknowns = np.append(state, value) / problem.scale
+        start = corrected(problem, unknowns, problem.upright) or _at_a_fold(problem, unknowns)
+        walker = Walker(exact, name, problem, (low, high), longest, most, label)
+        start = walker.clear_start(start)
+        ahead = walker.walk(start)
+        if ahead.end == "closed":
+            return replace(walker.branch(None, ahead), ends=("closed", "closed"))
+        back = walker.walk(replace(start, tangent=-start.tangent))
+        return walker.branch(back.reversed(), ahead)
+
+    branch = follow(high - low)
+    extent = float(np.ptp(branch.values))
+    if "no convergence" in branch.ends and 0.0 < extent < _SMALL * (high - low):
+        # In units of the interval the ends of a small isola are too sharp to be followed around.
+        near = follow(extent)
+        branch = near if near.ends == ("closed", "closed") else branch
+    return branch
 
 
 @checked

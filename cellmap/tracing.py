@@ -14,8 +14,9 @@ Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.
 
 _ITERATIONS = 10
 _CONVERGED = 1e-14  # scaled length of a Newton step that moves nothing any more
-_FLOOR = 1e-6  # Newton steps below this that no longer shrink by half are rounding,
+_FLOOR = 1e-6  # Newton steps below this that no longer shrink are rounding,
 _ROUNDING = 1e-8  # if the residual is
+_SHRINKING = 0.75  # or less, as from half to half where two solutions are close together
 _STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which a step was too long
 _SHORTEST = 1e-9
 _REPEATED = 0.43  # no power of it leads back to round numbers
@@ -52,7 +53,7 @@ def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.f
         except np.linalg.LinAlgError:
             return None
         length = float(np.linalg.norm(change))
-        stays = last <= _FLOOR and not length < 0.5 * last and float(np.abs(residual).max()) <= _ROUNDING
+        stays = last <= _FLOOR and not length < _SHRINKING * last and float(np.abs(residual).max()) <= _ROUNDING
         if length <= _CONVERGED or stays:
             # The derivatives are those at the place itself, not at one before it.
             tangent = tangent_of(derivatives, normal)

@@ -163,6 +163,18 @@ def test_doublings_that_are_close_together_change_the_stability(half: float) -> 
     np.testing.assert_allclose([b.value for b in found], [-half, half], rtol=1e-6)
 
 
+@pytest.mark.parametrize("radius", [1e-3, 1e-2])
+def test_a_small_isola_in_a_wide_interval_is_closed(radius: float) -> None:
+    """The circle x^2 + q^2 = radius^2, in the natural size of x an ellipse with ends as sharp as radius^2."""
+    ring = discrete_map(
+        lambda x, p: (x[0] + 0.3 * (p.radius**2 - x[0] ** 2 - p.q**2),), {"q": 0.0, "radius": radius}, ("x",)
+    )
+    branch = continue_orbit(ring, periodic_orbit(ring, [radius]), "q", -2.0, 2.0)
+    assert branch.ends == ("closed", "closed")
+    np.testing.assert_allclose(branch.points[:, 0] ** 2 + branch.values**2, radius**2, rtol=1e-9)
+    np.testing.assert_allclose(sorted(b.value for b in branch.of_kind(FOLD)), [-radius, radius], rtol=1e-9)
+
+
 def test_an_isola_is_closed() -> None:
     # Fixed points on the circle x^2 + q^2 = 1, traced once around.
     ring = discrete_map(lambda x, p: (x[0] + 0.3 * (1.0 - x[0] ** 2 - p.q**2),), {"q": 0.0}, ("x",))
