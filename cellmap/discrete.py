@@ -94,8 +94,12 @@ def discrete_map(
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
 
+    @functools.cache
+    def rows_with_tangents() -> Callable[..., Any] | None:
+        return tangent_step(timeless, d, names)
+
     def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-        step = tangent_step(timeless, d, names)
+        step = rows_with_tangents()
         if step is None:
             raise NotDifferentiableError(f"no derivatives of {name} are known")
         growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive

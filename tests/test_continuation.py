@@ -252,6 +252,17 @@ def test_symmetric_orbits_lose_their_symmetry_before_they_double(pendulum: Point
     assert attractors[0].period == cascade.periods[2] == 8
 
 
+def test_the_swing_of_period_four_loses_its_symmetry(pendulum: PointMap) -> None:
+    """At 10.637657006 mm, by an independent program: one multiplier is 1 there, and the swing its own mirror image."""
+    at_ten = pendulum.with_params(amplitude=0.010)
+    branch = continue_orbit(at_ten, periodic_orbit(at_ten, [0.536, -10.731], 4), "amplitude", 0.0099, 0.0108, step=0.1)
+    (pitchfork,) = branch.bifurcations
+    assert (pitchfork.kind, pitchfork.before, pitchfork.after) == (PITCHFORK, 0, 1)
+    assert 1e3 * pitchfork.value == pytest.approx(10.637657006, abs=1e-9)
+    points = branch.orbits_at(0.0105)[0].points
+    np.testing.assert_allclose(points[2:], -points[:2], atol=1e-9 * np.abs(points).max())
+
+
 @pytest.mark.slow
 def test_a_fold_of_the_duffing_oscillator() -> None:
     # Weak damping and drive: amplitudes from harmonic balance with two harmonics are near; the folds are those between
