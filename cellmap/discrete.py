@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .checks import parameter_values, shown
 from .codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
+from .codegen.machine_code import MachineCode
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
@@ -95,7 +96,7 @@ def discrete_map(
         return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
 
     @functools.cache
-    def rows_with_tangents() -> Callable[..., Any] | None:
+    def rows_with_tangents() -> MachineCode | None:
         return tangent_step(timeless, d, names)
 
     def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
