@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
+from .checks import warn_caller
 from .threads import progress_bar, run_over
 
 Task = TypeVar("Task")
@@ -17,6 +19,10 @@ _LARGEST_GROUP = 16  # tiles that travel together
 _GROUPS_A_THREAD = 8  # at least, so that all threads are busy to the end
 _UNDER_WAY = 2  # groups that a thread of the cluster has before it, so that it never waits
 _RETRIES = 2  # of a group that fails for a reason of its worker's, such as memory
+_LOOK = 0.01  # seconds between looks for what is completed,
+_SELDOM = 1.0  # and between looks for workers
+_WARNED = 30.0  # seconds without workers after which that is said,
+_GIVEN_UP = 600.0  # and after which the call ends
 _KEPT_WORK = 4  # pieces of work that a worker keeps unpacked
 
 
@@ -44,6 +50,11 @@ def run_tiles(
         Cluster that works; by default the threads of this process do.
     progress : str, optional
         Text beside a bar.
+
+    Raises
+    ------
+    TimeoutError
+        Where the cluster has no workers for ten minutes.
     """
     if client is None:
         run_over(numbers, lambda number: deliver(number, work(task(number))), progress)
@@ -92,8 +103,9 @@ def _run_on_cluster(
         with progress_bar(len(numbers), progress) as advance:
             try:
                 under_way: Any = as_completed(next_ones(_UNDER_WAY * _threads(client)))
-                for future in under_way:
-                    results = future.result()
+                waited = _Waiting(client)
+                for future in _completed(under_way, waited):
+                    results = waited.result(future)
                     _, group = members.pop(future.key)
                     for number, result in zip(group, results, strict=True):
                         deliver(number, result)
@@ -102,6 +114,53 @@ def _run_on_cluster(
                     under_way.update(next_ones(_UNDER_WAY * _threads(client) - len(members)))
             finally:
                 client.cancel([future for future, _ in members.values()])
+
+
+def _completed(under_way: Any, waited: _Waiting) -> Iterator[Any]:
+    """Yield futures as they are completed, as long as there is somebody to complete them."""
+    while not under_way.is_empty():
+        while not under_way.has_ready():
+            waited.look()
+            time.sleep(_LOOK)
+        yield next(under_way)
+
+
+class _Waiting:
+    """Waiting for a cluster: an error ends it where that has no workers for long, and a warning comes first."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._told = client, False
+        self._seen = self._looked = time.monotonic()
+
+    def result(self, future: Any) -> Any:
+        """Return what a future has come to; where that was lost with its worker, another one makes it again."""
+        while True:
+            try:
+                return future.result(timeout=_SELDOM)
+            except TimeoutError:
+                if future.status == "error":
+                    raise
+                self.look()
+
+    def look(self) -> None:
+        """Look for workers, from time to time."""
+        now = time.monotonic()
+        if now - self._looked < _SELDOM:
+            return
+        self._looked = now
+        if self._client.nthreads():
+            self._seen, self._told = now, False
+        elif now - self._seen > _GIVEN_UP:
+            raise TimeoutError(
+                f"client={self._client!r}: the cluster has had no workers for {_GIVEN_UP:g} s; start some and call "
+                "again: with a checkpoint the call goes on with what is done"
+            )
+        elif now - self._seen > _WARNED and not self._told:
+            self._told = True
+            warn_caller(
+                f"client={self._client!r}: the cluster has had no workers for {_WARNED:g} s; start some, for without "
+                f"them the call ends after {_GIVEN_UP:g} s"
+            )
 
 
 def _threads(client: Any) -> int:

@@ -16,6 +16,7 @@ import pytest
 
 import systems
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap.checkpoint import Checkpoint
 from cellmap.pointmap import PointMap
 from cellmap.tiles import run_tiles
 
@@ -215,6 +216,37 @@ def test_a_killed_worker_loses_nothing(tmp_path):
         killer.join()
     assert {k: number for k, (number, _) in delivered.items()} == {k: k for k in range(60)}
     assert {process for _, process in delivered.values()} - {victim}, "the work went on elsewhere"
+
+
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(tmp_path, monkeypatch):
+    """It loses all of them in the middle: that is said, the call ends, and another one goes on from the checkpoint."""
+    for name, seconds in {"_SELDOM": 0.05, "_WARNED": 0.2, "_GIVEN_UP": 1.0}.items():
+        monkeypatch.setattr(f"cellmap.tiles.{name}", seconds)
+    path, starts, done = tmp_path / "basins.h5", CellGrid((-3.0,), (3.0,), (200_000,)), []
+    original = Checkpoint.finish
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+
+        def finish(self, tiles, number, tally, contents):
+            original(self, tiles, number, tally, contents)
+            if not done:
+                cluster.scale(0)
+                while client.nthreads():
+                    time.sleep(0.01)
+            done.append(number)
+
+        monkeypatch.setattr(Checkpoint, "finish", finish)
+        with (
+            pytest.warns(UserWarning, match=r"client=.*: the cluster has had no workers for 0\.2 s"),
+            pytest.raises(TimeoutError, match=r"client=.*no workers for 1 s; start some and call again"),
+        ):
+            find_basins(newton_map(), starts, client=client, checkpoint=path)
+    before = len(done)
+    assert_same(find_basins(newton_map(), starts, checkpoint=path), find_basins(newton_map(), starts))
+    assert 0 < before < 13
+    assert len(done) == 13, "tiles that were done are not done again"
 
 
 @pytest.mark.slow
