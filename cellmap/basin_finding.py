@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, sort_key
 from .basins import HELD, LABEL_NAMES, Basins, basins_disk, basins_memory
-from .chaos import chaotic_attractors
+from .chaos import chaotic_attractors, examine
 from .checks import claim_disk, claim_memory, warn_caller, whole_number
 from .files import as_target, locked
 from .fingerprint import PROBES, fingerprint
@@ -30,9 +31,11 @@ from .signatures import checked
 from .starts import Rows, Starts
 from .threads import slices
 from .tiles import check_client, run_tiles
+from .transients import Reason
 
 _SAMPLE = 1024  # starts from which attractors are sought first
 _PATIENCE = 256  # periods before starts that are left are searched for further attractors
+_REPEATS = 32  # passes over the same periods with ever more attractors, at most
 _LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
 
 
@@ -117,7 +120,7 @@ def find_basins(
         if isinstance(kept, Basins):
             return replace(kept, point_map=point_map)
         run = _Run(point_map, places, kept, max_periods, max_period, client, progress)
-        found = run.find(list(attractors))
+        found, reasons = run.find(list(attractors))
         tally = found.tally
         if tally.inaccurate:
             warn_caller(
@@ -139,6 +142,7 @@ def find_basins(
                 coordinates=point_map.coordinates,
                 settings=settings,
                 inaccurate=tally.inaccurate,
+                undecided=Counter(map(str, reasons)),
                 cost=Cost(
                     seconds=time.perf_counter() - began,
                     steps=tally.steps,
@@ -215,8 +219,13 @@ class _Run:
     progress: bool
     spent: list[float] = field(default_factory=list)  # seconds of iteration, pass by pass
 
-    def find(self, known: list[Attractor]) -> Pass:
-        """Find attractors from a sample, label all starts, and look again at those that are left; return the end."""
+    def find(self, known: list[Attractor]) -> tuple[Pass, tuple[Reason, ...]]:
+        """Find attractors from a sample, label all starts, and look again at those that are left.
+
+        Return the last pass, and why some of those that it leaves are undecided.  The passes come to an end: each one
+        that has the same horizon as the one before has more attractors and labels more starts, and there are no more
+        of these in a row than a fixed number; the others double the horizon, up to the periods that are allowed.
+        """
         total = len(self.starts)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
         chosen = self.starts.wrapped(np.sort(few), self.point_map)
@@ -235,10 +244,18 @@ class _Run:
             states = self._label(now, states)
             self.spent.append(time.perf_counter() - began)
             now = replace(now, tally=now.tally.plus(self.kept.tallies.sum(axis=0)))
-            following, states = self._following(now, states)
+            left = self.kept.where(lambda labels: labels == UNDECIDED)
+            if not len(left):
+                return now, ()
+            if states is None:
+                states = self._states(left, now)
+            attractors, reasons = self._find_more(now, states)
+            following = self._following(now, left, attractors)
             if following is None:
-                return now
+                return now, reasons
             self.kept.begin(following)
+            if following.horizon == now.horizon or len(states) < len(left):
+                states = None
             now = following
 
     def _search(
@@ -270,33 +287,28 @@ class _Run:
         run_tiles(tiles, batch, self._work(now), deliver, self.client, self._bar)
         return left.joined()
 
-    def _following(self, now: Pass, states: Orbits | None) -> tuple[Pass | None, Orbits | None]:
-        """Return the pass after one that is over, None after the last, and the states that it begins with."""
-        left = self.kept.where(lambda labels: labels == UNDECIDED)
-        if not len(left):
-            return None, None
-        if states is None:
-            states = self._states(left, now)
-        attractors = self._find_more(now, states)
-        if len(attractors) > len(now.attractors):
+    def _following(self, now: Pass, left: Rows, attractors: tuple[Attractor, ...]) -> Pass | None:
+        """Return the pass after one that is over, from the starts that are left and all attractors; None at the end."""
+        decided = now.undecided is None or len(left) < now.undecided
+        if len(attractors) > len(now.attractors) and decided and now.repeats < _REPEATS:
             # From the beginning, so that settling times are those of the whole catalogue.
-            return replace(now, attractors=attractors, rows=self._unsettled(attractors), legs=()), None
+            rows, repeats = self._unsettled(attractors), now.repeats + 1
+            return replace(now, attractors=attractors, rows=rows, legs=(), repeats=repeats, undecided=len(left))
         if now.horizon == self.max_periods:
-            return None, None
+            return None
         horizon = min(2 * now.horizon, self.max_periods)
-        return replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon), states if len(states) == len(
-            left
-        ) else None
+        return replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon, repeats=0, undecided=None)
 
-    def _find_more(self, now: Pass, states: Orbits) -> tuple[Attractor, ...]:
-        """Search the orbits that are left for further attractors; return all."""
+    def _find_more(self, now: Pass, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
+        """Search the orbits that are left for further attractors; return all, and why orbits of the last pass are left."""
         extent, age = now.examined.extent, now.horizon
         left, attractors = sort_out(
             self.point_map, states, list(now.attractors), self.max_period, extent, age, now.examined
         )
-        if age == self.max_periods and len(left):
-            attractors += chaotic_attractors(self.point_map, left.points, extent, attractors, age)
-        return tuple(attractors)
+        if age < self.max_periods or not len(left):
+            return tuple(attractors), ()
+        examination = examine(self.point_map, left.points, extent, attractors, age)
+        return (*attractors, *examination.attractors), examination.reasons
 
     def _unsettled(self, attractors: Sequence[Attractor]) -> Rows:
         """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""

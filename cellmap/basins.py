@@ -124,6 +124,9 @@ class Basins:
         Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.
     inaccurate : int
         Starts on whose way the integrator missed its tolerance.
+    undecided : mapping of str to int
+        Why initial conditions are undecided: reasons, as in :class:`Reason`, and how many orbits have each.  At most 32
+        of the undecided orbits are examined, evenly spread; empty where none is undecided.
     cost : Cost
         Wall time and number of steps of the map.
     point_map : PointMap or None
@@ -140,6 +143,7 @@ class Basins:
     coordinates: tuple[Coordinate, ...]
     settings: Mapping[str, Any]
     inaccurate: int = 0
+    undecided: Mapping[str, int] = field(default_factory=dict)
     cost: Cost = Cost()
     point_map: PointMap | None = field(default=None, repr=False)
 

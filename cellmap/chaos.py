@@ -1,9 +1,11 @@
-"""Chaotic attractors: recognised by their exponents, held by boxes."""
+"""Chaotic attractors: identified by their exponents, covered by boxes."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +17,26 @@ from .jacobian import tangent
 from .orbit_batch import Orbits
 from .periodic import resolution
 from .pointmap import PointMap
-from .settling import Catalogue, box_keys, boxes_around, boxes_of, moved_boxes
+from .settling import boxes_around, boxes_of, moved_boxes
+from .transients import Reason, follow_on
 
 _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
 _BOXES = 64
 _LONGEST_RETURN = 128
-_ENDURANCE = 5  # times its age that a chaotic orbit has to last on
-_LOOK_EVERY = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What became of orbits that had not settled.
+
+    ``attractors``: chaotic attractors that were not known; ``reasons``: for each orbit that is on none of these, why it
+    is undecided.
+    """
+
+    attractors: tuple[Attractor, ...]
+    reasons: tuple[Reason, ...]
 
 
 def chaotic_attractors(
@@ -33,12 +46,16 @@ def chaotic_attractors(
     known: Sequence[Attractor] = (),
     age: int = 0,
 ) -> list[Attractor]:
-    """Return the chaotic attractors on which long-lived orbits move.
+    """Return the chaotic attractors on which long-lived orbits move, without those that are known.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
     1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
-    where it was sits on an unstable periodic point.  If any of the orbits ends on a known attractor within five times
-    the periods that they have lasted, all of them are transients.  Orbits that share boxes are on one attractor.
+    where it was is on an unstable periodic orbit.  Orbits that share boxes are on one attractor.
+
+    The orbits are followed for five times the periods that they have lasted.  If any of them leaves, or ends on a known
+    attractor that is not chaotic, all of them are transients.  Orbits that stay among the boxes of a known chaotic
+    attractor are on that attractor.  No orbit is on a new one if it shares boxes with a known chaotic attractor, or
+    with the transient of another orbit to one.
 
     Parameters
     ----------
@@ -58,42 +75,86 @@ def chaotic_attractors(
     list of Attractor
         With a sample of their points and a cover.
     """
+    return list(examine(point_map, states, extent, known, age).attractors)
+
+
+def examine(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    extent: NDArray[np.float64] | None = None,
+    known: Sequence[Attractor] = (),
+    age: int = 0,
+) -> Examination:
+    """Find chaotic attractors as :func:`chaotic_attractors` does, and say why the other orbits are undecided.
+
+    At most 32 of the states are followed, evenly spread.
+    """
     chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
-    exponents, errors = lyapunov_exponents(point_map, chosen, _EXPONENT_PERIODS)
-    with np.errstate(invalid="ignore"):
-        chaotic = (exponents.max(axis=-1) > np.maximum(5.0 * errors, 1e-3)) & (np.abs(exponents.sum(axis=-1)) > 1e-6)
-    chaotic &= ~_returns(point_map, chosen, np.ones(point_map.dimension) if extent is None else extent)
+    reach = np.ones(point_map.dimension) if extent is None else extent
+    _, reasons = _tested(point_map, chosen, reach, _EXPONENT_PERIODS)
+    chaotic = reasons == Reason.TRANSIENT
     if not chaotic.any():
-        return []
-    orbit = Orbits.starting(chosen[chaotic].copy())
-    catalogue = Catalogue.of(known, point_map)
-    for _ in range(0, _ENDURANCE * age, _LOOK_EVERY):
-        point_map.advance(orbit, _LOOK_EVERY)
-        if not orbit.alive.all() or (catalogue.owners_of(orbit.points) >= 0).any():
-            return []
+        return Examination((), tuple(map(Reason, reasons)))
+    rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
+    followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
+    reasons[rows] = followed.reasons
+    rows, orbit = rows[followed.lasting], followed.orbits
+    if not len(rows):
+        return Examination((), tuple(map(Reason, reasons)))
+    # The exponents of an attractor are those of orbits that have come to it; transients have others.
+    exponents, doubts = _tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
+    lasting = doubts == Reason.TRANSIENT
+    reasons[rows[~lasting]] = doubts[~lasting]
+    rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
     history = np.empty((_SAMPLE_PERIODS, *orbit.points.shape))
-    for k in range(_SAMPLE_PERIODS):
+    for points in history:
         point_map.advance(orbit, 1)
-        history[k] = orbit.points
-    bound = orbit.alive
-    if not bound.any():
-        return []
-    history, spectra = history[:, bound], -np.sort(-exponents[chaotic][bound], axis=-1)
+        points[:] = orbit.points
+    rows, history, exponents = rows[orbit.alive], history[:, orbit.alive], exponents[orbit.alive]
+    if not len(rows):
+        return Examination((), tuple(map(Reason, reasons)))
     lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map)
-    groups = _groups(history, lower, widths, point_map)
-    return [
-        Attractor(
-            Kind.CHAOTIC,
-            0,
-            history[:, group].reshape(-1, point_map.dimension),
-            (0,) * point_map.dimension,
-            np.empty(0, complex),
-            spectra[group].mean(axis=0),
-            point_map.coordinates,
-            cover=_cover(history[:, group].reshape(-1, point_map.dimension), lower, widths, point_map),
+    met = [a.points for a in known if a.kind is Kind.CHAOTIC]
+    clouds = [*history.swapaxes(0, 1), *met, *followed.transients]
+    found = []
+    for group in _groups(clouds, lower, widths, point_map):
+        mine = group[group < len(rows)]
+        if len(mine) < len(group):
+            among = (group >= len(rows)) & (group < len(rows) + len(met))
+            reasons[rows[mine]] = Reason.VISITING if among.any() else Reason.TRANSIENT
+            continue
+        points = history[:, mine].reshape(-1, point_map.dimension)
+        spectrum = -np.sort(-exponents[mine], axis=-1)
+        found.append(
+            Attractor(
+                Kind.CHAOTIC,
+                0,
+                points,
+                (0,) * point_map.dimension,
+                np.empty(0, complex),
+                spectrum.mean(axis=0),
+                point_map.coordinates,
+                cover=_cover(points, lower, widths, point_map),
+            )
         )
-        for group in groups
-    ]
+        reasons[rows[mine]] = None
+    return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _tested(
+    point_map: PointMap, points: NDArray[np.float64], extent: NDArray[np.float64], periods: int
+) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT if it may be on an attractor."""
+    exponents, errors = lyapunov_exponents(point_map, points, periods)
+    with np.errstate(invalid="ignore"):
+        chaotic = exponents.max(axis=-1) > np.maximum(5.0 * errors, 1e-3)
+        shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
+    reasons = np.full(len(points), Reason.REGULAR, object)
+    reasons[chaotic] = Reason.TRANSIENT
+    reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
+    reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
+    reasons[_returns(point_map, points, extent)] = Reason.UNSTABLE
+    return exponents, reasons
 
 
 def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -143,20 +204,22 @@ def _lattice(points: NDArray[np.float64], point_map: PointMap) -> tuple[NDArray[
 
 
 def _groups(
-    history: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
+    clouds: Sequence[NDArray[np.float64]],
+    lower: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    point_map: PointMap,
 ) -> list[NDArray[np.int64]]:
-    """Sort orbits into groups that visit common boxes."""
+    """Sort orbits, each given by its points, into groups that visit common boxes."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    steps, orbits, d = history.shape
-    boxes = boxes_of(history.reshape(-1, d), lower, widths, point_map)
-    _, keys = np.unique(box_keys(boxes, boxes), return_inverse=True)
-    who = np.tile(np.arange(orbits), steps)
-    size = orbits + keys.max() + 1
-    graph = coo_array((np.ones(len(keys)), (who, orbits + keys)), shape=(size, size))
+    boxes = boxes_of(np.concatenate(clouds), lower, widths, point_map)
+    _, keys = np.unique(boxes, axis=0, return_inverse=True)
+    who = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    size = len(clouds) + keys.max() + 1
+    graph = coo_array((np.ones(len(keys)), (who, len(clouds) + keys)), shape=(size, size))
     _, group = connected_components(graph, directed=False)
-    return [np.flatnonzero(group[:orbits] == g) for g in np.unique(group[:orbits])]
+    return [np.flatnonzero(group[: len(clouds)] == g) for g in np.unique(group[: len(clouds)])]
 
 
 def _cover(

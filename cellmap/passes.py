@@ -24,7 +24,8 @@ class Pass:
 
     ``rows``: starts that are labelled; ``legs``: periods after which earlier passes, with the same attractors, looked
     at those that went on, and which they have behind them now; ``horizon``: periods after which this one does;
-    ``tally``: what all passes before it took.
+    ``repeats``: passes up to that horizon before this one, with fewer attractors; ``undecided``: starts that the last of
+    them left; ``tally``: what all passes before it took.
     """
 
     attractors: tuple[Attractor, ...]
@@ -32,6 +33,8 @@ class Pass:
     rows: Rows
     legs: tuple[int, ...]
     horizon: int
+    repeats: int = 0
+    undecided: int | None = None
     tally: Tally = NOTHING
 
     @cached_property

@@ -146,6 +146,7 @@ class KeptInFile(Kept):
 def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
     group = file.create_group("pass")
     group.attrs.update(legs=np.array(now.legs, np.int64), horizon=now.horizon, tally=np.array(now.tally, np.int64))
+    group.attrs.update(repeats=now.repeats, undecided=-1 if now.undecided is None else now.undecided)
     write_attractors(group.create_group("attractors"), now.attractors)
     if now.rows.bits is not None:
         group["rows"] = now.rows.bits
@@ -164,6 +165,8 @@ def _read_pass(group: h5py.Group, examined: Examined, total: int, limit: int) ->
         rows=rows,
         legs=tuple(legs),
         horizon=horizon,
+        repeats=get_number(group, "repeats"),
+        undecided=None if get_number(group, "undecided", -1) < 0 else get_number(group, "undecided"),
         tally=Tally(*group.attrs["tally"].tolist()),
     )
     return now, array_of(group, "settled", np.uint32, (None,)).tolist() if "settled" in group else []

@@ -249,6 +249,7 @@ def _write(file: h5py.Group, basins: Basins) -> None:
     put_text(file, "settings", json.dumps(plain(basins.settings)))
     put_text(file, "coordinates", json.dumps([dataclasses.asdict(c) for c in basins.coordinates]))
     file.attrs["inaccurate"] = basins.inaccurate
+    put_text(file, "undecided", json.dumps(dict(basins.undecided)))
     put_text(file, "cost", json.dumps(dataclasses.asdict(basins.cost)))
     for name in ("labels", "settling_time"):
         if name not in file:
@@ -294,6 +295,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
             raise ValueError(f"{name} are not between {lowest} and {highest}")
     if not in_file:
         claim_memory(f"labels of {file.file.filename}", basins_memory(math.prod(shape)), "close other programs")
+    reasons = get_text(file, "undecided") if "undecided" in file.attrs or ".undecided" in file else "{}"
     return Basins(
         labels=np.zeros(0, np.int16) if in_file else file["labels"][()],
         attractors=attractors,
@@ -305,5 +307,6 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         coordinates=coordinates,
         settings=json.loads(get_text(file, "settings")),
         inaccurate=get_number(file, "inaccurate"),
+        undecided={reason: int(n) for reason, n in json.loads(reasons).items()},
         cost=Cost(**json.loads(get_text(file, "cost"))),
     )
