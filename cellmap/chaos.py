@@ -153,7 +153,7 @@ def _tested(
     reasons[chaotic] = Reason.TRANSIENT
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
-    reasons[_returns(point_map, points, extent)] = Reason.UNSTABLE
+    reasons[_returns(point_map, points, extent)] = Reason.PERIODIC
     return exponents, reasons
 
 

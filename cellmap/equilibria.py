@@ -16,7 +16,8 @@ from .periodic import resolution
 from .pointmap import PointMap, follow
 from .settling import AT_REST, boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
 
-_PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent
+_PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
+_RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region
 _THIN = 1e-9  # width of boxes along directions in which the set does not reach, relative to the resolution
 _BOXES = 32  # along the set
 _MOST_BOXES = 20_000
@@ -87,12 +88,13 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):
         return None
     unit = np.eye(d) * extent
+    probe = np.maximum(_PROBE, _RESOLVED * resolution(place, extent) / extent)
     wide = np.array(
-        [_rests(exact, place + _PROBE * np.array([[1.0], [-1.0]]) * unit[j], extent).any() for j in range(d)]
+        [_rests(exact, place + probe[j] * np.array([[1.0], [-1.0]]) * unit[j], extent).any() for j in range(d)]
     )
     if not wide.any() or wide.all():
         return None
-    reaches = np.array([_reach(exact, place, unit[j], extent) if wide[j] else 0.0 for j in range(d)])
+    reaches = np.array([_reach(exact, place, unit[j], extent, probe[j]) if wide[j] else 0.0 for j in range(d)])
     across = min(_BOXES, int(_MOST_BOXES ** (1.0 / np.count_nonzero(wide))) // 2)
     turn = turns_of(exact.coordinates)[1]
     widths = np.where(wide, 2.0 * reaches * extent / across, _THIN * resolution(place, extent))
@@ -118,10 +120,9 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
 
 
 def _reach(
-    exact: PointMap, place: NDArray[np.float64], unit: NDArray[np.float64], extent: NDArray[np.float64]
+    exact: PointMap, place: NDArray[np.float64], unit: NDArray[np.float64], extent: NDArray[np.float64], reach: float
 ) -> float:
-    """Return how far the equilibria reach along an axis, the farther way, in units of the extent."""
-    reach = _PROBE
+    """Return how far the equilibria reach along an axis, the farther way, in units of the extent; at least `reach`."""
     for factor in (2.0, 1.05):
         while reach * factor <= 0.5:
             beyond = place + factor * reach * np.array([[1.0], [-1.0]]) * unit

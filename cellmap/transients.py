@@ -26,7 +26,7 @@ class Reason(StrEnum):
     REGULAR = "not converged, and not clearly chaotic"
     LATE = "converges after more periods"
     ENDING = "escapes or diverges after more periods"
-    UNSTABLE = "on an unstable periodic orbit"
+    PERIODIC = "on a periodic orbit that is not verified to attract"
     CONSERVATIVE = "chaotic, but volumes do not shrink"
     TRANSIENT = "chaotic transient"
     KNOWN = f"on a known chaotic attractor, for less than {RESIDENCE} periods"

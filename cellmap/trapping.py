@@ -23,6 +23,7 @@ _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
 _FLIPPING = -0.9  # multiplier below which two rounds are taken together
 _PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
+_NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
 
 
@@ -46,7 +47,8 @@ def trapping_neighbourhood(
     attractor : Attractor
         A periodic attractor.
     extent : ndarray, shape (dimension,)
-        Size of the region of interest; no half-width of an ellipsoid is larger than a quarter of it.
+        Size of the region of interest; no half-width of an ellipsoid is larger than a quarter of it, unless the
+        attractor lies more than a million times as far away from the origin.
 
     Returns
     -------
@@ -55,6 +57,8 @@ def trapping_neighbourhood(
     """
     exact = point_map.exact or point_map
     turn = turns_of(exact.coordinates)[1]
+    # Rounding far away from the origin would hide all that happens in a tiny region.
+    extent = extent * max(1.0, float((_NARROWEST * np.abs(attractor.points) / extent).max()))
     reach = _FARTHEST * (1.0 + np.abs(attractor.points).max(axis=0))
     limit = np.minimum(np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0, reach)
     rounds = _rounds(attractor)
