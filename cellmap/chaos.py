@@ -24,6 +24,8 @@ _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
 _BOXES = 64
+_FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart,
+_ASIDE = 0.382  # nor on which side of an edge they are, where the map has its ends or its middle there
 _LONGEST_RETURN = 128
 
 
@@ -113,11 +115,11 @@ def examine(
     rows, history, exponents = rows[orbit.alive], history[:, orbit.alive], exponents[orbit.alive]
     if not len(rows):
         return Examination((), tuple(map(Reason, reasons)))
-    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map)
+    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map, reach)
     met = [a.points for a in known if a.kind is Kind.CHAOTIC]
     clouds = [*history.swapaxes(0, 1), *met, *followed.transients]
     found = []
-    for group in _groups(clouds, lower, widths, point_map):
+    for group in _groups(clouds, lower - _ASIDE * widths, widths, point_map):
         mine = group[group < len(rows)]
         if len(mine) < len(group):
             among = (group >= len(rows)) & (group < len(rows) + len(met))
@@ -195,11 +197,13 @@ def lyapunov_exponents(
     return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 
 
-def _lattice(points: NDArray[np.float64], point_map: PointMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lattice(
+    points: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
     cut, turn = turns_of(point_map.coordinates)
     lower = np.where(turn > 0, cut, points.min(axis=0))
-    span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), 1e-12))
+    span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), _FLAT * extent))
     return lower, span / _BOXES
 
 

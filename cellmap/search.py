@@ -20,6 +20,7 @@ from .settling import Catalogue, settle
 from .signatures import checked
 from .trapping import trapping_neighbourhood
 
+_LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before ends are polished for the first time
 _LOOKED_AT = 256  # ends among which those to be polished are chosen
 _REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
@@ -125,7 +126,9 @@ def sort_out(
     examined: Examined,
 ) -> tuple[Orbits, list[Attractor]]:
     """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
-    while len(orbits):
+    for _ in range(_LOOKS):
+        if not len(orbits):
+            break
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
         fresh += sets_of_equilibria(point_map, orbits.points, extent, attractors)
         if not fresh:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import cos, pi, sin, tanh
 
 import numpy as np
 import pytest
@@ -22,6 +22,12 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.kernels.cells import unravel
+
+
+def spiral(x, p):
+    """Turn by a fixed angle, and bring the radius closer to 1."""
+    stretch = 1.0 + p.pull * (1.0 - x[0] * x[0] - x[1] * x[1])
+    return stretch * (p.c * x[0] - p.s * x[1]), stretch * (p.s * x[0] + p.c * x[1])
 
 
 def unravelled(images):
@@ -259,6 +265,27 @@ class TestBasins:
             polished = mapping.basins().attractors[0]
             assert polished.period == period
             assert np.sort(attractor.points[:, 0]) == pytest.approx(np.sort(polished.points[:, 0]), abs=0.01)
+
+    @pytest.mark.parametrize(("rotation", "cells"), [(1.0, 400), (2.0**0.5, 400), (2.0, 60), (2.0, 400)])
+    def test_without_polish_an_invariant_circle_is_one(self, rotation, cells):
+        """Groups of 22 to 44 cells on the unit circle that do not touch; a cell beside one belongs to another."""
+        turning = discrete_map(spiral, {"c": cos(rotation), "s": sin(rotation), "pull": 0.3}, ("x", "y"))
+        mapping = simple_cell_mapping(turning, CellGrid((-2, -2), (2, 2), (cells, cells)))
+        assert len(mapping.group_periods) >= 3
+        centre, circle = mapping.basins(polish=False).attractors
+        assert np.hypot(*centre.points.T) == pytest.approx(0.0, abs=6.0 / cells)
+        assert np.hypot(*circle.points.T) == pytest.approx(1.0, abs=20.0 / cells)
+        assert len(np.unique(circle.points, axis=0)) == circle.period
+
+    @pytest.mark.parametrize("cells", [10, 11, 50, 51])
+    def test_without_polish_wells_stay_apart(self, cells):
+        """tanh(2 x) has sinks at +-0.9575, and a fixed point at 0 that no cell beside it goes back to."""
+        wells = discrete_map(lambda x, p: (tanh(2 * x[0]),), {}, ("x",))
+        basins = simple_cell_mapping(wells, CellGrid((-2.0,), (2.0,), (cells,))).basins(polish=False)
+        labels = basins.labels
+        assert len(basins.attractors) == 3
+        assert labels[0] != labels[-1]
+        assert (labels[: cells // 2 - 1] == labels[0]).all() and (labels[-(cells // 2) + 1 :] == labels[-1]).all()
 
     def test_a_chaotic_attractor_is_one(self):
         mapping = simple_cell_mapping(systems.logistic_map(4.0), CellGrid((0.0,), (1.0,), (1000,)))

@@ -20,7 +20,7 @@ from ..pointmap import PointMap
 from ..signatures import checked
 from ..threads import run_over, slices
 from .images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
-from .recurrent import adjacent_sets, basins_from_cells, polished_sets
+from .recurrent import adjacent_sets, basins_from_cells, exchanging_sets, polished_sets
 from .windows import overlap, places_in
 
 _UNKNOWN = -3
@@ -102,7 +102,9 @@ class CellMapping:
         polish : bool, optional
             Follow each group by the exact map and label it with the attractor that it comes to, so that groups that
             stand for one attractor are merged, and groups that are none are seen through.  Otherwise groups are
-            attractors, and those with cells side by side are one.
+            attractors; those with cells side by side are one, and so are those between which orbits change, both ways,
+            when they are moved by one cell.  A quasi-periodic attractor is listed as periodic, and as several where it
+            attracts so weakly that rounding to centres keeps its groups further apart than that.
         max_periods, max_period, attractors : optional
             As in :func:`find_basins`, for this following.
 
@@ -122,7 +124,9 @@ class CellMapping:
         else:
             images = self.images.ravel()
             hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)
-            found, labels = adjacent_sets(self.grid, self.point_map.coordinates, cells, owners, images[cells], hits)
+            alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel())
+            coordinates = self.point_map.coordinates
+            found, labels = adjacent_sets(self.grid, coordinates, cells, owners, images[cells], hits, alike=alike)
         return basins_from_cells(
             self.point_map if polish else None,
             self.grid,

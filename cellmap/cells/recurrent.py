@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,7 @@ def adjacent_sets(
     images: NDArray[np.int64],
     weights: NDArray[np.float64],
     periods: NDArray[np.int64] | None = None,
+    alike: NDArray[np.int64] | None = None,
 ) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
     """Return sets of cells as attractors, those that touch as one, and each set's label.
 
@@ -89,7 +90,9 @@ def adjacent_sets(
     weights : ndarray, shape (n,)
         What the cells weigh; the points of an attractor begin at the heaviest.
     periods : ndarray of int, optional
-        Period of each set; by default the number of clusters of cells in which it lies.
+        Period of each set; by default the number of clusters of cells in which it lies, or of cells on its cycle.
+    alike : ndarray of int, shape (2, n), optional
+        Pairs of sets that are one as well.
 
     Returns
     -------
@@ -103,13 +106,14 @@ def adjacent_sets(
     touching = _touching(grid, cells)
     cluster = _joined(len(cells), touching)
     first = np.unique(owners, return_index=True)[1]
-    whole = _joined(len(cells), np.concatenate([touching, np.stack([first[owners], np.arange(len(cells))])], axis=1))
+    pairs = [touching, np.stack([first[owners], np.arange(len(cells))])] + ([] if alike is None else [first[alike]])
+    whole = _joined(len(cells), np.concatenate(pairs, axis=1))
     found = []
     by_set = np.argsort(whole, kind="stable")
     for rows in np.split(by_set, np.cumsum(np.bincount(whole))[:-1]):
         start = rows[np.argmax(weights[rows])]
         period = len(np.unique(cluster[rows])) if periods is None else int(periods[owners[start]])
-        path = _path(cells, images, start, period)
+        path = _path(cells, images, start, period, closed=periods is None)
         still = period == 1 and len(rows) <= 3**grid.dimension
         found.append(_unverified(still, centres_of(grid, path), coordinates))
     ranks = sorted(range(len(found)), key=lambda k: sort_key(found[k]))
@@ -118,21 +122,55 @@ def adjacent_sets(
     return tuple(found[k] for k in ranks), label[whole[first]]
 
 
-def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return pairs of places in a sorted list of cells whose cells share a corner, shape (2, pairs)."""
+def exchanging_sets(
+    grid: CellGrid, cells: NDArray[np.int64], owners: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return pairs of sets between which an orbit changes, both ways, when it is moved by one cell; shape (2, pairs).
+
+    Rounding to centres moves an orbit by up to half a cell in each step, so that a mapping cannot distinguish such sets.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        Where the cells are.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    ends : ndarray of int, shape (grid.size,)
+        The set in which each cell of the grid ends, negative for none.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(cells):
+        return np.empty((2, 0), np.int64)
+    moves = np.concatenate([(owners[rows], ends[there]) for rows, there in _neighbours(grid, cells)], axis=1)
+    origin, end = moves[:, moves[1] >= 0]
+    count = int(owners.max()) + 1
+    graph = coo_array((np.ones(len(origin), np.int8), (origin, end)), shape=(count, count))
+    strong = connected_components(graph, connection="strong")[1]
+    return np.stack([np.arange(count), np.unique(strong, return_index=True)[1][strong]])
+
+
+def _neighbours(grid: CellGrid, cells: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield, for each direction to a cell that shares a corner, the cells by their places, and their neighbours."""
     index = np.stack(np.unravel_index(cells, grid.shape))
     shape, wraps = np.array(grid.shape)[:, None], np.array(grid.wraps)[:, None]
-    pairs = [np.empty((2, 0), np.int64)]
     for step in itertools.product((-1, 0, 1), repeat=grid.dimension):
-        if step <= (0,) * grid.dimension:
+        if not any(step):
             continue
         moved = index + np.array(step)[:, None]
         moved = np.where(wraps, moved % shape, moved)
         inside = ((moved >= 0) & (moved < shape)).all(axis=0)
-        there = np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
+        yield np.flatnonzero(inside), np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
+
+
+def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return pairs of places in a sorted list of cells whose cells share a corner, shape (2, pairs)."""
+    pairs = [np.empty((2, 0), np.int64)]
+    for rows, there in _neighbours(grid, cells):
         place = np.minimum(np.searchsorted(cells, there), len(cells) - 1)
         known = cells[place] == there
-        pairs.append(np.stack([np.flatnonzero(inside)[known], place[known]]))
+        pairs.append(np.stack([rows[known], place[known]]))
     return np.concatenate(pairs, axis=1)
 
 
@@ -145,11 +183,16 @@ def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _path(cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int) -> NDArray[np.int64]:
-    """Follow cells for some steps, by places in a sorted list of cells and their images."""
+def _path(
+    cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int, closed: bool
+) -> NDArray[np.int64]:
+    """Follow cells for some steps, by places in a sorted list of cells and their images; once round, where it closes."""
     path = [row]
     while len(path) < length:
-        path.append(int(np.searchsorted(cells, images[path[-1]])))
+        following = int(np.searchsorted(cells, images[path[-1]]))
+        if closed and following == row:
+            break
+        path.append(following)
     return cells[path]
 
 
