@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from math import isclose, pi
 from typing import Any
 
@@ -66,6 +67,11 @@ class Cover:
     widths: NDArray[np.float64]
     boxes: NDArray[np.int64]
     certain: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def corners(self) -> NDArray[np.int64]:
+        """Least and largest place of the boxes along each axis, shape (2, dimension)."""
+        return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])
 
 
 @dataclass(frozen=True, eq=False)

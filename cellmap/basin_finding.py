@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .attractor import Attractor, sort_key
-from .basins import HELD, LABEL_NAMES, Basins, basins_disk, basins_memory
+from .attractor import Attractor
+from .basins import HELD, Basins, basins_disk, basins_memory
 from .chaos import chaotic_attractors, examine
 from .checks import claim_disk, claim_memory, warn_caller, whole_number
 from .files import as_target, locked
@@ -23,7 +23,7 @@ from .fingerprint import PROBES, fingerprint
 from .grid import CellGrid
 from .label_tiles import Batch, Labelling
 from .orbit_batch import CHUNK, Cost, Orbits
-from .passes import Kept, Pass
+from .passes import Kept, Pass, in_use
 from .pointmap import PointMap, ToleranceWarning
 from .search import Examined, check_attractors, region_extent, search, sort_out
 from .settling import UNDECIDED, Settled
@@ -54,7 +54,8 @@ def find_basins(
 
     Every start is iterated until it is inside a neighbourhood that is verified to belong to an attractor; see
     :func:`find_attractors` for how those are found.  Starts that are left after many periods are searched for further
-    attractors, so that small basins are found too.
+    attractors, so that small basins are found too.  Those that are left in the end are undecided: chaotic transients,
+    for instance, and starts that did not stay among the boxes of a chaotic attractor for 64 periods.
 
     Parameters
     ----------
@@ -128,12 +129,12 @@ def find_basins(
                 "rtol and atol, or allow more steps with max_steps",
                 ToleranceWarning,
             )
-        in_use, renumber = _in_use(found.attractors, kept)
+        used, renumber = in_use(found.attractors, kept)
 
         def picture(labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
             return Basins(
                 labels=labels,
-                attractors=in_use,
+                attractors=used,
                 settling_time=times,
                 grid=places.grid,
                 starts=places.given,
@@ -188,19 +189,6 @@ def _kept(
     claim_memory(f"labelling {total:,} starts", basins_memory(total, checkpoint=True), "free some")
     claim_disk(f"checkpoint={str(path)!r}", basins_disk(total), path, "take fewer starts, or another disk")
     return kept
-
-
-def _in_use(
-    attractors: tuple[Attractor, ...], kept: Kept
-) -> tuple[tuple[Attractor, ...], Callable[[NDArray[np.int16]], NDArray[np.int16]]]:
-    """Order the attractors, without those that no start ends on; also return what numbers the labels accordingly."""
-    used = np.flatnonzero(kept.used(len(attractors))).tolist()
-    used.sort(key=lambda k: sort_key(attractors[k]))
-    lowest = min(LABEL_NAMES)
-    numbers = np.arange(lowest, len(attractors), dtype=np.int16)
-    for new, old in enumerate(used):
-        numbers[old - lowest] = new
-    return tuple(attractors[k] for k in used), lambda labels: numbers[labels - lowest]
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +288,7 @@ class _Run:
         return replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon, repeats=0, undecided=None)
 
     def _find_more(self, now: Pass, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
-        """Search the orbits that are left for further attractors; return all, and why orbits of the last pass are left."""
+        """Search the orbits that are left for further attractors; return all, and why the last pass leaves orbits."""
         extent, age = now.examined.extent, now.horizon
         left, attractors = sort_out(
             self.point_map, states, list(now.attractors), self.max_period, extent, age, now.examined

@@ -125,8 +125,8 @@ class Basins:
     inaccurate : int
         Starts on whose way the integrator missed its tolerance.
     undecided : mapping of str to int
-        Why initial conditions are undecided: reasons, as in :class:`Reason`, and how many orbits have each.  At most 32
-        of the undecided orbits are examined, evenly spread; empty where none is undecided.
+        Why initial conditions are undecided: reasons, in words, and how many orbits have each.  At most 32 of the
+        undecided orbits are examined, evenly spread; empty where none is undecided.
     cost : Cost
         Wall time and number of steps of the map.
     point_map : PointMap or None

@@ -146,7 +146,7 @@ def examine(
 def _tested(
     point_map: PointMap, points: NDArray[np.float64], extent: NDArray[np.float64], periods: int
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT if it may be on an attractor."""
+    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic."""
     exponents, errors = lyapunov_exponents(point_map, points, periods)
     with np.errstate(invalid="ignore"):
         chaotic = exponents.max(axis=-1) > np.maximum(5.0 * errors, 1e-3)

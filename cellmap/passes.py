@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .attractor import Attractor
-from .basins import Basins
+from .attractor import Attractor, sort_key
+from .basins import LABEL_NAMES, Basins
 from .orbit_batch import CHUNK, NOTHING, Tally
 from .search import Examined
 from .settling import UNDECIDED, Settled
@@ -24,8 +24,8 @@ class Pass:
 
     ``rows``: starts that are labelled; ``legs``: periods after which earlier passes, with the same attractors, looked
     at those that went on, and which they have behind them now; ``horizon``: periods after which this one does;
-    ``repeats``: passes up to that horizon before this one, with fewer attractors; ``undecided``: starts that the last of
-    them left; ``tally``: what all passes before it took.
+    ``repeats``: passes up to that horizon before this one, with fewer attractors; ``undecided``: starts that the last
+    of them left; ``tally``: what all passes before it took.
     """
 
     attractors: tuple[Attractor, ...]
@@ -100,3 +100,16 @@ class Kept:
 
     def forget(self) -> None:
         """Give back memory whose contents are kept elsewhere."""
+
+
+def in_use(
+    attractors: tuple[Attractor, ...], kept: Kept
+) -> tuple[tuple[Attractor, ...], Callable[[NDArray[np.int16]], NDArray[np.int16]]]:
+    """Order the attractors, without those that no start ends on; also return what numbers the labels accordingly."""
+    used = np.flatnonzero(kept.used(len(attractors))).tolist()
+    used.sort(key=lambda k: sort_key(attractors[k]))
+    lowest = min(LABEL_NAMES)
+    numbers = np.arange(lowest, len(attractors), dtype=np.int16)
+    for new, old in enumerate(used):
+        numbers[old - lowest] = new
+    return tuple(attractors[k] for k in used), lambda labels: numbers[labels - lowest]

@@ -54,7 +54,7 @@ class Catalogue:
             np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
             np.array([k for k, n in regions for _ in n.centres], np.int64),
             tuple(
-                (k, a.cover, box_keys(a.cover.boxes, a.cover.boxes))
+                (k, a.cover, box_keys(a.cover.boxes, a.cover.corners))
                 for k, a in enumerate(attractors)
                 if a.cover is not None
             ),
@@ -200,8 +200,8 @@ def inside_cover(
     cover: Cover, points: NDArray[np.float64], point_map: PointMap, keys: NDArray[np.int64] | None = None
 ) -> NDArray[np.bool_]:
     """Tell which points lie in the boxes of a cover; its sorted keys may be given."""
-    known = box_keys(cover.boxes, cover.boxes) if keys is None else keys
-    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
+    known = box_keys(cover.boxes, cover.corners) if keys is None else keys
+    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
     place = np.minimum(np.searchsorted(known, places), len(known) - 1)
     return np.asarray(known[place] == places)
 
@@ -215,7 +215,7 @@ def _held(
     keys: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
     """Tell which points are in boxes of equilibria for certain, or rest in one of the others."""
-    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.boxes)
+    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
     place = np.minimum(np.searchsorted(keys, places), len(keys) - 1)
     with np.errstate(invalid="ignore"):
         rests = (np.abs(points - before) <= AT_REST * (1.0 + np.abs(points))).all(axis=-1)

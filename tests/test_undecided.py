@@ -1,4 +1,4 @@
-"""Basins come to an end: known chaotic attractors are recognised, passes are bounded, and undecided orbits have reasons."""
+"""Basins come to an end: known chaotic attractors are recognised, passes are bounded, undecided orbits have reasons."""
 
 from __future__ import annotations
 
@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, Kind, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap import basin_finding
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Kind,
+    angle,
+    basin_finding,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    stroboscopic_map,
+)
 from cellmap.basin_finding import _REPEATS
 from cellmap.chaos import Examination, chaotic_attractors, examine
 from cellmap.equilibria import sets_of_equilibria

@@ -124,7 +124,7 @@ class CellMapping:
         else:
             images = self.images.ravel()
             hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)
-            alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel())
+            alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel().astype(np.int64))
             coordinates = self.point_map.coordinates
             found, labels = adjacent_sets(self.grid, coordinates, cells, owners, images[cells], hits, alike=alike)
         return basins_from_cells(

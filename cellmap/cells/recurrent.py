@@ -127,7 +127,7 @@ def exchanging_sets(
 ) -> NDArray[np.int64]:
     """Return pairs of sets between which an orbit changes, both ways, when it is moved by one cell; shape (2, pairs).
 
-    Rounding to centres moves an orbit by up to half a cell in each step, so that a mapping cannot distinguish such sets.
+    Rounding to centres moves an orbit by up to half a cell in each step: a mapping cannot distinguish such sets.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
 def _path(
     cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int, closed: bool
 ) -> NDArray[np.int64]:
-    """Follow cells for some steps, by places in a sorted list of cells and their images; once round, where it closes."""
+    """Follow cells for some steps, by places in a sorted list of cells and their images, or until they close."""
     path = [row]
     while len(path) < length:
         following = int(np.searchsorted(cells, images[path[-1]]))
