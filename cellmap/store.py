@@ -295,7 +295,6 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
             raise ValueError(f"{name} are not between {lowest} and {highest}")
     if not in_file:
         claim_memory(f"labels of {file.file.filename}", basins_memory(math.prod(shape)), "close other programs")
-    reasons = get_text(file, "undecided") if "undecided" in file.attrs or ".undecided" in file else "{}"
     return Basins(
         labels=np.zeros(0, np.int16) if in_file else file["labels"][()],
         attractors=attractors,
@@ -307,6 +306,6 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         coordinates=coordinates,
         settings=json.loads(get_text(file, "settings")),
         inaccurate=get_number(file, "inaccurate"),
-        undecided={reason: int(n) for reason, n in json.loads(reasons).items()},
+        undecided=json.loads(get_text(file, "undecided")) if "undecided" in file.attrs else {},
         cost=Cost(**json.loads(get_text(file, "cost"))),
     )

@@ -490,7 +490,7 @@ def test_records_that_are_stored_are_known_to_this_test():
     """A new field must be added to the store, and then here."""
     assert {f.name for f in fields(Basins)} == {
         *("labels", "attractors", "settling_time", "grid", "starts", "name", "params", "coordinates", "settings"),
-        *("inaccurate", "cost", "point_map"),
+        *("inaccurate", "undecided", "cost", "point_map"),
     }
     assert {f.name for f in fields(Attractor)} == {
         *("kind", "period", "points", "turns", "multipliers", "exponents", "coordinates", "neighbourhood", "cover"),
