@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .attractor import Attractor, distinct_names
 from .basins import LABEL_NAMES
+from .checks import one_of
 from .coordinates import Coordinate
 from .grid import CellGrid
 from .orbit_batch import Cost
@@ -108,6 +109,7 @@ class BasinContinuation:
     @checked
     def label_name(self, label: int) -> str:
         """Return what a label stands for: the name of the attractor where it was first met."""
+        one_of("label", label, (*self.labels, *LABEL_NAMES))
         if label < 0:
             return LABEL_NAMES[label]
         return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor, distinct_names
-from .checks import affordable_number, random_numbers
+from .checks import affordable_number, one_of, random_numbers
 from .coordinates import Coordinate
 from .grid import CellGrid
 from .orbit_batch import CHUNK, Cost, Orbits
@@ -154,6 +154,7 @@ class Basins:
     @checked
     def label_name(self, label: int) -> str:
         """Return what a label stands for."""
+        one_of("label", label, (*range(len(self.attractors)), *LABEL_NAMES))
         return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .branch import Bifurcation, BifurcationKind, Branch
-from .checks import finite_number, whole_number
+from .checks import finite_number, shown, whole_number
 from .coordinates import wrap
 from .multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .orbit_problem import OrbitProblem, orbit_problem
@@ -115,8 +115,6 @@ def continue_bifurcation(
     >>> bool((abs(a - 0.75 * (1 - b)**2) < 1e-10).all())
     True
     """
-    if not isinstance(branch, Branch) or not isinstance(bifurcation, Bifurcation):
-        raise TypeError(f"branch={branch!r}, bifurcation={bifurcation!r}: give a Branch and one of its bifurcations")
     if bifurcation.kind is BifurcationKind.TRANSCRITICAL:
         raise ValueError(
             f"bifurcation={bifurcation!r}: a second parameter destroys it; for an equilibrium that stays where it is "
@@ -124,9 +122,9 @@ def continue_bifurcation(
         )
     exact = branch.point_map.with_params(**{branch.name: bifurcation.value})
     names = (branch.name, name)
-    if name not in exact.params or name == branch.name:
+    if not isinstance(name, str) or name not in exact.params or name == branch.name:
         others = sorted(set(exact.params) - {branch.name})
-        raise ValueError(f"name={name!r}: give another parameter of this map, one of {others}")
+        raise ValueError(f"name={shown(name)}: give another parameter of this map, one of {others}")
     box = (_interval("first", first, bifurcation.value), _interval("second", second, exact.params[name]))
     longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])

@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from keyword import iskeyword
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -71,7 +71,7 @@ def finite_number(
         raise ValueError(f"{name}={shown(value)}: give a number of at least {at_least:g}")
     if at_most is not None and not number <= at_most:
         raise ValueError(f"{name}={shown(value)}: give a number of at most {at_most:g}")
-    return number
+    return number + 0.0  # generators of random numbers take -0.0 for a negative number
 
 
 def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62) -> int:
@@ -121,6 +121,14 @@ def listed(name: str, value: Any) -> tuple[Any, ...]:
         return tuple(value)
     except TypeError:
         raise TypeError(f"{name}={shown(value)}: give a sequence") from None
+
+
+def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns that was given as an argument; where it fails, say which one it was."""
+    try:
+        return function(*arguments)
+    except Exception as error:
+        raise ValueError(f"{name}={shown(function)} fails, {type(error).__name__}: {error}") from error
 
 
 def random_numbers(seed: int) -> np.random.Generator:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, pi
+from math import inf, isfinite, nan, pi
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from .checks import listed, real_number, shown
+from .checks import finite_points, listed, real_number, shown
+from .kernels.blocks import MOST_TURNS
 from .signatures import checked
 
 
@@ -113,14 +114,31 @@ def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], ND
     return lower, turn
 
 
+def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase."""
+    states = finite_points(name, points, len(coordinates))
+    for j, c in enumerate(coordinates):
+        if c.turn is None or not states.size:
+            continue
+        angles, most = states[..., j], MOST_TURNS * c.turn
+        if angles.min() <= -most or angles.max() >= most:
+            far = np.argwhere(np.abs(angles) >= most)[0]
+            raise ValueError(
+                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} turns of {c.turn:g} and beyond "
+                "numbers are too far apart for an angle to have a phase; give it within a few turns"
+            )
+    return states
+
+
 def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return points (..., dimension) with every angle in its turn."""
+    """Return points (..., dimension) with every angle in its turn; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
         if c.turn is not None and c.lower is not None:
             angles = wrapped[..., j]
             inside = (angles >= c.lower) & (angles < c.lower + c.turn)
-            turned = np.maximum(angles - np.floor((angles - c.lower) / c.turn) * c.turn, c.lower)
+            whole = np.floor((angles - c.lower) / c.turn)
+            turned = np.maximum(angles - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * c.turn, c.lower)
             wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.turn, c.lower, turned))
     return wrapped
 

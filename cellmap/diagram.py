@@ -9,8 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import claim_memory, finite_number, finite_points, monotone_values, one_of, whole_number
-from .coordinates import Coordinate, difference, turns_of, wrap
+from .checks import (
+    claim_memory,
+    finite_number,
+    finite_points,
+    known_parameter,
+    monotone_values,
+    one_of,
+    real_array,
+    whole_number,
+)
+from .coordinates import Coordinate, difference, state_points, turns_of, wrap
 from .exponents import exponents_along, exponents_of_cycles, swept_derivatives
 from .following import Recorded, record_each, record_followed
 from .orbit_batch import Status
@@ -168,10 +177,10 @@ def bifurcation_diagram(
     (array([1, 2, 4, 0]), array([False, False, False,  True]))
     """
     exact = point_map.exact or point_map
-    swept = swept_map(exact, name)
+    swept = swept_map(exact, known_parameter("name", name, exact.params))
     d = exact.dimension
     axis = np.sort(monotone_values("values", values))
-    given = finite_points("start", start, d)
+    given = state_points("start", start, point_map.coordinates)
     if not 1 <= given.ndim <= 2 or not given.size:
         raise ValueError(f"start has shape {given.shape}: give one start, or several in an array (starts, {d})")
     one_of("follow", follow, tuple(_DIRECTIONS))
@@ -183,7 +192,8 @@ def bifurcation_diagram(
             f"max_period={max_period!r}: a period shows in twice as many steps; give periods={2 * max_period}"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
-    shift = finite_points("nudge", np.full(d, nudge) if np.ndim(nudge) == 0 else nudge, d)
+    shift = real_array("nudge", nudge)
+    shift = finite_points("nudge", np.full(d, shift) if shift.ndim == 0 else shift, d)
     directions = tuple(way for way in _DIRECTIONS[follow] for _ in given.reshape(-1, d))
     starts = np.tile(wrap(given.reshape(-1, d), exact.coordinates), (len(_DIRECTIONS[follow]), 1))
     samples = len(directions) * axis.size * periods

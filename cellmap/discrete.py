@@ -15,7 +15,7 @@ from .codegen.machine_code import MachineCode
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
-from .kernels.blocks import pack, unpack, wrap_rows
+from .kernels.blocks import pack, unpack
 from .kernels.frames import carrying
 from .kernels.options import LANES
 from .orbit_batch import Orbits, Status
@@ -75,7 +75,10 @@ def discrete_map(
     _check_components(function, values, axes)
     timeless = _timeless(function)
     symbolic = traces_faithfully(timeless, d, values)
-    kernel = discrete_kernel(timeless, d, names, False, symbolic)
+    try:
+        kernel = discrete_kernel(timeless, d, names, False, symbolic)
+    except TypeError as error:
+        raise TypeError(f"function={shown(function)}: {error}") from error
     parameters = np.array([float(v) for v in values.values()])
     lower, turn = turns_of(axes)
 
@@ -83,7 +86,7 @@ def discrete_map(
         for _ in range(periods):
             for now in orbits.living():
                 _apply(kernel, parameters, now)
-                wrap_rows(now.points, now.turns, lower, turn)
+                now.wrap(lower, turn)
 
     @functools.cache
     def with_tangent() -> Callable[..., Any] | None:

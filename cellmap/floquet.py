@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import claim_memory, finite_number, finite_points
+from .checks import claim_memory, finite_number, shown
 from .codegen.kernel import traces_faithfully
 from .codegen.linear import LinearKernel, linear_kernel, values
+from .coordinates import state_points
 from .crossings import Matrices
 from .flow import Flow, steps_of_harmonics
 from .multipliers import multipliers_of, unstable_count
@@ -275,12 +276,12 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
             "give a system without switches (no dry friction)"
         )
     tolerance = finite_number("rtol", rtol, at_least=1e-14, at_most=1e-2)
-    state = finite_points("equilibrium", equilibrium, system.dimension)
+    state = state_points("equilibrium", equilibrium, system.axes)
     if state.ndim != 1:
         raise ValueError(f"equilibrium has shape {state.shape}: give one state")
     for name in swept:
-        if name not in system.params:
-            raise ValueError(f"parameters has {name!r}: this system has {sorted(system.params)}")
+        if not isinstance(name, str) or name not in system.params:
+            raise ValueError(f"parameters has {shown(name)}: this system has {sorted(system.params)}")
     period = system.period if callable(system.period) else None
     compiled = None
     if traces_faithfully(system.rhs, system.dimension, system.params):

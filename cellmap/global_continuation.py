@@ -14,8 +14,8 @@ from .attractor import Attractor, Kind
 from .basin_continuation import BasinContinuation, ContinuationInterrupt, number_of_starts
 from .basin_finding import find_basins
 from .basins import LABEL_NAMES, Basins, basins_memory
-from .checks import claim_memory, finite_number, finite_points, monotone_values, whole_number
-from .coordinates import wrap
+from .checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
+from .coordinates import state_points, wrap
 from .grid import CellGrid
 from .matching import match_attractors, thinned
 from .orbit_batch import Cost
@@ -107,11 +107,12 @@ def continue_basins(
            [0. , 0.5, 0.5],
            [0. , 0.5, 0.5]])
     """
+    known_parameter("name", name, point_map.params)
     axis = monotone_values("values", values)
     given = (
         starts.on(point_map.coordinates, "starts")
         if isinstance(starts, CellGrid)
-        else finite_points("starts", starts, point_map.dimension)
+        else state_points("starts", starts, point_map.coordinates)
     )
     total = number_of_starts(given)
     if not total:

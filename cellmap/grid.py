@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
 from .coordinates import Coordinate
+from .kernels.blocks import MOST_TURNS
 from .signatures import checked
 
 
@@ -61,7 +62,7 @@ class CellGrid:
             object.__setattr__(self, name, tuple(np.atleast_1d(values).tolist()))
         counts = self.shape if is_sequence(self.shape) else (self.shape,)
         object.__setattr__(self, "shape", tuple(whole_number("shape", n, at_least=1) for n in counts))
-        if not is_sequence(self.wraps):
+        if not is_sequence(self.wraps) or not all(isinstance(w, bool | np.bool_) for w in self.wraps):
             raise TypeError(f"wraps={shown(self.wraps)}: give True or False for each coordinate")
         object.__setattr__(self, "wraps", tuple(map(bool, self.wraps)) or (False,) * len(self.lower))
         given = {name: getattr(self, name) for name in ("lower", "upper", "shape", "wraps")}
@@ -171,6 +172,10 @@ class CellGrid:
             excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
             if excess > 1e-9:
                 raise ValueError(f"{name} covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
+            if c.turn is not None and max(-a, b) >= MOST_TURNS * c.turn:
+                raise ValueError(
+                    f"{name} lies {max(-a, b) / c.turn:.0e} turns off in {c}, which has no phase there: shift it"
+                )
             wraps.append(excess > -1e-9)
         return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))
 

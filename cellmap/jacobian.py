@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_points, whole_number
-from .coordinates import difference, wrap
+from .checks import whole_number
+from .coordinates import difference, state_points, wrap
 from .orbit_batch import Orbits
 from .pointmap import PointMap, follow
 from .signatures import checked
@@ -84,7 +84,7 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
            [ 0.3,  0. ]])
     """
     exact = point_map.exact or point_map
-    starts = finite_points("points", points, exact.dimension)
+    starts = state_points("points", points, exact.coordinates)
     return tangent(exact, starts, whole_number("periods", periods))[1]
 
 

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels.blocks import wrap_rows
+
 CHUNK = 16384
 """Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
 
@@ -26,7 +28,8 @@ class Status(IntEnum):
     ESCAPED = 2
     """The orbit left the table of an interpolated map."""
     DIVERGED = 3
-    """The orbit grew beyond all bounds, or the right-hand side was not finite on it, or no step was short enough."""
+    """The orbit grew beyond all bounds, an angle to 1e15 turns, where it has no phase; or the right-hand side was not
+    finite on it, or no step was short enough."""
     NO_RETURN = 4
     """The orbit did not come back to the section of a map of first returns."""
 
@@ -139,6 +142,11 @@ class Orbits:
             some = self[alive]
             yield some
             self[alive] = some
+
+    def wrap(self, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+        """Bring angles into their turn, and end orbits whose angle is so large that it has no phase."""
+        if wrap_rows(self.points, self.turns, lower, turn):
+            self.end(np.flatnonzero(np.isnan(self.points).any(axis=1) & self.alive), Status.DIVERGED)
 
     def end(self, where: NDArray[Any], status: Status) -> None:
         """Mark orbits as ended."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .attractor import Attractor
-from .checks import claim_memory
+from .checks import claim_memory, known_parameter
 from .coordinates import difference
 from .crossings import Matrices
 from .orbit import PeriodicOrbit
@@ -212,8 +212,7 @@ def follow_over(
     Derivatives by the parameters foresee where it moves.  A point has no orbit if none of its neighbours leads there.
     """
     exact, state, period = begin_orbit(point_map, orbit, names[0])
-    if names[1] not in exact.params:
-        raise ValueError(f"y has the name {names[1]!r}: this map has the parameters {sorted(exact.params)}")
+    known_parameter("y[0]", names[1], exact.params)
     problem = orbit_problem(exact, state, period, names, (float(np.ptp(x)), float(np.ptp(y))))
     claim_memory(f"an orbit over {x.size} x {y.size} points", 8 * x.size * y.size * problem.dimension, "give fewer")
     d, shape = problem.dimension, (len(y), len(x))

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import claim_memory, finite_points, whole_number
-from .coordinates import difference, turns_of, wrap
+from .checks import claim_memory, whole_number
+from .coordinates import difference, state_points, turns_of, wrap
 from .grid import CellGrid, grid_points
 from .orbit import PeriodicOrbit
 from .orbit_batch import CHUNK, Orbits
@@ -52,7 +52,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     >>> periodic_orbit(henon, [0.5, 0.2])
     PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
     """
-    state = finite_points("guess", guess, point_map.dimension)
+    state = state_points("guess", guess, point_map.coordinates)
     if state.ndim != 1:
         raise ValueError(f"guess has shape {state.shape}: give one state")
     rounds = whole_number("period", period, at_least=1)

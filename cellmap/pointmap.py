@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .cell_table import CellTable, MapError
-from .checks import claim_memory, finite_points, random_numbers, warn_caller, whole_number
-from .coordinates import Coordinate, difference, turns_of
+from .checks import claim_memory, random_numbers, warn_caller, whole_number
+from .coordinates import Coordinate, difference, state_points, turns_of
 from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Cost, Orbits, Status
 from .signatures import checked
@@ -233,7 +233,7 @@ class PointMap:
         Iterate
             Arrays with a leading axis of length ``periods + 1``.
         """
-        starts = finite_points("points", points, self.dimension)
+        starts = state_points("points", points, self.coordinates)
         periods = whole_number("periods", periods)
         needed = (periods + 1) * 2 * starts.nbytes
         claim_memory(
@@ -294,13 +294,13 @@ class PointMap:
 
 def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
     """Iterate points as :meth:`PointMap.iterate` does, without a warning of missed tolerances."""
-    starts = finite_points("points", points, point_map.dimension)
+    starts = state_points("points", points, point_map.coordinates)
     periods = whole_number("periods", periods)
     check_client(client)
     claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
     orbits = Orbits.starting(starts.reshape(-1, point_map.dimension))
     lower, turn = turns_of(point_map.coordinates)
-    wrap_rows(orbits.points, orbits.turns, lower, turn)
+    orbits.wrap(lower, turn)
     orbits.turns[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
     parts = slices(len(orbits), CHUNK)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, Neighbourhood, sort_key
 from .chaos import chaotic_attractors
-from .checks import finite_points, whole_number
-from .coordinates import Coordinate, difference, turns_of, wrap
+from .checks import whole_number
+from .coordinates import Coordinate, difference, state_points, turns_of, wrap
 from .equilibria import sets_of_equilibria
 from .orbit_batch import Orbits
 from .periodic import newton, resolution, stable_orbit
@@ -69,7 +69,7 @@ def find_attractors(
     >>> find_attractors(henon, [[0.0, 0.0], [0.5, 0.5]])
     (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
     """
-    states = finite_points("starts", starts, point_map.dimension).reshape(-1, point_map.dimension)
+    states = state_points("starts", starts, point_map.coordinates).reshape(-1, point_map.dimension)
     if not len(states):
         raise ValueError("starts is empty: give at least one start")
     check_attractors(known, point_map, "known")

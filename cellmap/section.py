@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_number, finite_points, one_of, whole_number
-from .coordinates import turns_of
+from .checks import finite_number, one_of, whole_number
+from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError
 from .kernels.blocks import wrap_rows
-from .orbit_batch import CHUNK, Orbits
+from .orbit_batch import CHUNK, Orbits, Status
 from .pointmap import Family, Origin, PointMap
 from .signatures import checked
 from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
@@ -122,7 +122,7 @@ class SectionMap(PointMap):
             Starts on the section.
         """
         assert self.first_returns is not None
-        starts = finite_points("points", points, self.dimension)
+        starts = state_points("points", points, self.coordinates)
         flat = starts.reshape(-1, self.dimension)
         images, times, status = np.empty_like(flat), np.empty(len(flat)), np.zeros(len(flat), np.uint8)
 
@@ -213,7 +213,9 @@ def section_map(
     def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
         images, times, status, _ = trip(points)
         turns = np.zeros(images.shape, np.int64)
-        wrap_rows(images, turns, lower, turn)
+        if wrap_rows(images, turns, lower, turn):
+            status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
+            images[status >= Status.ESCAPED] = np.nan
         return images, turns, times, status
 
     def advance(orbits: Orbits, periods: int) -> None:

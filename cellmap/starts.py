@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_points
-from .coordinates import wrap
+from .coordinates import state_points, wrap
 from .grid import CellGrid, grid_points
 from .pointmap import PointMap
 from .threads import slices
@@ -34,7 +33,7 @@ class Starts:
         """Check the argument of that name."""
         if isinstance(starts, CellGrid):
             return cls(starts.on(point_map.coordinates, "starts"), None)
-        given = finite_points("starts", starts, point_map.dimension)
+        given = state_points("starts", starts, point_map.coordinates)
         if not given.size:
             raise ValueError("starts is empty: give at least one start")
         return cls(None, given)

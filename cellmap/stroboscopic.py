@@ -12,7 +12,6 @@ from .codegen.methods import METHOD_NAMES
 from .coordinates import turns_of
 from .flow import Flow, flow, tangent_flow
 from .jacobian import NotDifferentiableError, tangent_by_lanes
-from .kernels.blocks import wrap_rows
 from .orbit_batch import Orbits
 from .pointmap import Family, Origin, PointMap
 from .signatures import checked
@@ -97,7 +96,7 @@ def stroboscopic_map(
         for _ in range(periods):
             for now in orbits.living():
                 motion(now)
-                wrap_rows(now.points, now.turns, lower, turn)
+                now.wrap(lower, turn)
 
     @functools.cache
     def with_tangent() -> Flow | None:

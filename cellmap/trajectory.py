@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import claim_memory, finite_points, whole_number
-from .coordinates import turns_of, wrap
+from .checks import claim_memory, whole_number
+from .coordinates import state_points, turns_of, wrap
 from .flow import flow
-from .kernels.blocks import wrap_rows
 from .orbit_batch import CHUNK, Orbits
 from .pointmap import PointMap, warn_of_tolerance
 from .signatures import checked
@@ -167,7 +166,7 @@ def trajectory(
     array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
     strobe = stroboscopic_map(system, phase, rtol, atol, method, max_steps)
-    places = finite_points("starts", starts, system.dimension)
+    places = state_points("starts", starts, system.axes)
     periods = whole_number("periods", periods, at_least=1)
     samples = whole_number("samples", samples, at_least=1)
     count, moments = places.size // system.dimension, periods * samples + 1
@@ -178,7 +177,7 @@ def trajectory(
     lower, turn = turns_of(system.axes)
 
     orbits = Orbits.starting(states[0].copy())
-    wrap_rows(orbits.points, orbits.turns, lower, turn)
+    orbits.wrap(lower, turn)
     begins = [orbits]
     with progress_bar(periods, f"periods of {system.name}" if progress else None) as tick:
         for k in range(1, periods + 1):

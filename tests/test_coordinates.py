@@ -10,8 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellmap import Coordinate, angle
-from cellmap.coordinates import as_coordinates, difference, turns_of, wrap
+from cellmap import (
+    CellGrid,
+    Coordinate,
+    ForcedSystem,
+    Status,
+    angle,
+    discrete_map,
+    find_attractors,
+    jacobian,
+    stroboscopic_map,
+)
+from cellmap.coordinates import as_coordinates, difference, state_points, turns_of, wrap
 from cellmap.kernels.blocks import wrap_rows
 
 CIRCLES = [
@@ -43,11 +53,16 @@ def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) 
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(x=st.floats(allow_nan=False, allow_infinity=False))
-def test_wrapping_any_number_gives_an_angle_of_the_turn(circle: Coordinate, x: float) -> None:
+def test_wrapping_any_number_gives_an_angle_of_the_turn_or_none(circle: Coordinate, x: float) -> None:
+    """From 1e15 turns on numbers lie a tenth of a turn apart, and nothing is left of a phase."""
     assert circle.lower is not None and circle.turn is not None
     with np.errstate(over="ignore"):
         point = wrap(np.array([x]), [circle])[0]
-    assert circle.lower <= point < circle.lower + circle.turn
+    if abs(np.floor((x - circle.lower) / circle.turn)) < 1e15:
+        assert circle.lower <= point < circle.lower + circle.turn
+    else:
+        assert np.isnan(point)
+    assert np.isnan(wrapped_rows(x, circle)[0]) == np.isnan(point)
 
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
@@ -71,6 +86,34 @@ def test_the_cut_belongs_to_the_turn_above_it() -> None:
     assert below == (pytest.approx(pi, rel=1e-15), -1) and below[0] < pi
     # So close below the cut of [0, 1) that the sum with a whole turn rounds to the next cut.
     assert wrapped_rows(-1e-20, angle("x", turn=1.0, lower=0.0)) == (0.0, 0)
+
+
+@pytest.mark.parametrize("x", [1e16, -1e16, 1e300])
+def test_states_whose_angle_has_no_phase_are_refused(x: float) -> None:
+    rotor = discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("theta"), "v"), "rotor")
+    for call in (rotor, lambda s: rotor.iterate(s, 1), lambda s: rotor.orbit(s, 1), lambda s: jacobian(rotor, s)):
+        with pytest.raises(ValueError, match=r"points\[1, 0\]=.*: at 1e\+15 turns of 6.28319 and beyond"):
+            call([[0.0, 0.0], [x, 0.0]])
+    with pytest.raises(ValueError, match=r"starts\[0\]=.*give it within a few turns"):
+        find_attractors(rotor, [x, 0.0])
+    with pytest.raises(ValueError, match=r"grid lies .* turns off in theta"):
+        CellGrid((2.0**57, 0.0), (2.0**57 + 32.0, 1.0), (1, 1)).on((angle("theta", turn=100.0), Coordinate("v")))
+    assert state_points("points", [[1e15, 0.0]], (angle("theta"), Coordinate("v"))).tolist() == [[1e15, 0.0]]
+
+
+@pytest.mark.parametrize("far", [1e16, -1e16, 1e99])
+def test_orbits_whose_angle_loses_its_phase_end(far: float) -> None:
+    """The second step turns by `far`: the orbit has diverged, and says so."""
+    rotor = discrete_map(lambda x, p: (x[0] + x[1], p.far * x[1]), {"far": far}, (angle("theta"), "v"), "rotor")
+    images = rotor.iterate([[0.0, 2.0], [0.3, 0.0]], 2)
+    assert images.status.tolist() == [Status.DIVERGED, Status.OK]
+    assert np.isnan(images.points[0]).all() and images.points[1].tolist() == [0.3, 0.0]
+    assert rotor.orbit([0.0, 2.0], 3).status.tolist() == [0, 0, 3, 3]
+    flow = ForcedSystem(lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("theta", turn=1e-3), "v"), "free rotor")
+    assert stroboscopic_map(flow).iterate([[0.0, far], [0.0, 0.25e-3]], 1).status.tolist() == [
+        Status.DIVERGED,
+        Status.OK,
+    ]
 
 
 def test_variables_on_the_line_are_left_alone() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from ..checks import finite_number, finite_points, random_numbers, whole_number
-from ..coordinates import wrap
+from ..checks import finite_number, random_numbers, whole_number
+from ..coordinates import state_points, wrap
 from ..jacobian import tangent
 from ..orbit_batch import CHUNK, Orbits, Status
 from ..pointmap import PointMap
@@ -79,7 +79,7 @@ def alignment_test(
     1.0
     """
     exact = point_map.exact or point_map
-    points = finite_points("starts", starts, exact.dimension)
+    points = state_points("starts", starts, exact.coordinates)
     if not points.size:
         raise ValueError("starts is empty: give at least one start")
     periods = whole_number("periods", periods, at_least=2 * _PARTS)

@@ -8,8 +8,8 @@ from math import log
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import claim_memory, finite_points, whole_number
-from ..coordinates import Coordinate, wrap
+from ..checks import claim_memory, whole_number
+from ..coordinates import Coordinate, state_points, wrap
 from ..jacobian import tangent
 from ..pointmap import PointMap
 from ..signatures import checked
@@ -159,7 +159,7 @@ def covariant_vectors(
            [2., 3.]])
     """
     exact = point_map.exact or point_map
-    begin = finite_points("start", start, exact.dimension)
+    begin = state_points("start", start, exact.coordinates)
     if begin.ndim != 1:
         raise ValueError(f"start has the shape {begin.shape}: give one point of {exact.dimension} coordinates")
     periods = whole_number("periods", periods, at_least=GROUPS)

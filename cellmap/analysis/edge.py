@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import affordable_number, finite_number, finite_points, whole_number
-from ..coordinates import Coordinate, difference, wrap
+from ..checks import affordable_number, finite_number, whole_number
+from ..coordinates import Coordinate, difference, state_points, wrap
 from ..orbit import PeriodicOrbit
 from ..periodic_search import periodic_orbit
 from ..pointmap import PointMap, follow
@@ -173,7 +173,6 @@ def _growth(grown: NDArray[np.float64]) -> Fit:
 def _first_pair(
     basins: Basins, label: Labeller, inside: int | ArrayLike, outside: int | ArrayLike, unit: NDArray[np.float64]
 ) -> tuple[int, NDArray[np.float64]]:
-    d = label.point_map.dimension
     if isinstance(inside, int | np.integer) != isinstance(outside, int | np.integer):
         raise TypeError(f"inside={inside!r}, outside={outside!r}: give two labels, or two states")
     if isinstance(inside, int | np.integer) and isinstance(outside, int | np.integer):
@@ -181,7 +180,7 @@ def _first_pair(
         if other in (side, UNDECIDED):
             raise ValueError(f"outside={outside!r}: give the label of what lies beside basin {side}")
         return side, _neighbours(basins, label, side, other, unit)
-    pair = np.stack([finite_points("inside", np.asarray(inside), d), finite_points("outside", np.asarray(outside), d)])
+    pair = np.stack([state_points(n, v, basins.coordinates) for n, v in (("inside", inside), ("outside", outside))])
     ends = label(pair)
     if ends[0] < 0 or ends[0] == ends[1] or ends[1] == UNDECIDED:
         raise ValueError(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from ..checks import claim_memory, finite_number, finite_points, whole_number
-from ..coordinates import Coordinate, wrap
+from ..checks import claim_memory, finite_number, whole_number
+from ..coordinates import Coordinate, state_points, wrap
 from ..jacobian import NotDifferentiableError, tangent
 from ..kernels.frames import ROUNDING
 from ..orbit_batch import CHUNK, Orbits, Status
@@ -189,7 +189,7 @@ def lyapunov_spectrum(
     array([[ 0.9624, -0.9624]])
     """
     exact = point_map.exact or point_map
-    points = finite_points("starts", starts, exact.dimension)
+    points = state_points("starts", starts, exact.coordinates)
     periods = whole_number("periods", periods, at_least=GROUPS)
     transient = whole_number("transient", transient)
     shape, d = points.shape[:-1], exact.dimension

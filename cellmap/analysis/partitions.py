@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_points, random_numbers
+from ..checks import finite_points, random_numbers, real_array
 from ..coordinates import Coordinate, as_coordinates, turns_of, wrap
 from ..kernels.boxes import moments, morton_keys, occupancy, separations
 from ..threads import run_over
@@ -71,8 +71,9 @@ class Space:
             alike = not turns.any() and len({c.unit for c in names}) == 1
             lengths = np.ones(d) if alike else np.where(extents > 0.0, extents, 1.0)
         else:
-            lengths = np.array(np.broadcast_to(np.asarray(scales, dtype=float), d))
-            if not (np.isfinite(lengths).all() and (lengths > 0.0).all()):
+            lengths = real_array("scales", scales)
+            lengths = np.broadcast_to(lengths, d).copy() if lengths.size == 1 else lengths
+            if lengths.shape != (d,) or not (np.isfinite(lengths).all() and (lengths > 0.0).all()):
                 raise ValueError(f"scales={scales!r}: give a positive length for each coordinate")
         if not np.ptp(given, axis=0).any():
             raise ValueError("points: all of them are the same; a point has dimension 0")

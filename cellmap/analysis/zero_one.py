@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..checks import claim_memory, finite_number, finite_points, random_numbers, whole_number
-from ..coordinates import Coordinate
+from ..checks import claim_memory, finite_number, random_numbers, whole_number
+from ..coordinates import Coordinate, state_points
 from ..orbit_batch import Status
 from ..pointmap import PointMap
 from ..signatures import checked
@@ -73,7 +73,7 @@ def zero_one_test(
     >>> zero_one_test(logistic, [0.3])
     ChaosTest(K over 2000 periods: 1 chaotic)
     """
-    points = finite_points("starts", starts, point_map.dimension)
+    points = state_points("starts", starts, point_map.coordinates)
     if not points.size:
         raise ValueError("starts is empty: give at least one start")
     periods = whole_number("periods", periods, at_least=200)

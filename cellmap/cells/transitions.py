@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import claim_memory, finite_number, whole_number
+from ..checks import claim_memory, finite_number, is_sequence, of_the_user, real_array, whole_number
 from ..grid import CellGrid, between
 from ..kernels.cells import tally
 from ..orbit_batch import CHUNK, Status
@@ -40,7 +40,7 @@ def checked_noise(noise: float | Sequence[float] | Noise | None, grid: CellGrid)
     if noise is None or callable(noise):
         return noise
     d = grid.dimension
-    given = noise if isinstance(noise, Sequence | np.ndarray) else (noise,) * d
+    given: Any = noise if is_sequence(noise) else (noise,) * d
     deviation = np.array([finite_number("noise", v, at_least=0.0) for v in given])
     if len(deviation) != d:
         raise ValueError(f"noise={noise!r}: give one standard deviation, or {d}, one for each coordinate")
@@ -100,7 +100,7 @@ def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[i
     """Return noise that is drawn from a generator, and checked."""
 
     def kick(n: int) -> NDArray[np.float64]:
-        drawn = np.asarray(noise(rng, n), dtype=float)
+        drawn = real_array("noise", of_the_user("noise", noise, rng, n))
         if drawn.shape != (n, dimension):
             raise ValueError(f"noise returned the shape {drawn.shape}: return one of ({n}, {dimension})")
         if not np.isfinite(drawn).all():

@@ -12,8 +12,8 @@ def offsets(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
     """Return how many cells of one grid are before another one along each axis."""
     if not np.allclose(inner.widths, outer.widths, rtol=1e-9, atol=0.0):
         raise ValueError(
-            f"cells of widths {outer.widths} do not continue cells of widths {inner.widths}: give a window of "
-            "whole cells more"
+            f"grid={outer!r}: cells of widths {outer.widths} do not continue cells of widths {inner.widths}: give a "
+            "window of whole cells more"
         )
     before = (np.array(inner.lower) - np.array(outer.lower)) / outer.widths
     if (np.abs(before - np.round(before)) > 1e-6).any():

@@ -7,6 +7,9 @@ from numba import njit
 
 from .options import KERNEL, LANES
 
+MOST_TURNS = 1e15
+"""Turns from which on an angle has no phase: floating-point numbers of that size lie a tenth of a turn apart."""
+
 
 @njit(**KERNEL)
 def pack(points, members, blocks):
@@ -39,7 +42,11 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
 
 @njit(**KERNEL)
 def wrap_rows(points, turns, lower, turn):
-    """Bring angles back into their turn and count the whole turns taken away."""
+    """Bring angles back into their turn and count the whole turns taken away; what has no phase becomes NaN.
+
+    Returns how many have none.
+    """
+    lost = 0
     for j in range(points.shape[1]):
         if turn[j] > 0.0:
             upper = lower[j] + turn[j]
@@ -48,10 +55,14 @@ def wrap_rows(points, turns, lower, turn):
                 if lower[j] <= points[i, j] < upper:
                     continue
                 whole = np.floor((points[i, j] - lower[j]) / turn[j])
-                if abs(whole) < 1e15:
+                if abs(whole) < MOST_TURNS:
                     x = max(points[i, j] - whole * turn[j], lower[j])
                     if x >= upper:
                         x = lower[j]
                         whole += 1.0
                     points[i, j] = x
                     turns[i, j] += np.int64(whole)
+                else:
+                    points[i, j] = np.nan
+                    lost += 1
+    return lost

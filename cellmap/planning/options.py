@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 
 from ..basins import basins_memory
-from ..checks import in_bytes
+from ..checks import finite_number, in_bytes
 from ..grid import CellGrid
 from ..interpolated import table_memory
 from ..orbit_batch import CHUNK
@@ -71,7 +71,7 @@ class Option:
     @checked
     def meets(self, accuracy: float) -> bool:
         """Tell whether the error is expected to stay below an accuracy, with a margin for the prediction."""
-        return SAFETY * self.error <= accuracy
+        return SAFETY * self.error <= finite_number("accuracy", accuracy)
 
     def __str__(self) -> str:
         source = f"{self.method} {self.tolerance:.0e}"

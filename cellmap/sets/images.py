@@ -14,7 +14,6 @@ from scipy.sparse import csr_array
 from ..checks import claim_memory, whole_number
 from ..coordinates import difference, turns_of
 from ..grid import CellGrid, between
-from ..kernels.blocks import wrap_rows
 from ..kernels.box_images import points_of_cells, tally_rows
 from ..orbit_batch import CHUNK, Orbits
 from ..pointmap import PointMap
@@ -217,7 +216,7 @@ class _Work:
         points_of_cells(keys, where.shape, where.lower, where.upper, where.widths, lattice, points)
         orbits = Orbits.starting(points)
         lower, turn = turns_of(self.point_map.coordinates)
-        wrap_rows(orbits.points, orbits.turns, lower, turn)
+        orbits.wrap(lower, turn)
         for part in slices(len(points), CHUNK):
             self.point_map.advance(orbits[part], self.steps)
         return points

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from ..checks import finite_points, whole_number
+from ..checks import whole_number
+from ..coordinates import state_points
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..signatures import checked
@@ -151,7 +152,7 @@ def forward_closure(
 
 def boxes_around(point_map: PointMap, points: ArrayLike, boxes: BoxSet) -> BoxSet:
     """Return the boxes of a grid that hold points, with those that touch them: a manifold may leave on any side."""
-    places = finite_points("points", points, point_map.dimension)
+    places = state_points("points", points, point_map.coordinates)
     held = BoxSet.of_points(boxes.grid, places)
     if not places.size or (boxes.grid.locate(places) < 0).any():
         raise ValueError(
