@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from keyword import iskeyword
-from math import inf, isfinite, nan
+from math import isfinite, nan
 from pathlib import Path
 from reprlib import Repr
 from typing import Any
@@ -55,7 +55,7 @@ def real_number(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         raise TypeError(f"{name}={shown(value)}: give one real number") from None
     except OverflowError:
-        return inf if value > 0 else -inf
+        raise ValueError(f"{name}={shown(value)}: give a number that floating point can hold") from None
 
 
 def finite_number(
@@ -129,6 +129,19 @@ def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any
         return function(*arguments)
     except Exception as error:
         raise ValueError(f"{name}={shown(function)} fails, {type(error).__name__}: {error}") from error
+
+
+def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> NDArray[np.int64]:
+    """Return an array of whole numbers; a new one, unless they are int64 already."""
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "biu" and array.size:
+        raise TypeError(f"{name}={shown(given)}: give {what}")
+    if array.dtype.kind == "u" and array.size and array.max() > 2**62:
+        raise ValueError(f"{name}={shown(given)}: give whole numbers of at most 2**62")
+    return array.astype(np.int64, copy=False)
 
 
 def random_numbers(seed: int) -> np.random.Generator:

@@ -107,13 +107,15 @@ class CellGrid:
         self._own(j)
         return self.along(j, np.arange(self.shape[j] + 1))
 
+    @checked
     def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
         """Return the coordinates that lie `numbers` cells behind the lower end of axis `j`."""
-        return between(self.lower[j], self.upper[j], self.shape[j], numbers)
+        self._own(j)
+        return between(self.lower[j], self.upper[j], self.shape[j], real_array("numbers", numbers))
 
     def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
         """Return the points that lie `numbers` (..., dimension) of cells from the corner of lowest coordinates."""
-        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), numbers)
+        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), real_array("numbers", numbers))
 
     def centres(self) -> NDArray[np.float64]:
         """Return the centres of all cells, shape ``(*shape, dimension)``."""

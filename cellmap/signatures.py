@@ -15,6 +15,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 MADE_BY = {
     "Attractor": "find_attractors",
+    "Axes": "matplotlib.pyplot.subplots",
     "Ball": "largest_ball",
     "BasinContinuation": "continue_basins",
     "BasinEntropy": "basin_entropy",
@@ -117,7 +118,7 @@ def _kind(hint: Any) -> _Kind | None:
     if origin is Sequence:
         each = _kind(inner[0])
         return None if each is None else _sequence_of(each)
-    if not isinstance(origin, type) or origin.__module__.split(".")[0] != __package__:
+    if not isinstance(origin, type) or origin.__module__.split(".")[0] not in (__package__, "matplotlib"):
         return None
     name = origin.__name__
     article = "" if name.endswith("s") else "an " if name[0] in "AEIO" else "a "
@@ -149,7 +150,7 @@ def _is_whole(value: Any) -> bool:
 def _is_real(value: Any) -> bool:
     try:
         real_number("", value)
-    except TypeError:
+    except (TypeError, ValueError):
         return False
     return True
 

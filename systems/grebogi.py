@@ -7,6 +7,7 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import PointMap, angle, discrete_map
+from cellmap.checks import finite_number
 
 
 def grebogi_ott_yorke_map(a: float = 1.32, b: float = 0.90, c: float = 0.3) -> PointMap:
@@ -40,7 +41,12 @@ def grebogi_ott_yorke_map(a: float = 1.32, b: float = 0.90, c: float = 0.3) -> P
     >>> grebogi_ott_yorke_map()([0.0, 0.5])
     array([ 0. , -0.3])
     """
-    return discrete_map(_map, {"a": a, "b": b, "c": c}, (angle("theta", lower=0.0), "x"), name="Grebogi-Ott-Yorke")
+    return discrete_map(
+        _map,
+        {"a": finite_number("a", a), "b": finite_number("b", b), "c": finite_number("c", c)},
+        (angle("theta", lower=0.0), "x"),
+        name="Grebogi-Ott-Yorke",
+    )
 
 
 def _map(x: Sequence[float], p: Any) -> tuple[float, float]:

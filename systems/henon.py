@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cellmap import PointMap, discrete_map
+from cellmap.checks import finite_number
 
 
 def henon_map(a: float = 1.4, b: float = 0.3) -> PointMap:
@@ -35,7 +36,7 @@ def henon_map(a: float = 1.4, b: float = 0.3) -> PointMap:
     >>> henon_map()([0.0, 0.0])
     array([1., 0.])
     """
-    return discrete_map(_henon, {"a": a, "b": b}, ("x", "y"), name="Henon")
+    return discrete_map(_henon, {"a": finite_number("a", a), "b": finite_number("b", b)}, ("x", "y"), name="Henon")
 
 
 def _henon(x: Sequence[float], p: Any) -> tuple[float, float]:

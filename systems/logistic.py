@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cellmap import PointMap, discrete_map
+from cellmap.checks import finite_number
 
 
 def logistic_map(mu: float = 4.0) -> PointMap:
@@ -35,7 +36,7 @@ def logistic_map(mu: float = 4.0) -> PointMap:
     >>> logistic_map(mu=3.0)([0.5])
     array([0.75])
     """
-    return discrete_map(_logistic, {"mu": mu}, ("x",), name="logistic")
+    return discrete_map(_logistic, {"mu": finite_number("mu", mu)}, ("x",), name="logistic")
 
 
 def _logistic(x: Sequence[float], p: Any) -> tuple[float]:

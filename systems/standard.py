@@ -7,6 +7,7 @@ from math import sin
 from typing import Any
 
 from cellmap import PointMap, angle, discrete_map
+from cellmap.checks import finite_number
 
 
 def standard_map(k: float = 0.971635) -> PointMap:
@@ -39,7 +40,7 @@ def standard_map(k: float = 0.971635) -> PointMap:
     >>> standard_map(k=1.0)([0.0, 1.0])
     array([1., 1.])
     """
-    return discrete_map(_kick, {"k": k}, (angle("theta"), angle("p")), name="standard")
+    return discrete_map(_kick, {"k": finite_number("k", k)}, (angle("theta"), angle("p")), name="standard")
 
 
 def _kick(x: Sequence[float], p: Any) -> tuple[float, float]:

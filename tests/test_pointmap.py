@@ -121,9 +121,9 @@ def test_iterates_say_what_they_are(henon: PointMap) -> None:
         ([[1.0, 2.0, 3.0]], ValueError, r"points has shape \(1, 3\)"),
         ([[1.0, nan]], ValueError, r"points\[0, 1\] = nan: remove starts that are not finite"),
         ([[1.0, 2.0], [inf, 0.0]], ValueError, r"points\[1, 0\] = inf: remove starts that are not finite"),
-        ([[1.0, 2.0], [1.0]], TypeError, "points: give real numbers in an array"),
-        ("points", TypeError, "points: give real numbers in an array"),
-        ([[1j, 0.0]], TypeError, "points: give real numbers in an array"),
+        ([[1.0, 2.0], [1.0]], TypeError, "points=.*: give real numbers in an array"),
+        ("points", TypeError, "points=.*: give real numbers in an array"),
+        ([[1j, 0.0]], TypeError, "points=.*: give real numbers in an array"),
         (None, (TypeError, ValueError), "points"),
     ],
 )

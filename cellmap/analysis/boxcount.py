@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, real_array, whole_number
 from ..coordinates import Coordinate
 from ..signatures import checked
 from .fit import Fit, fit_line, steady_window, window_spread, with_drift
@@ -195,7 +195,7 @@ def box_dimension(
 
 def checked_sizes(sizes: ArrayLike) -> NDArray[np.float64]:
     """Return sizes in falling order, at least three different ones."""
-    chosen = np.unique(np.asarray(sizes, dtype=float).ravel())[::-1]
+    chosen = np.unique(real_array("sizes", sizes).ravel())[::-1]
     if len(chosen) < 3 or not (np.isfinite(chosen).all() and (chosen > 0.0).all()):
         raise ValueError(f"sizes={sizes!r}: give at least three different positive sizes")
     return chosen

@@ -9,7 +9,7 @@ from math import ceil, floor, log, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, real_array, whole_number
 from ..signatures import checked
 
 _FEWEST = 3
@@ -109,8 +109,8 @@ def fit_line(
     >>> fit_line([0, 1, 2, 3, 4, 5], [0.0, 2.0, 4.0, 6.0, 6.1, 6.1])
     Fit(slope 2 +- 0, 4 of 6 points)
     """
-    px, py = (np.asarray(v, dtype=float) for v in (x, y))
-    sigma = None if errors is None else np.asarray(errors, dtype=float)
+    px, py = real_array("x", x), real_array("y", y)
+    sigma = None if errors is None else real_array("errors", errors)
     if px.ndim != 1 or px.shape != py.shape or (sigma is not None and sigma.shape != px.shape):
         raise ValueError(f"x, y have the shapes {px.shape}, {py.shape}: give two arrays of one length")
     if window is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import whole_number
+from ..checks import real_array, whole_number
 from ..coordinates import Coordinate
 from ..signatures import checked
 from .boxcount import checked_sizes, fit_sizes, unseen
@@ -130,7 +130,7 @@ def generalized_dimensions(
     space = Space.of(points, coordinates, scales)
     chosen = None if sizes is None else checked_sizes(sizes)
     offsets = whole_number("offsets", offsets, at_least=1)
-    q = np.unique(np.asarray(orders, dtype=float).ravel())
+    q = np.unique(real_array("orders", orders).ravel())
     if not len(q) or not np.isfinite(q).all():
         raise ValueError(f"orders={orders!r}: give finite numbers, such as (0, 1, 2)")
     shares = _shares(weights, len(space.points))
@@ -158,7 +158,7 @@ def _shares(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
     """Weights with the sum 1."""
     if weights is None:
         return np.full(n, 1.0 / n)
-    given = np.asarray(weights, dtype=float)
+    given = real_array("weights", weights)
     if given.shape != (n,) or not np.isfinite(given).all() or given.min() < 0.0 or not given.sum() > 0.0:
         raise ValueError(f"weights: give {n} finite numbers of at least 0, one for each point, and not all 0")
     return np.asarray(given / given.sum())

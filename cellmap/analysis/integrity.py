@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import whole_array, whole_number
 from ..coordinates import Coordinate
 from ..grid import CellGrid
 from ..pointmap import PointMap
@@ -183,15 +183,17 @@ def largest_ball(
     """
     from scipy.ndimage import distance_transform_edt
 
+    labels: NDArray[np.integer]
     if isinstance(basins, Basins):
         k, grid = own_label(basins, label), basins.grid
         if grid is None:
             raise ValueError("basins of starts without a grid have no cells; find basins on a CellGrid")
         labels, coordinates = basins.labels, basins.coordinates
     else:
-        labels, k = np.asarray(basins), whole_number("label", label)
-        if not labels.size or not np.issubdtype(labels.dtype, np.integer):
-            raise ValueError(f"basins has the shape {labels.shape} of {labels.dtype}: give whole numbers as labels")
+        labels = whole_array("basins", basins, "Basins, or whole numbers as labels")
+        k = whole_number("label", label)
+        if not labels.size or not labels.ndim:
+            raise ValueError(f"basins has the shape {labels.shape}: give the labels of an image")
         if refine:
             raise ValueError("refine=True: an array of labels has no map; give Basins")
         around = tuple(wraps) or (False,) * labels.ndim

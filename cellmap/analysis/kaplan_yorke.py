@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..checks import real_array
 from .lyapunov import LyapunovSpectrum
 
 
@@ -76,11 +77,11 @@ def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: Arra
     if isinstance(exponents, LyapunovSpectrum):
         exponents, known = exponents.pooled
         errors = known if errors is None else errors
-    given = np.asarray(exponents, dtype=float)
+    given = real_array("exponents", exponents)
     if given.ndim > 1 and given.size > given.shape[-1]:
         raise ValueError(f"exponents have the shape {given.shape}: give those of one orbit, such as their mean")
     given = given.ravel()
-    sigma = np.full(given.shape, np.nan) if errors is None else np.asarray(errors, dtype=float).ravel()
+    sigma = np.full(given.shape, np.nan) if errors is None else real_array("errors", errors).ravel()
     if not len(given) or np.isnan(given).any() or (given == np.inf).any():
         raise ValueError(f"exponents={given.tolist()}: give all Lyapunov exponents as numbers")
     if sigma.shape != given.shape or (sigma < 0.0).any():

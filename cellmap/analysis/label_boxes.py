@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import is_sequence, shown, whole_number
 from ..kernels.boxes import NO_BASIN, halve, mixed_boxes
 from ..threads import run_over, slices
 
@@ -44,17 +44,19 @@ class LabelImage:
             circles = basins.grid.wraps if wraps is None else tuple(map(bool, wraps))
         else:
             # What is masked gets a negative label that no code names: it is no basin.
-            labels = np.ma.filled(basins.astype(np.int64), min((0, *codes)) - 1) if np.ma.isMA(basins) else basins
-            labels = np.asarray(labels)
+            if np.ma.isMA(basins) and basins.dtype.kind in "biu":
+                labels = np.ma.filled(basins.astype(np.int64), min((0, *codes)) - 1)
+            else:
+                labels = np.asarray(basins) if is_sequence(basins) else np.array(basins)
             if labels.dtype.kind == "b":
                 labels = labels.astype(np.int16)
             if labels.dtype.kind not in "iu":
-                raise TypeError(f"labels have the type {labels.dtype}: give whole numbers, or Basins")
+                raise TypeError(f"basins={shown(basins)}: give whole numbers as labels, or Basins")
             circles = (False,) * labels.ndim if wraps is None else tuple(map(bool, wraps))
         if len(circles) != labels.ndim:
             raise ValueError(f"wraps={wraps!r}: give one entry for each of the {labels.ndim} axes")
         if labels.size < 2:
-            raise ValueError(f"labels have the shape {labels.shape}: a boundary needs two cells at least")
+            raise ValueError(f"basins have the shape {labels.shape}: a boundary needs two cells at least")
         chosen = tuple(whole_number(f"codes[{k}]", c, at_least=-(2**31)) for k, c in enumerate(codes))
         nowhere = (labels < 0) & ~np.isin(labels, chosen) if labels.min() < 0 else None
         if nowhere is not None and not nowhere.any():

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..attractor import Attractor
 from ..basins import LABEL_NAMES, Basins
-from ..checks import whole_number
+from ..checks import real_array, shown, whole_number
 from ..coordinates import Coordinate, wrap
 from ..orbit_batch import CHUNK, Orbits
 from ..pointmap import PointMap
@@ -99,7 +99,7 @@ def labeller(
     elif isinstance(source, PointMap):
         used, periods = point_map or source, max_periods or _MAX_PERIODS
     else:
-        raise TypeError(f"{source!r}: give Basins, as find_basins returns them, or a PointMap with its attractors")
+        raise TypeError(f"source={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
     check_attractors(attractors, used, "attractors")
     if not len(attractors):
         raise ValueError("attractors is empty: without an attractor there is no basin; find some first")
@@ -118,20 +118,19 @@ def own_label(basins: Basins, label: int) -> int:
     return number
 
 
-def scale_of(given: object, coordinates: Sequence[Coordinate], span: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def scale_of(
+    given: ArrayLike | None, coordinates: Sequence[Coordinate], span: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
     """Return the unit of length along each coordinate: given, or the span of a window."""
     if given is None:
         if span is None:
             raise ValueError("scale is missing: without a grid, give the unit of length along each coordinate")
         return np.array(span, dtype=float)
-    try:
-        scale = np.array(np.broadcast_to(np.asarray(given, dtype=float), (len(coordinates),)))
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"scale={given!r}: give a positive number for each of {len(coordinates)} coordinates"
-        ) from None
-    if not (np.isfinite(scale).all() and (scale > 0.0).all()):
-        raise ValueError(f"scale={given!r}: give a positive number for each of {len(coordinates)} coordinates")
+    scale = real_array("scale", given)
+    scale = np.full(len(coordinates), scale) if scale.ndim == 0 else scale
+    # Lengths in these units are squared.
+    if scale.shape != (len(coordinates),) or not ((scale > 1e-150) & (scale < 1e150)).all():
+        raise ValueError(f"scale={shown(given)}: give a positive number for each of {len(coordinates)} coordinates")
     return scale
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_points, random_numbers, real_array
+from ..checks import finite_points, random_numbers, real_array, shown
 from ..coordinates import Coordinate, as_coordinates, turns_of, wrap
 from ..kernels.boxes import moments, morton_keys, occupancy, separations
 from ..threads import run_over
@@ -54,11 +54,11 @@ class Space:
         Without scales these are 1 where all coordinates have the same unit and none is an angle; else a turn for an
         angle, and the extent of the set for the others.
         """
-        array = np.asarray(points)
+        array = real_array("points", points)
         if array.ndim != 2 or array.shape[1] < 1:
             raise ValueError(f"points has shape {array.shape}: give one point a row, in an array of shape (n, d)")
         d = array.shape[1]
-        given = finite_points("points", points, d)
+        given = finite_points("points", array, d)
         if len(given) < 2:
             raise ValueError(f"points: {len(given)} points have no dimension to measure; give many more")
         names = as_coordinates([f"x{j}" for j in range(d)] if coordinates is None else coordinates)
@@ -232,9 +232,10 @@ def over_offsets(
         What was measured.
     """
     if origin is not None:
-        place = np.array(np.broadcast_to(np.asarray(origin, dtype=float), space.corner.shape))
-        if not np.isfinite(place).all():
-            raise ValueError(f"origin={origin!r}: give finite coordinates of a corner")
+        place = real_array("origin", origin)
+        place = np.full(space.corner.shape, place) if place.ndim == 0 else place
+        if place.shape != space.corner.shape or not np.isfinite(place).all():
+            raise ValueError(f"origin={shown(origin)}: give finite coordinates of a corner")
         moved = np.where(space.turns > 0.0, 0.0, (space.corner - place) / space.scales)
         space = replace(space, points=space.points + moved)
         shifts = np.zeros((1, space.dimension))

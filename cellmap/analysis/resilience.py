@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..attractor import Attractor, distinct_names
 from ..basins import LABEL_NAMES, Basins
-from ..checks import affordable_number, finite_points, random_numbers
+from ..checks import affordable_number, of_the_user, random_numbers
+from ..coordinates import state_points
 from ..grid import CellGrid
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
@@ -177,7 +178,8 @@ def _drawn(distribution: object, label: Labeller, n: int, seed: int) -> NDArray[
         raise ValueError("distribution is missing: give a CellGrid as a window, or a function (rng, n) of states")
     if not callable(distribution):
         raise TypeError(f"distribution={distribution!r}: give a CellGrid as a window, or a function (rng, n) of states")
-    states = finite_points("distribution(rng, n)", distribution(rng, n), d)
+    drawn = of_the_user("distribution", distribution, rng, n)
+    states = state_points("distribution", drawn, label.point_map.coordinates)
     if states.shape != (n, d):
-        raise ValueError(f"distribution(rng, n) has the shape {states.shape}: return {n} states, shape ({n}, {d})")
+        raise ValueError(f"distribution returns the shape {states.shape}: return {n} states, shape ({n}, {d})")
     return states

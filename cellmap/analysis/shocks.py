@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import affordable_number, random_numbers, whole_number
-from ..coordinates import Coordinate, wrap
+from ..checks import affordable_number, listed, random_numbers, shown, whole_number
+from ..coordinates import Coordinate, state_points, wrap
 from ..pointmap import PointMap
 from ..settling import UNDECIDED
 from ..signatures import checked
@@ -151,9 +151,9 @@ def minimal_fatal_shock(
     unit = scale_of(scale, coordinates, span_of(basins))
     tried = affordable_number("trials", trials, 8 * (7 * d + 4), at_least=1)
     free = _columns(along, coordinates)
-    origins = basins.attractors[k].points if point is None else np.asarray(point, dtype=float)[None]
-    if origins.shape[-1:] != (d,) or origins.ndim != 2 or not np.isfinite(origins).all():
-        raise ValueError(f"point={point!r}: give one finite state of {d} coordinates")
+    origins = basins.attractors[k].points if point is None else state_points("point", point, coordinates)[None]
+    if origins.ndim != 2:
+        raise ValueError(f"point={shown(point)}: give one state")
     tally: list[int] = []
 
     def fatal_from(origin: NDArray[np.float64]) -> Fatal:
@@ -231,7 +231,7 @@ def _columns(along: Sequence[int | str] | None, coordinates: Sequence[Coordinate
         return np.arange(len(coordinates))
     names = [c.name for c in coordinates]
     chosen: list[int] = []
-    for one in [along] if isinstance(along, str) else along:
+    for one in (along,) if isinstance(along, str) else listed("along", along):
         if isinstance(one, str):
             if one not in names:
                 raise ValueError(f"along={one!r}: the coordinates are {names}")

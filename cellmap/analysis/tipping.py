@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..attractor import distinct_names
 from ..basins import LABEL_NAMES, Basins
-from ..checks import finite_number, one_of
+from ..checks import finite_number, one_of, whole_array
 from ..matching import match_attractors
 from ..pointmap import PointMap
 from ..signatures import checked
@@ -173,7 +173,7 @@ def tipping_probabilities(
 def _way(match: str | None, before: Any, after: Any) -> str:
     """Check how attractors are to be matched."""
     known = isinstance(before, Basins) and isinstance(after, Basins)
-    way = one_of("match", match or ("distance" if known else "labels"), _MATCHES)
+    way = one_of("match", ("distance" if known else "labels") if match is None else match, _MATCHES)
     if way == "distance" and not known:
         raise ValueError("match='distance': arrays of labels have no attractors; give Basins, or another match")
     return way
@@ -199,10 +199,7 @@ def _overlapping(counts: NDArray[np.int64], labels: tuple[int, ...]) -> tuple[in
 
 
 def _labels_of(name: str, given: Basins | ArrayLike) -> NDArray[np.int64]:
-    labels = given.labels if isinstance(given, Basins) else np.asarray(given)
-    if not np.issubdtype(labels.dtype, np.integer):
-        raise TypeError(f"{name} holds {labels.dtype}: give Basins or whole numbers as labels")
-    return labels.astype(np.int64)
+    return whole_array(name, given.labels if isinstance(given, Basins) else given, "Basins or whole numbers as labels")
 
 
 def _same_starts(before: Basins, after: Basins) -> None:

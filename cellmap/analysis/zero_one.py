@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..checks import claim_memory, finite_number, random_numbers, whole_number
+from ..checks import claim_memory, finite_number, of_the_user, random_numbers, real_array, shown, whole_number
 from ..coordinates import Coordinate, state_points
 from ..orbit_batch import Status
 from ..pointmap import PointMap
@@ -82,7 +82,7 @@ def zero_one_test(
     orbit = point_map.orbit(np.where(ended[..., None], points, begin.points), periods - 1)
     ended |= orbit.status[-1] >= Status.ESCAPED
     path = np.where(ended[..., None], 0.0, orbit.points)
-    series = _standardised(path, point_map.coordinates) if observable is None else np.asarray(observable(path), float)
+    series = _standardised(path, point_map.coordinates) if observable is None else _observed(observable, path)
     if series.shape != path.shape[:-1]:
         raise ValueError(f"observable returns the shape {series.shape} for points of {path.shape}: one number for each")
     test = zero_one_test_of_series(series, frequencies, confidence, seed)
@@ -134,7 +134,7 @@ def zero_one_test_of_series(
     >>> zero_one_test_of_series(np.cos(2.0 * np.arange(1000.0)))
     ChaosTest(K over 1000 periods: 1 regular)
     """
-    given = np.asarray(series, dtype=float)
+    given = real_array("series", series)
     if given.ndim == 0 or len(given) < 200:
         raise ValueError(f"series has the shape {given.shape}: give at least 200 values along the first axis")
     if not np.isfinite(given).all():
@@ -190,6 +190,12 @@ def _correlations(series: NDArray[np.float64], frequencies: NDArray[np.float64])
     around = spread - spread.mean(axis=1, keepdims=True)
     norm = np.sqrt((time @ time) * (around**2).sum(axis=1))
     return np.asarray(np.where(norm > 0.0, around @ time / np.where(norm > 0.0, norm, 1.0), 0.0))
+
+
+def _observed(observable: Callable[..., object], path: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not callable(observable):
+        raise TypeError(f"observable={shown(observable)}: give a function of points (..., d)")
+    return real_array("observable", of_the_user("observable", observable, path), "a function that returns numbers")
 
 
 def _standardised(path: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from ..basins import Basins
-from ..checks import whole_number
+from ..checks import is_sequence, shown, whole_number
 from ..coordinates import Coordinate, turns_of
 
 
@@ -41,14 +41,22 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
 
 
-def column_of(given: int | str, coordinates: Sequence[Coordinate]) -> int:
+def column_of(given: int | str, coordinates: Sequence[Coordinate], argument: str = "coordinate") -> int:
     """Return the number of a coordinate, given by its number or its name."""
     known = [c.name for c in coordinates]
     if isinstance(given, str):
         if given not in known:
-            raise ValueError(f"coordinate={given!r}: the coordinates are {known}")
+            raise ValueError(f"{argument}={given!r}: the coordinates are {known}")
         return known.index(given)
-    return whole_number("coordinate", given, at_most=len(known) - 1)
+    return whole_number(argument, given, at_most=len(known) - 1)
+
+
+def pair_of(argument: str, given: tuple[int | str, int | str], coordinates: Sequence[Coordinate]) -> tuple[int, int]:
+    """Return the numbers of the coordinates that run across and up."""
+    if not is_sequence(given) or len(given) != 2:
+        raise TypeError(f"{argument}={shown(given)}: give two coordinates, by numbers or names")
+    across, up = (column_of(one, coordinates, argument) for one in given)
+    return across, up
 
 
 def multiple_of_pi(x: float) -> str:

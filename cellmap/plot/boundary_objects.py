@@ -17,7 +17,7 @@ from ..basins import Basins
 from ..coordinates import Coordinate
 from ..orbit import PeriodicOrbit
 from ..signatures import checked
-from .axes import axes_or_new, column_of, cut_at_seams, label_axis
+from .axes import axes_or_new, cut_at_seams, label_axis, pair_of
 from .basins import plot_basins
 
 _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
@@ -63,7 +63,7 @@ def plot_edge_orbit(
         ax.set_xlabel("step")
         label_axis(ax.yaxis, edge.coordinates[0], float(np.ptp(edge.points)))
         return ax
-    columns = [column_of(c, edge.coordinates) for c in coordinates]
+    columns = list(pair_of("coordinates", coordinates, edge.coordinates))
     ax = _below(basins, ax)
     points = edge.points[:, columns]
     limits = ax.get_xlim(), ax.get_ylim()
@@ -212,7 +212,7 @@ def plot_chaotic_saddle(
         ax.set_xlabel(str(saddle.coordinates[0]))
         ax.set_ylabel(f"next {saddle.coordinates[0]}")
         return ax
-    columns = [column_of(c, saddle.coordinates) for c in coordinates]
+    columns = list(pair_of("coordinates", coordinates, saddle.coordinates))
     points = saddle.points[:, columns]
     ax.plot(*points.T, **style, scalex=basins is None, scaley=basins is None)
     _name_axes(ax, basins, saddle.coordinates, columns, points)

@@ -16,7 +16,7 @@ from ..coordinates import Coordinate, difference
 from ..signatures import checked
 from ..sweep import swept_map
 from .axes import axes_or_new, column_of, cut_at_seams, label_axis
-from .colours import colour_of
+from .colours import colour_of, one_colour
 
 MARKERS = {
     BifurcationKind.FOLD: "s",
@@ -95,7 +95,7 @@ def plot_branches(
     kinds: set[BifurcationKind] = set()
     styles: set[str] = set()
     for number, trace in enumerate(traces):
-        own = colour_of(number) if colour is None else colour
+        own = one_colour(colour, colour_of(number))
         for style, stable in ((_STABLE, True), (_UNSTABLE, False)):
             line = trace.pieces(stable)
             if len(line):

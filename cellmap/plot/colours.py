@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
+from matplotlib.colors import is_color_like, to_rgb
 
 from ..basins import Basins
+from ..checks import shown
 from ..settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
 
 Colour = tuple[float, float, float]
@@ -33,10 +34,28 @@ def colour_of(number: int) -> Colour:
     return to_rgb(tuple(colour))
 
 
+def chosen_colours(colours: Mapping[Any, Any] | None) -> Mapping[Any, Any]:
+    """Check colours that are given for some of what is drawn."""
+    chosen = {} if colours is None else colours
+    if not isinstance(chosen, Mapping) or not all(map(is_color_like, chosen.values())):
+        raise TypeError(f"colours={shown(colours)}: give a mapping to colours of matplotlib")
+    return chosen
+
+
+def one_colour(colour: Any, default: Any) -> Any:
+    """Check the argument of that name."""
+    if colour is None:
+        return default
+    if not is_color_like(colour):
+        raise TypeError(f"colour={shown(colour)}: give a colour of matplotlib, such as 'black' or '#0072B2'")
+    return colour
+
+
 def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
     """Return the colour of each label that occurs."""
+    chosen = chosen_colours(colours)
     palette = {}
     for label in basins.fractions:
         default = to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
-        palette[label] = to_rgb(colours[label]) if colours and label in colours else default
+        palette[label] = to_rgb(chosen.get(label, default))
     return palette

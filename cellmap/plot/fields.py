@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap
 
 from ..analysis.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..analysis.covariant import CovariantVectors
 from ..analysis.fields import ExponentField
 from ..analysis.lyapunov import LyapunovSpectrum
+from ..checks import one_of
 from ..signatures import checked
 from .axes import axes_or_new, label_axis
 from .colours import colour_of
@@ -62,6 +65,8 @@ def plot_exponent_field(
         raise ValueError(
             f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell, or one"
         )
+    if not isinstance(colours, Colormap):
+        one_of("colours", colours, tuple(colormaps))
     ax = axes_or_new(ax, (7.0, 5.0))
     unit = field.period if per_time else 1.0
     way, measure = "backward" if backward else "forward", f"exponent per {'unit of time' if per_time else 'step'}"

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..analysis.fit import Fit
+from ..checks import shown
 from ..signatures import checked
 from .axes import axes_or_new
-from .colours import COLOURS
+from .colours import COLOURS, one_colour
 
 
 @checked
@@ -53,9 +54,9 @@ def plot_fit(
     """
     fit = result if isinstance(result, Fit) else getattr(result, "fit", None)
     if not isinstance(fit, Fit):
-        raise TypeError(f"result={result!r}: give a Fit, or a result that carries one as .fit")
+        raise TypeError(f"result={shown(result)}: give a Fit, or a result that carries one as .fit")
     ax = axes_or_new(ax, (6.0, 4.5))
-    colour = COLOURS[0] if colour is None else colour
+    colour = one_colour(colour, COLOURS[0])
     logarithmic = [name.startswith("ln ") for name in fit.labels]
     x, y = (np.exp(v) if is_log else v for v, is_log in zip((fit.x, fit.y), logarithmic, strict=True))
     inside = np.zeros(len(x), bool)

@@ -16,7 +16,7 @@ from ..attractor import Kind
 from ..basin_continuation import BasinContinuation
 from ..signatures import checked
 from .axes import column_of, label_axis
-from .colours import CODE_COLOURS, Colour, colour_of
+from .colours import CODE_COLOURS, Colour, chosen_colours, colour_of
 
 
 @checked
@@ -96,7 +96,7 @@ def plot_basin_continuation(
 
 def _palette(continuation: BasinContinuation, colours: Mapping[int, Any] | None) -> dict[int, Colour]:
     """Return the colour of each label."""
-    given = dict(colours or {})
+    given = chosen_colours(colours)
     return {k: to_rgb(given.get(k, CODE_COLOURS[k] if k < 0 else colour_of(k))) for k in continuation.labels}
 
 

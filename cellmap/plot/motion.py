@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..checks import whole_number
+from ..checks import is_sequence, listed, shown, whole_number
 from ..coordinates import Coordinate, wrap
 from ..signatures import checked
 from ..trajectory import Trajectory
@@ -151,10 +151,11 @@ def plot_phase_portrait(
 
 
 def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
-    if not isinstance(trajectory, Trajectory):
-        raise TypeError(f"trajectory={trajectory!r}: give a Trajectory, as cellmap.trajectory returns it")
-    if labels is not None and (isinstance(labels, str) or len(labels) != trajectory.status.size):
-        raise ValueError(f"labels={labels!r}: give {trajectory.status.size} names in a list, one for each start")
+    if labels is None:
+        return
+    own = is_sequence(labels) and all(isinstance(label, str) for label in labels)
+    if not own or len(labels) != trajectory.status.size:
+        raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each start")
 
 
 def _flat(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -166,9 +167,9 @@ def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[t
     """Look up components by name: what each is, and its values, shape (n, starts)."""
     system = trajectory.system
     known = [c.name for c in system.axes]
-    wanted = known if names is None else [names] if isinstance(names, str) else list(names)
-    if not wanted:
-        raise ValueError(f"names={names!r}: name at least one coordinate or output")
+    wanted = known if names is None else (names,) if isinstance(names, str) else listed("names", names)
+    if not wanted or not all(isinstance(name, str) for name in wanted):
+        raise ValueError(f"names={shown(names)}: name at least one coordinate or output")
     series = []
     for name in wanted:
         if name in known:

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_number
+from ..checks import finite_number, real_array
 from ..coordinates import Coordinate, as_coordinates
 from ..grid import CellGrid
 from ..sets import BoxSet, MorseGraph, TransferOperator
 from ..signatures import checked
-from .axes import axes_or_new, column_of, label_axis
+from .axes import axes_or_new, label_axis, pair_of
 from .colours import colour_of
 
 
@@ -59,7 +59,7 @@ def plot_boxes(
     """
     ax = axes_or_new(ax)
     axes = as_coordinates(coordinates or [f"x{j + 1}" for j in range(boxes.grid.dimension)])
-    shown = None if values is None else np.asarray(values, float)
+    shown = None if values is None else real_array("values", values)
     if shown is not None and shown.shape != (len(boxes),):
         raise ValueError(f"values has the shape {shown.shape}: give one for each of the {len(boxes)} boxes")
     if boxes.grid.dimension == 1:
@@ -67,7 +67,7 @@ def plot_boxes(
         ax.bar(boxes.lower_corners()[:, 0], heights, boxes.grid.widths[0], align="edge", **style)
         _frame(ax, boxes.grid, axes, [0])
         return ax
-    pair = [column_of(c, axes) for c in components]
+    pair = list(pair_of("components", components, axes))
     squares = PolyCollection(list(_rectangles(boxes, pair)), **{"linewidth": 0.0, **style})
     if shown is not None:
         squares.set_array(shown)
@@ -112,7 +112,7 @@ def plot_morse_graph(
             **({"facecolor": colour, "edgecolor": colour, "linewidth": 1.0} if plane else {"color": colour}),
         )
     if plane:
-        pair = [column_of(c, graph.coordinates) for c in components]
+        pair = list(pair_of("components", components, graph.coordinates))
         middles = [_middle(boxes)[pair] for boxes in graph.sets]
         for i, j in graph.edges:
             ax.annotate("", middles[j], middles[i], arrowprops={"arrowstyle": "->", "color": "0.4"})
@@ -179,6 +179,11 @@ def plot_eigenvector(
     """
     ax = axes_or_new(ax)
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
+    if which == 0 and len(operator.invariant_measures) != 1:
+        raise ValueError(
+            f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that hold "
+            "one attractor"
+        )
     values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
     top = float(np.quantile(np.abs(values), quantile)) or 1.0
     style = {"cmap": "viridis", "clim": (0.0, top)} if which == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}

@@ -12,11 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
+from ..checks import real_array
 from ..crossings import Crossing
 from ..signatures import checked
 from ..stability import StabilityMap
 from .axes import axes_or_new
-from .colours import COLOURS
+from .colours import COLOURS, chosen_colours
 
 CROSSING_COLOURS = dict(zip(Crossing, COLOURS, strict=False))
 """One colour for each way in which multipliers cross the unit circle."""
@@ -93,7 +94,7 @@ def plot_stability_map(
     dots = None if measured is None else _measured(measured)
     ax = axes_or_new(ax)
     handles: list[Any] = _shade(ax, stability) if background else []
-    palette = {**CROSSING_COLOURS, **(colours or {})}
+    palette = {**CROSSING_COLOURS, **chosen_colours(colours)}
     curves = stability.curves
     for curve in curves:
         lone = "." if len(curve) == 1 else ""
@@ -121,10 +122,7 @@ def _outside(places: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[
 
 
 def _measured(given: ArrayLike) -> NDArray[np.float64]:
-    try:
-        points = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"measured={given!r}: give rows of two or three real numbers") from None
+    points = real_array("measured", given, "rows of two or three real numbers")
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f"measured has the shape {points.shape}: give rows of x, y and, if known, the error of y")
     if not np.isfinite(points).all():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import claim_memory, whole_number
+from ..checks import claim_memory, is_sequence, shown, whole_array, whole_number
 from ..coordinates import Coordinate, turns_of
 from ..grid import CellGrid
 from ..kernels.box_images import locate_rows
@@ -54,10 +54,10 @@ class BoxSet:
 
     def __post_init__(self) -> None:
         if not isinstance(self.grid, CellGrid):
-            raise TypeError(f"grid={self.grid!r}: give a CellGrid")
+            raise TypeError(f"grid={shown(self.grid)}: give a CellGrid")
         if self.grid.size > MOST_CELLS:
             raise ValueError(f"grid has {self.grid.size:.3g} cells, and 2**62 can be numbered: bisect fewer times")
-        keys = distinct(np.asarray(self.keys, np.int64).ravel())
+        keys = distinct(whole_array("keys", self.keys, "numbers of cells").ravel())
         if len(keys) and not 0 <= keys[0] <= keys[-1] < self.grid.size:
             raise ValueError(
                 f"keys run from {keys[0]} to {keys[-1]}: the cells have numbers from 0 to {self.grid.size - 1}"
@@ -125,6 +125,7 @@ class BoxSet:
 
     def indices(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the places of numbers of cells in `keys`, -1 for cells that are not in the set."""
+        keys = whole_array("keys", keys, "numbers of cells")
         if not len(self):
             return np.full(keys.shape, -1)
         places = np.minimum(np.searchsorted(self.keys, keys), len(self) - 1)
@@ -132,7 +133,10 @@ class BoxSet:
 
     def chosen(self, which: NDArray[np.bool_]) -> BoxSet:
         """Return the boxes that a mask of shape (n,) marks."""
-        return BoxSet(self.grid, self.keys[which])
+        mask = np.asarray(which) if is_sequence(which) else np.array(which)
+        if mask.shape != self.keys.shape or mask.dtype != bool:
+            raise ValueError(f"which={shown(which)}: give True or False for each of {len(self)} boxes")
+        return BoxSet(self.grid, self.keys[mask])
 
     @checked
     def subdivided(self, axes: int | Sequence[int] | None = None) -> BoxSet:
