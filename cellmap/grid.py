@@ -115,7 +115,10 @@ class CellGrid:
 
     def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
         """Return the points that lie `numbers` (..., dimension) of cells from the corner of lowest coordinates."""
-        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), real_array("numbers", numbers))
+        given = real_array("numbers", numbers)
+        if given.shape[-1:] != (self.dimension,):
+            raise ValueError(f"numbers has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
+        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), given)
 
     def centres(self) -> NDArray[np.float64]:
         """Return the centres of all cells, shape ``(*shape, dimension)``."""

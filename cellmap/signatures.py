@@ -115,6 +115,8 @@ def _kind(hint: Any) -> _Kind | None:
         return _any_of([_kind(h) for h in inner])
     if origin in _NUMBERS:
         return _NUMBERS[origin]
+    if origin is tuple and len(inner) == 2 and inner[0] is inner[1] and inner[0] in (int, float):
+        return _pair_of(_NUMBERS[inner[0]].holds, "two whole numbers" if inner[0] is int else "two numbers")
     if origin is Sequence:
         each = _kind(inner[0])
         return None if each is None else _sequence_of(each)
@@ -141,6 +143,10 @@ def _sequence_of(each: _Kind) -> _Kind:
         return is_sequence(value) and all(map(each.holds, value))
 
     return _Kind(holds, f"a sequence, each of it {each.words}", each.maker)
+
+
+def _pair_of(holds: Callable[[Any], bool], words: str) -> _Kind:
+    return _Kind(lambda value: is_sequence(value) and len(value) == 2 and all(map(holds, value)), words)
 
 
 def _is_whole(value: Any) -> bool:

@@ -209,6 +209,8 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None, unverifie
         For a file that is truncated or damaged, that something else wrote, that holds what cellmap does not write, such
         as links to other files, or that a newer cellmap wrote.
     """
+    if name is not None and not isinstance(name, str):
+        raise TypeError(f"name={name!r}: give a name that the file holds")
     return _checked(as_path("path", path), name, _read, unverified)
 
 

@@ -193,11 +193,11 @@ def box_dimension(
     return fitted("points", tried, mean, errors, missed, usable, -raised, window)
 
 
-def checked_sizes(sizes: ArrayLike) -> NDArray[np.float64]:
+def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> NDArray[np.float64]:
     """Return sizes in falling order, at least three different ones."""
-    chosen = np.unique(real_array("sizes", sizes).ravel())[::-1]
+    chosen = np.unique(real_array(name, sizes).ravel())[::-1]
     if len(chosen) < 3 or not (np.isfinite(chosen).all() and (chosen > 0.0).all()):
-        raise ValueError(f"sizes={sizes!r}: give at least three different positive sizes")
+        raise ValueError(f"{name}={sizes!r}: give at least three different positive sizes")
     return chosen
 
 

@@ -129,7 +129,7 @@ def correlation_dimension(
         raise ValueError(f"points: {n} are too few for pairs at all distances; give at least 1000")
     theiler = whole_number("theiler", theiler, at_most=n // 4)
     one_of("norm", norm, (1.0, 2.0, np.inf))
-    distances = _radii(space, n) if radii is None else checked_sizes(radii)
+    distances = _radii(space, n) if radii is None else checked_sizes(radii, "radii")
     counts = _pairs(space, distances[::-1], theiler, norm)[:, ::-1]  # stretch of the orbit, distance
     edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
     time = np.arange(n)

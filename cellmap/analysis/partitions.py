@@ -72,9 +72,9 @@ class Space:
             lengths = np.ones(d) if alike else np.where(extents > 0.0, extents, 1.0)
         else:
             lengths = real_array("scales", scales)
-            lengths = np.broadcast_to(lengths, d).copy() if lengths.size == 1 else lengths
-            if lengths.shape != (d,) or not (np.isfinite(lengths).all() and (lengths > 0.0).all()):
-                raise ValueError(f"scales={scales!r}: give a positive length for each coordinate")
+            lengths = np.full(d, lengths) if lengths.ndim == 0 else lengths
+            if lengths.shape != (d,) or not ((lengths > 1e-150) & (lengths < 1e150)).all():
+                raise ValueError(f"scales={shown(scales)}: give a positive length for each coordinate")
         if not np.ptp(given, axis=0).any():
             raise ValueError("points: all of them are the same; a point has dimension 0")
         corner = np.where(turns > 0.0, cuts, given.min(axis=0))
@@ -242,6 +242,8 @@ def over_offsets(
         sizes = dyadic_sizes(space) if sizes is None else sizes
     else:
         shifts = random_numbers(seed).random((offsets, space.dimension))
+    if sizes is not None and not space.extent / sizes.min() < 2.0**_KEY_BITS:
+        raise ValueError(f"sizes={shown(sizes)}: boxes of the smallest size cannot be numbered; give larger ones")
     found: dict[int, NDArray[np.float64]] = {}
 
     def work(number: int) -> None:

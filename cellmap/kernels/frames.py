@@ -7,6 +7,7 @@ import functools
 import numpy as np
 from numba import njit
 
+from .blocks import MOST_TURNS
 from .borrow import borrowed
 from .calls import call_rows
 from .options import INLINE, KERNEL
@@ -33,7 +34,7 @@ def carrying(d):
         parameters, lower, turn : ndarray
             Parameters of the step; cuts and turns of the coordinates, shape (d,).
         bound : float
-            Size from which on an orbit has ended.
+            Size from which on an orbit has ended; for an angle it is that at which its phase is lost.
         points, turns, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
             Points, whole turns taken out of angles, orthonormal columns, and which orbits have ended, which stay where
             they are.  All are changed in place.
@@ -57,7 +58,7 @@ def carrying(d):
                 call_rows(step, rows, d, given)
                 inside = finite = True
                 for i in range(d):
-                    inside &= abs(rows[0, i]) < bound
+                    inside &= abs(rows[0, i]) < (MOST_TURNS * turn[i] if turn[i] > 0.0 else bound)
                     for j in range(d):
                         finite &= abs(vectors[j, i]) < np.inf
                 if not inside:

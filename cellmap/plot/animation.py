@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..checks import claim_memory, finite_number, whole_number
+from ..checks import claim_memory, finite_number, shown, whole_number
 from ..files import written_whole
 from ..signatures import checked
 from ..trajectory import Trajectory
@@ -122,9 +122,9 @@ def animate(
 def _joints(trajectory: Trajectory, output: str) -> NDArray[np.float64]:
     """Places of pivot and tips, shape (n, starts, joints, 2)."""
     system = trajectory.system
-    if output not in system.outputs:
+    if not isinstance(output, str) or output not in system.outputs:
         raise ValueError(
-            f"output={output!r}: the outputs of {system.name} are {sorted(system.outputs) or 'none'}; give the "
+            f"output={shown(output)}: the outputs of {system.name} are {sorted(system.outputs) or 'none'}; give the "
             f"ForcedSystem outputs={{{output!r}: f}}, where f(t, x, p) returns (x0, y0, x1, y1, ...) of pivot and tips"
         )
     places = trajectory.output(output)

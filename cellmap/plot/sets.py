@@ -181,8 +181,8 @@ def plot_eigenvector(
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
     if which == 0 and len(operator.invariant_measures) != 1:
         raise ValueError(
-            f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that hold "
-            "one attractor"
+            f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that "
+            "hold one attractor"
         )
     values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
     top = float(np.quantile(np.abs(values), quantile)) or 1.0
