@@ -169,9 +169,7 @@ class CellGrid:
         """
         if len(coordinates) != self.dimension:
             names = ", ".join(c.name for c in coordinates)
-            raise ValueError(
-                f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates ({names})"
-            )
+            raise ValueError(f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}")
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
             excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
