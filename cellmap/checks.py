@@ -85,6 +85,13 @@ def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62)
     return int(value)
 
 
+def text(name: str, value: Any) -> str:
+    """Return a string."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name}={shown(value)}: give a string")
+    return value
+
+
 def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
     """Return a value that is among the choices."""
     if not np.isscalar(value) or value not in choices:

@@ -98,7 +98,7 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
     if isinstance(given, str | Coordinate):
         given = (given,)
     given = listed("coordinates", given)
-    if not all(isinstance(c, str | Coordinate) for c in given):
+    if not all(isinstance(c, Coordinate) or (isinstance(c, str) and c) for c in given):
         raise TypeError(f"coordinates={shown(given)}: give a name or a Coordinate for each state variable")
     coordinates = tuple(c if isinstance(c, Coordinate) else Coordinate(c) for c in given)
     names = [c.name for c in coordinates]

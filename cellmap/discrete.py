@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import parameter_values, shown
+from .checks import parameter_values, shown, text
 from .codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
 from .codegen.machine_code import MachineCode
 from .codegen.trace import parameter_record
@@ -69,9 +69,7 @@ def discrete_map(
     values = parameter_values(params)
     axes = as_coordinates(coordinates)
     names, d = tuple(values), len(axes)
-    if not isinstance(name, str):
-        raise TypeError(f"name={shown(name)}: give a string")
-    name = name or getattr(function, "__name__", type(function).__name__)
+    name = text("name", name) or getattr(function, "__name__", type(function).__name__)
     _check_components(function, values, axes)
     timeless = _timeless(function)
     symbolic = traces_faithfully(timeless, d, values)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_number, finite_points, parameter_values, real_array, shown
+from .checks import finite_number, finite_points, parameter_values, real_array, shown, text
 from .codegen.rebind import over_arrays
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates
@@ -92,9 +92,7 @@ class ForcedSystem:
         set_field = functools.partial(object.__setattr__, self)
         set_field("params", parameter_values(self.params))
         set_field("coordinates", as_coordinates(self.coordinates))
-        if not isinstance(self.name, str):
-            raise TypeError(f"name={shown(self.name)}: give a string")
-        set_field("name", self.name or getattr(self.rhs, "__name__", type(self.rhs).__name__))
+        set_field("name", text("name", self.name) or getattr(self.rhs, "__name__", type(self.rhs).__name__))
         if self.switches is not None and not callable(self.switches):
             raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cellmap import ForcedSystem
+from cellmap.checks import text
 
 from .chain import Chain
 from .drives import VerticalDrive
@@ -75,7 +76,7 @@ def chain_pendulum(
         DryFriction(friction),
     )
     body = Chain(lengths, masses)
-    return scene(body, *effects, name=name or f"chain of {body.joints} pendulums")
+    return scene(body, *effects, name=text("name", name) or f"chain of {body.joints} pendulums")
 
 
 def double_pendulum(

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_number, real_array
+from ..checks import finite_number, listed, real_array
 from ..coordinates import Coordinate, as_coordinates
 from ..grid import CellGrid
 from ..sets import BoxSet, MorseGraph, TransferOperator
@@ -58,7 +58,10 @@ def plot_boxes(
         For another number of values than boxes.
     """
     ax = axes_or_new(ax)
-    axes = as_coordinates(coordinates or [f"x{j + 1}" for j in range(boxes.grid.dimension)])
+    names = listed("coordinates", coordinates)
+    axes = as_coordinates(names or [f"x{j + 1}" for j in range(boxes.grid.dimension)])
+    if len(axes) != boxes.grid.dimension:
+        raise ValueError(f"coordinates={names!r}: give one for each of {boxes.grid.dimension} axes")
     shown = None if values is None else real_array("values", values)
     if shown is not None and shown.shape != (len(boxes),):
         raise ValueError(f"values has the shape {shown.shape}: give one for each of the {len(boxes)} boxes")
