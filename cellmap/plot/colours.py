@@ -37,8 +37,10 @@ def colour_of(number: int) -> Colour:
 def chosen_colours(colours: Mapping[Any, Any] | None) -> Mapping[Any, Any]:
     """Check colours that are given for some of what is drawn."""
     chosen = {} if colours is None else colours
-    if not isinstance(chosen, Mapping) or not all(map(is_color_like, chosen.values())):
+    if not isinstance(chosen, Mapping):
         raise TypeError(f"colours={shown(colours)}: give a mapping to colours of matplotlib")
+    if not all(map(is_color_like, chosen.values())):
+        raise ValueError(f"colours={shown(colours)}: give colours of matplotlib")
     return chosen
 
 

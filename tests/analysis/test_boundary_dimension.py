@@ -326,7 +326,7 @@ def test_same_bits_for_any_number_of_threads(duffing):
 @pytest.mark.parametrize(
     ("labels", "arguments", "error", "message"),
     [
-        (np.zeros((50, 50)), {}, TypeError, "whole numbers, or Basins"),
+        (np.zeros((50, 50)), {}, TypeError, "basins=.*: give whole numbers as labels, or Basins"),
         (np.zeros((50, 50), int), {}, ValueError, "no two basins meet"),
         (np.zeros((0, 50), int), {}, ValueError, "two cells at least"),
         (np.zeros((1, 1), int), {}, ValueError, "two cells at least"),

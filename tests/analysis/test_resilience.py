@@ -339,7 +339,7 @@ def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
         (0, {"scale": 0.0}, "scale=0.0"),
         (0, {"scale": (1.0, 1.0, 1.0)}, "scale="),
         (0, {"point": (2.0, 0.0)}, r"label -2, not 0"),
-        (0, {"point": (2.0,)}, "one finite state"),
+        (0, {"point": (2.0,)}, "point has shape"),
         (0, {"along": ["z"]}, "along='z'"),
         (0, {"along": []}, "along is empty"),
         (0, {"trials": 0}, "trials=0"),
@@ -348,6 +348,11 @@ def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
 def test_what_a_shock_refuses(disc: Basins, label: int, change: Any, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         minimal_fatal_shock(disc, label, **change)
+
+
+def test_labels_that_are_no_whole_numbers() -> None:
+    with pytest.raises(TypeError, match=r"basins=array.*: give Basins, or whole numbers as labels"):
+        largest_ball(np.zeros((3, 3)), 0)
 
 
 def test_no_shock_where_all_come_back(disc: Basins) -> None:
@@ -434,7 +439,6 @@ def test_undecided_cells_end_a_ball() -> None:
 @pytest.mark.parametrize(
     ("labels", "label", "change", "match"),
     [
-        (np.zeros((3, 3)), 0, {}, "whole numbers"),
         (np.zeros((0, 3), int), 0, {}, "shape"),
         (np.zeros((3, 3), int), 1, {}, "no cell has it"),
         (np.zeros(4, int), 0, {"wraps": [True]}, "has no end"),
