@@ -124,7 +124,7 @@ def test_a_period_that_changes_is_refused() -> None:
 
 
 def test_bad_names_are_refused(pendulum: PointMap) -> None:
-    with pytest.raises(ValueError, match="names has 'depth'"):
+    with pytest.raises(ValueError, match="names='depth'"):
         swept_map(pendulum, "depth")
     with pytest.raises(ValueError, match="different parameters"):
         swept_map(pendulum, "amplitude", "amplitude")

@@ -136,7 +136,7 @@ def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
         ({"coordinates": (angle("q"), "v")}, ValueError, "so q is no angle of turn 6.28319; give its own turn"),
         ({"coordinates": ()}, ValueError, "one different name for each state variable"),
         ({"coordinates": ("q", "q")}, ValueError, "one different name for each state variable"),
-        ({"coordinates": ("q", 3)}, ValueError, "a coordinate needs a name"),
+        ({"coordinates": ("q", 3)}, TypeError, "give a name or a Coordinate for each"),
         ({"coordinates": ("q",)}, ValueError, "not enough values to unpack .* one coordinate for each state variable"),
     ],
 )
