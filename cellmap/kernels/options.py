@@ -11,6 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 from .cache import kernels_are_kept
+from .forking import keep_compilers_whole
+
+keep_compilers_whole()
 
 KERNEL: dict[str, Any] = {
     "nogil": True,
