@@ -11,6 +11,7 @@ from .cell_table import CellTable
 from .codegen.lookup import lookup_kernel
 from .codegen.spline_basis import WIDTH
 from .coordinates import turns_of
+from .grid import CellGrid
 from .orbit_batch import Orbits, Status
 from .pointmap import PointMap
 
@@ -41,7 +42,7 @@ class LookUps:
             flat,
             strides,
             np.array(grid.lower),
-            1.0 / grid.widths,
+            _inverse_widths(grid),
             np.array(grid.shape),
             circle,
             reach,
@@ -88,3 +89,11 @@ class LookUps:
                 place[:, j] = np.where((place[:, j] >= 0.0) & (place[:, j] < circle[j]), place[:, j], 0.0)
             outside |= ~((place[:, j] >= 0.0) & (place[:, j] <= cells[j]))
         return outside
+
+
+def _inverse_widths(grid: CellGrid) -> NDArray[np.float64]:
+    """Return what turns distances into cells, rounded so that the upper edges of the window are inside of it."""
+    inverse, span = 1.0 / grid.widths, np.subtract(grid.upper, grid.lower)
+    while (beyond := span * inverse > grid.shape).any():
+        inverse[beyond] = np.nextafter(inverse[beyond], 0.0)
+    return inverse
