@@ -54,7 +54,7 @@ class Part:
         for f in fields(self):
             value, each = getattr(self, f.name), f.metadata.get("each")
             if each:
-                if isinstance(value, str) or not hasattr(value, "__iter__"):
+                if isinstance(value, str) or not hasattr(value, "__iter__") or getattr(value, "ndim", 1) == 0:
                     raise TypeError(f"{f.name}={value!r}: give a sequence of numbers")
                 value = tuple(_number(f, f"{each}_{i}", v) for i, v in enumerate(value, start=1))
                 if not value:

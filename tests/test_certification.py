@@ -217,8 +217,8 @@ def test_coexisting_chaos():
 
 
 def test_attractors_that_the_table_has_not_shown():
-    """x -> 2.74 sin x is chaotic on either side of 0; straight lines between seven nodes have no attractor."""
-    exact = discrete_map(lambda x, p: (p.r * sin(x[0]),), {"r": 2.74}, ("x",))
+    """x -> 2.9 sin x is chaotic on either side of 0; straight lines between seven nodes have no attractor."""
+    exact = discrete_map(lambda x, p: (p.r * sin(x[0]),), {"r": 2.9}, ("x",))
     window = CellGrid((-3.1,), (3.1,), (100,))
     icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (6,)), 1, "integrate", tolerance=COARSE)
     basins = find_basins(icm, window, max_periods=300)

@@ -351,8 +351,8 @@ def test_a_blow_up_in_finite_time(form: str) -> None:
 
 
 def test_angles_too_fast_for_any_number_of_steps_have_diverged(problems: Mapping[str, ForcedSystem]) -> None:
-    images = stroboscopic_map(problems["forced pendulum"]).iterate([[0.0, 1e200], [0.0, 1.0], [1e200, 0.0]], 1)
-    assert images.status.tolist()[:2] == [Status.DIVERGED, Status.OK]
+    images = stroboscopic_map(problems["forced pendulum"]).iterate([[0.0, 1e200], [0.0, 1.0]], 1)
+    assert images.status.tolist() == [Status.DIVERGED, Status.OK]
     assert np.isfinite(images.points).all(axis=1).tolist() == (images.status < Status.ESCAPED).tolist()
 
 

@@ -20,6 +20,7 @@ from .labelling import Labeller, labeller, own_label, places_of, scale_of, span_
 from .shock_search import nearest_foreign
 
 _SECTIONS = 32  # of a segment that are looked at together
+_TILT = 1e-3  # of the distance of the first pair, by which one of the two is moved out of line
 _BLOCKS = 8  # of an orbit, whose mean growths are compared
 _SAME = 1e-2  # scaled distance of a saddle from the straddle orbit that led to it
 
@@ -192,21 +193,33 @@ def _first_pair(
 def _neighbours(
     basins: Basins, label: Labeller, side: int, other: int, unit: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return two starts of different labels that are closest together, as the map confirms."""
+    """Return two starts of different labels that are closest together, as the map confirms.
+
+    The second one is moved a little, in all coordinates: of two mirror images in a system with that symmetry the
+    separation would never leave one direction.
+    """
     labels, places = basins.labels.ravel(), places_of(basins)
     mine, theirs = places[labels == side], places[labels == other]
     if not (len(mine) and len(theirs)):
         raise ValueError(f"inside={side}, outside={other}: no start has the label {side if not len(mine) else other}")
     distance, nearest = nearest_foreign(theirs, mine, unit, basins.coordinates)
     for row in np.argsort(distance, kind="stable")[:64]:
-        pair = np.stack([mine[row], theirs[nearest[row]]])
-        ends = label(pair)
-        if ends[0] == side and ends[1] not in (side, UNDECIDED):
-            return pair
+        shift = difference(theirs[nearest[row]], mine[row], basins.coordinates)
+        moved = theirs[nearest[row]] + _TILT * np.linalg.norm(shift / unit) * unit * _golden_direction(len(unit))
+        for beyond in (moved, theirs[nearest[row]]):
+            pair = np.stack([mine[row], beyond])
+            ends = label(pair)
+            if ends[0] == side and ends[1] not in (side, UNDECIDED):
+                return pair
     raise ValueError(
         f"inside={side}, outside={other}: the map does not confirm the labels; give a larger "
         "max_periods, or find the basins anew"
     )
+
+
+def _golden_direction(dimension: int) -> NDArray[np.float64]:
+    """Return a direction that is none of the axes and no diagonal."""
+    return np.mod(np.arange(1, dimension + 1) * 0.6180339887498949, 1.0) - 0.5
 
 
 def _bisected(

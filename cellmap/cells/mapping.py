@@ -233,8 +233,8 @@ def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, p
     Examples
     --------
     >>> from cellmap import CellGrid, discrete_map
-    >>> halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
-    >>> mapping = simple_cell_mapping(halves, CellGrid((-1,), (1,), (5,)))
+    >>> thirds = discrete_map(lambda x, p: (x[0] / 3,), {}, ("x",))
+    >>> mapping = simple_cell_mapping(thirds, CellGrid((-1,), (1,), (5,)))
     >>> mapping.images, mapping.steps
     (array([1, 2, 2, 2, 3]), array([2, 1, 0, 1, 2], dtype=int32))
     >>> mapping.basins().fractions[0].share

@@ -89,12 +89,15 @@ def test_forced_pendulum_by_table(forced):
     assert found.verdict == "fractal"
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_few_pairs_do_not_shift_the_exponent(forced, seed):
-    """With errors of 3 % the first distances, where shares saturate, look like part of the law; 0.308 all the same."""
-    found = uncertainty_exponent(forced, pairs=300_000, seed=seed)
-    assert found.exponent == pytest.approx(0.308, abs=0.01)
-    assert found.standard_error < 0.02
+def test_few_pairs_do_not_shift_the_exponent(forced):
+    """With errors of 3 % the first distances, where fractions saturate, look like part of the law; 0.308 all the same.
+
+    One run scatters by 0.01, so that a shift shows in the mean of several.
+    """
+    found = [uncertainty_exponent(forced, pairs=300_000, seed=seed) for seed in range(6)]
+    assert np.mean([f.exponent for f in found]) == pytest.approx(0.308, abs=0.01)
+    assert all(abs(f.exponent - 0.308) < 3.0 * f.standard_error for f in found)
+    assert np.median([f.standard_error for f in found]) < 0.02
 
 
 @pytest.mark.parametrize(("forcing", "pairs"), [(0.06, 500_000), (0.088, 50_000), (0.088, 200_000)])
