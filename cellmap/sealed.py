@@ -12,6 +12,7 @@ import errno
 import hashlib
 import json
 import os
+import secrets
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -62,7 +63,8 @@ def image_of(write: Callable[[h5py.File], None]) -> bytes:
 
     HDF5's library does not survive a write that fails, as on a full disk; what it has written to memory does.
     """
-    with h5py.File("image", "w", driver="core", backing_store=False) as file:
+    # HDF5 tells files apart by their names, those in memory too.
+    with h5py.File(f"image {secrets.token_hex(16)}", "w", driver="core", backing_store=False) as file:
         write(file)
         file.flush()
         return bytes(file.id.get_file_image())

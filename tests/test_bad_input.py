@@ -22,6 +22,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 import cellmap
 import systems
@@ -389,6 +391,12 @@ def calls(names: list[str], wrong: st.SearchStrategy[Any]) -> st.SearchStrategy[
 
 def written(name: str, changed: Mapping[str, Any]) -> str:
     return f"{name}({', '.join(f'{key}={value!r}' for key, value in changed.items())})"
+
+
+@pytest.fixture(autouse=True)
+def the_same_calls_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hypothesis takes constants from modules that happen to be imported: calls would depend on the tests before."""
+    monkeypatch.setattr(providers, "_get_local_constants", Constants)
 
 
 def fuzz(names: list[str], number: int) -> None:

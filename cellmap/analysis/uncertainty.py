@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..attractor import Attractor
 from ..basins import Basins
-from ..checks import finite_number, whole_number
+from ..checks import finite_number, real_array, whole_number
 from ..grid import CellGrid
 from ..orbit_batch import CHUNK, Cost
 from ..pointmap import PointMap
@@ -178,7 +178,7 @@ def smallest_distance(states: FinalStates) -> float:
 
 
 def _decreasing(distances: ArrayLike, floor: float) -> NDArray[np.float64]:
-    values = np.asarray(distances, dtype=float)
+    values = real_array("distances", distances)
     if values.ndim != 1 or not len(values) or not (np.diff(values) < 0.0).all():
         raise ValueError(f"distances={distances!r}: give a decreasing list of distances")
     for v in values:
