@@ -93,10 +93,7 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
     flag = (size + count) * (order + 1) + size + 2
     once = {**parameter_scope(out, parameters), "t": Value("%start")}
     with out.loop_over_lanes(LANES) as lane:
-
-        def address(base: str, row: int) -> str:
-            return out.address(base, out.result(f"add i64 {lane}, {row * LANES}").text)
-
+        address = functools.partial(_place, out, lane)
         scope = {**once, **{f"x{j}": out.load(address("%lanes", j), vector=True) for j in range(size)}}
         lines, sides = _evaluated(traced.surfaces)
         lines += [f"side{e} = 1.0 if {side} > 0.0 else -1.0" for e, side in enumerate(sides)]
@@ -108,6 +105,11 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
             out.store(out.as_vector(scope[f"side{e}"]), address("%lanes", size + 1 + e))
             out.store(out.as_vector(scope["free"]), address("%lanes", size + 1 + count + e))
         out.store(out.as_vector(scope["flag"]), address("%series", flag))
+
+
+def _place(out: Instructions, lane: str, base: str, row: int) -> str:
+    """Return the address of lanes in a row of an array."""
+    return out.address(base, out.whole("add", lane, row * LANES))
 
 
 def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) -> None:
@@ -148,10 +150,7 @@ def _write_step(out: Instructions, series: Series, parameters: int, count: int, 
     rows = [*(f"s{j}_0" for j in range(size)), "t0", *(f"g{e}" for e in range(count)), *(f"u{e}" for e in range(count))]
     rows += [*(f"sum{j}" for j in range(size)), *(f"begun{e}" for e in range(count))]
     with out.loop_over_lanes(LANES) as lane:
-
-        def address(base: str, row: int) -> str:
-            return out.address(base, out.result(f"add i64 {lane}, {row * LANES}").text)
-
+        address = functools.partial(_place, out, lane)
         scope: Scope = {**once}
         scope |= {name: out.load(address("%lanes", row), vector=True) for row, name in enumerate(rows)}
         mine = ">" if sliding else "=="
