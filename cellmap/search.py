@@ -24,6 +24,7 @@ _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before ends are polished for the first time
 _LOOKED_AT = 256  # ends among which those to be polished are chosen
 _REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
+_LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
 _RETURNED = 0.2  # if they bring it back to within this part of the extent
@@ -145,7 +146,7 @@ def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[n
     span = np.ptp(states, axis=0) if table is None else np.array(table.grid.upper) - np.array(table.grid.lower)
     magnitude = np.abs(states).max(axis=0)
     span = np.where(span > 0, span, np.where(magnitude > 0, magnitude, 1.0))
-    return np.where(turn > 0, turn, span)
+    return np.where(turn > 0, turn, np.clip(span, 1.0 / _LARGEST, _LARGEST))
 
 
 def new_attractors(

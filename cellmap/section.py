@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import finite_number, one_of, whole_number
+from .checks import finite_number, one_of, shown, whole_number
 from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
 from .flow import Flow, flow, tangent_flow
@@ -290,11 +290,13 @@ def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[int
     try:
         name, value, direction = section
     except (TypeError, ValueError):
-        raise TypeError(f"section={section!r}: give a coordinate, its value and a direction, ('z', 27.0, -1)") from None
+        raise TypeError(
+            f"section={shown(section)}: give a coordinate, its value and a direction, ('z', 27.0, -1)"
+        ) from None
     names = [c.name for c in system.axes]
-    if name not in names:
-        raise ValueError(f"section={section!r}: the coordinates are {names}")
+    if not isinstance(name, str) or name not in names:
+        raise ValueError(f"section={shown(section)}: the coordinates are {names}")
     if len(names) < 2:
-        raise ValueError(f"section={section!r}: a section needs a system of at least two state variables")
-    direction = one_of("direction", direction, (-1, 0, 1))
-    return names.index(name), finite_number("section value", value), int(direction)
+        raise ValueError(f"section={shown(section)}: a section needs a system of at least two state variables")
+    direction = one_of("section[2]", direction, (-1, 0, 1))
+    return names.index(name), finite_number("section[1]", value), int(direction)

@@ -19,8 +19,9 @@ from .starts import Starts
 class Search:
     """What the exact map adds to basins that were found with a table.
 
-    ``basins`` have the labels of the exact map at some starts, and the attractors that came up there; ``told`` (n,)
-    says which starts these are, and ``tally`` what it took.
+    ``basins`` have the labels of the exact map at some starts, the attractors that came up there, and the reasons of
+    the orbits that were undecided when last searched; ``told`` (n,) says which starts these are, and ``tally`` what it
+    took.
     """
 
     def __init__(self, basins: Basins, progress: bool) -> None:
@@ -48,7 +49,9 @@ class Search:
         attractors = tuple(sorted([*known, *new], key=sort_key))
         labels, times = _renumbered(basins, attractors), basins.settling_time.copy()
         labels.ravel()[rows], times.ravel()[rows] = _renumbered(found, attractors), found.settling_time
-        self.basins = replace(basins, labels=labels, attractors=attractors, settling_time=times)
+        self.basins = replace(
+            basins, labels=labels, attractors=attractors, settling_time=times, undecided=found.undecided
+        )
         self.told[rows] = True
         self.tally = self.tally.plus((found.cost.steps, found.inaccurate, found.cost.evaluations, found.cost.look_ups))
         return bool(new)

@@ -25,6 +25,7 @@ from cellmap.cell_owners import within
 from cellmap.kernels.certainty import carry_rows, reach_ends
 from cellmap.orbit_batch import Orbits
 from cellmap.settling import UNDECIDED, Catalogue, settle
+from cellmap.transients import Reason
 from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
 
 COARSE = 1e6  # a tolerance that leaves no cell to the exact map
@@ -190,6 +191,7 @@ def test_starts_that_settle_late_or_never(contraction):
     assert (certificate.basins.labels == UNDECIDED).any()
     np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
     assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
+    assert certificate.basins.undecided == {Reason.REGULAR: min(certificate.undecided, 32)}  # spirals
     undecided = (certificate.basins.labels == UNDECIDED).mean()
     assert certificate.undecided == round(undecided * certificate.evidence.size)
     assert certificate.wrong[0] == 0.0
@@ -223,7 +225,9 @@ def test_attractors_that_the_table_has_not_shown():
     icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (6,)), 1, "integrate", tolerance=COARSE)
     basins = find_basins(icm, window, max_periods=300)
     assert (basins.labels == UNDECIDED).all()
+    assert sum(basins.undecided.values()) > 0
     certificate = certify(basins, audit=50)
+    assert certificate.basins.undecided == {}
     direct = find_basins(exact, window, max_periods=300)
     assert [a.kind for a in certificate.basins.attractors] == ["chaotic", "chaotic"]
     assert (certificate.undecided, certificate.changed) == (0, window.size)

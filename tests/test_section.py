@@ -242,7 +242,7 @@ def test_what_is_wrong_is_named():
         section_map(LORENZ, 3)
     with pytest.raises(ValueError, match=r"coordinates are \['x', 'y', 'z'\]"):
         section_map(LORENZ, ("w", 0.0, 1))
-    with pytest.raises(ValueError, match="direction=2"):
+    with pytest.raises(ValueError, match=r"section\[2\]=2"):
         section_map(LORENZ, ("z", 27.0, 2))
     with pytest.raises(ValueError, match="max_time=0"):
         section_map(LORENZ, ("z", 27.0, 1), max_time=0)

@@ -130,7 +130,10 @@ def scale_of(
     scale = np.full(len(coordinates), scale) if scale.ndim == 0 else scale
     # Lengths in these units are squared.
     if scale.shape != (len(coordinates),) or not ((scale > 1e-150) & (scale < 1e150)).all():
-        raise ValueError(f"scale={shown(given)}: give a positive number for each of {len(coordinates)} coordinates")
+        raise ValueError(
+            f"scale={shown(given)}: give a positive number for each of {len(coordinates)} coordinates, "
+            "above 1e-150 and below 1e150"
+        )
     return scale
 
 
