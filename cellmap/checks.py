@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from .memory import memory_available
 
 _PACKAGE = str(Path(__file__).parent) + os.sep
+_ALWAYS_FREE = 2**24  # bytes
 
 
 class _Shown(Repr):
@@ -215,8 +216,13 @@ def affordable_number(name: str, value: Any, each: int, at_least: int = 0) -> in
 
 
 def claim_memory(what: str, needed: int, remedy: str) -> None:
-    """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free."""
+    """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free.
+
+    What is free is asked of the system, which takes a millisecond: not for less than any process has.
+    """
     logging.getLogger("cellmap").info("%s: %s of memory", what, in_bytes(needed))
+    if needed <= _ALWAYS_FREE:
+        return
     free = memory_available()
     if needed > free:
         raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")

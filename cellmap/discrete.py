@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from .checks import parameter_values, shown, text
 from .codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
 from .codegen.machine_code import MachineCode
+from .codegen.period import CompiledPeriod
 from .codegen.trace import parameter_record
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .jacobian import NotDifferentiableError, tangent_by_lanes
-from .kernels.blocks import pack, unpack
 from .kernels.frames import carrying
-from .kernels.options import LANES
-from .orbit_batch import Orbits, Status
+from .kernels.periods import iterate
+from .orbit_batch import Orbits, Status, legs
 from .pointmap import Family, Origin, PointMap
 from .signatures import checked
 from .sweep import swept_axes, swept_function
@@ -77,24 +77,23 @@ def discrete_map(
         kernel = discrete_kernel(timeless, d, names, False, symbolic)
     except TypeError as error:
         raise TypeError(f"function={shown(function)}: {error}") from error
+    assert kernel is not None, "without tangents there is always one"
     parameters = np.array([float(v) for v in values.values()])
     lower, turn = turns_of(axes)
+    anywhere = np.zeros(2 * d)
 
     def advance(orbits: Orbits, periods: int) -> None:
-        for _ in range(periods):
-            for now in orbits.living():
-                _apply(kernel, parameters, now)
-                now.wrap(lower, turn)
+        _apply(kernel, parameters, lower, turn, orbits, periods)
 
     @functools.cache
-    def with_tangent() -> Callable[..., Any] | None:
+    def with_tangent() -> CompiledPeriod | None:
         return discrete_kernel(timeless, d, names, True, symbolic)
 
     def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         compiled = with_tangent()
         if compiled is None:
             raise NotDifferentiableError(f"no derivatives of {name} are known")
-        return tangent_by_lanes(functools.partial(_apply, compiled, parameters), points, d)
+        return tangent_by_lanes(functools.partial(_apply, compiled, parameters, anywhere, anywhere), points, d)
 
     @functools.cache
     def rows_with_tangents() -> MachineCode | None:
@@ -152,20 +151,20 @@ def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
     return at_any_time
 
 
-def _apply(kernel: Any, parameters: NDArray[np.float64], orbits: Orbits) -> None:
-    """Apply a compiled map once, in place."""
-    n, d = orbits.points.shape
-    members = np.arange(n)
-    blocks = np.empty((-(-n // LANES), d, LANES))
-    errors = np.empty_like(blocks)
-    ratios = np.empty(n)
-    pack(orbits.points, members, blocks)
-    kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, parameters, errors)
-    orbits.work.evaluations += n
-    unpack(blocks, errors, members, orbits.points, ratios, np.full(d, np.inf), 1.0, 1.0)
-    with np.errstate(invalid="ignore"):
-        inside = np.abs(orbits.points) < _BOUND
-    orbits.end(np.flatnonzero(~inside.all(axis=1)), Status.DIVERGED)
+def _apply(
+    kernel: CompiledPeriod,
+    parameters: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    orbits: Orbits,
+    times: int = 1,
+) -> None:
+    """Apply a compiled map some times, in place; a turn of 0 leaves a coordinate as it is."""
+    state = (orbits.points, orbits.turns, orbits.status)
+    for some in legs(times, len(orbits)):
+        orbits.work.evaluations += iterate(
+            kernel.address, kernel.context, parameters, _BOUND, *state, lower, turn, some
+        )
 
 
 def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:

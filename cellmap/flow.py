@@ -19,14 +19,11 @@ from .codegen.kernel import (
 )
 from .codegen.linear import values
 from .coordinates import turns_of
-from .kernels.blocks import pack, unpack
-from .kernels.ladder import DIVERGED, MISSED, next_rungs, sort_by_rung
-from .kernels.options import LANES
-from .orbit_batch import Orbits, Status
+from .kernels.periods import PROBE, Motion, integrate
+from .orbit_batch import Orbits, legs
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
-_PROBE = 16  # steps of the first trial step
 _RUNGS_PER_OCTAVE = 4
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
@@ -159,6 +156,30 @@ class Flow:
     fewest_steps: int
 
     @functools.cached_property
+    def _motion(self) -> Motion:
+        """The numbers that the integrator takes."""
+        ladder, tolerance = self._ladder, max(self.rtol, self.atol)
+        margin = self.kernel.margin(tolerance)
+        return Motion(
+            function=self.kernel.advance.address,
+            context=self.kernel.advance.context,
+            parameters=self.parameters,
+            begin=float(self.begin),
+            length=float(self.length),
+            largest=self.largest,
+            rtol=self.rtol / margin,
+            atol=self.atol / margin,
+            digit=margin / tolerance,
+            ladder=ladder,
+            lowest=min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1),
+            probe=int(np.searchsorted(ladder, PROBE)),
+            highest_climb=3 * _RUNGS_PER_OCTAVE,
+            order=self.kernel.estimate_order,
+            safety=_SAFETY,
+            trial=self.kernel.trial,
+        )
+
+    @property
     def _ladder(self) -> NDArray[np.int64]:
         """Numbers of steps to choose from, four to an octave."""
         rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
@@ -166,54 +187,11 @@ class Flow:
 
     def __call__(self, orbits: Orbits) -> None:
         """Move orbits on in place, angles unwrapped, each with the steps it needs."""
-        starts, images = orbits.points.copy(), orbits.points
-        ladder, n = self._ladder, len(starts)
-        before = np.full((n, 2), -1.0)
-        lowest = min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1)
-        ratios = np.empty(n)
-        members, taken = np.arange(n), np.full(n, np.searchsorted(ladder, _PROBE))
-        # One step of a sixteenth of the time tells how many steps the whole of it will take.
-        self._integrate(starts, members, self.kernel.trial, self.length / _PROBE, images, ratios)
-        done = n
-        ratios *= _PROBE
-        first = True
-        while len(members):
-            rungs = np.empty(len(members), np.int64)
-            leap = 3 * _RUNGS_PER_OCTAVE
-            order = self.kernel.estimate_order
-            next_rungs(members, taken, ratios, before, order, first, lowest, ladder, _SAFETY, leap, rungs)
-            if not first:
-                missed = members[rungs == MISSED]
-                orbits.status[missed] = Status.INACCURATE
-                # An image without one right digit is none.
-                tolerance = max(self.rtol, self.atol) / self.kernel.margin(max(self.rtol, self.atol))
-                orbits.end(missed[ratios[missed] * tolerance > 1.0], Status.DIVERGED)
-                orbits.end(members[rungs == DIVERGED], Status.DIVERGED)
-            again = int(np.count_nonzero(rungs >= 0))
-            ordered, taken, ends = np.empty(again, np.int64), np.empty(again, np.int64), np.empty(len(ladder), np.int64)
-            sort_by_rung(members, rungs, len(ladder), ordered, taken, ends)
-            members, first = ordered, False
-            begin = 0
-            for steps, end in zip(ladder.tolist(), ends.tolist(), strict=True):
-                if end > begin:
-                    self._integrate(starts, members[begin:end], steps, self.length, images, ratios)
-                    done += steps * (end - begin)
-                    begin = end
-        orbits.work.evaluations += done * self.kernel.stages
+        anywhere = np.zeros(orbits.points.shape[1])
+        self.advance(orbits, 1, anywhere, anywhere)
 
-    def _integrate(
-        self,
-        starts: NDArray[np.float64],
-        members: NDArray[np.int64],
-        steps: int,
-        length: float,
-        images: NDArray[np.float64],
-        ratios: NDArray[np.float64],
-    ) -> None:
-        """Integrate some starts over a time with a number of steps, in full blocks of lanes."""
-        blocks = np.empty((-(-len(members) // LANES), starts.shape[1], LANES))
-        errors = np.empty_like(blocks)
-        pack(starts, members, blocks)
-        self.kernel.advance(blocks, np.full(len(blocks), steps), self.begin, length, self.parameters, errors)
-        margin = self.kernel.margin(max(self.rtol, self.atol))
-        unpack(blocks, errors, members, images, ratios, self.largest, self.rtol / margin, self.atol / margin)
+    def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+        """Move orbits on by some periods in place, with angles brought back into their turns."""
+        for some in legs(periods, len(orbits)):
+            steps = integrate(self._motion, orbits.points, orbits.turns, orbits.status, lower, turn, some)
+            orbits.work.evaluations += steps * self.kernel.stages

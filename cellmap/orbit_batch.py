@@ -34,6 +34,7 @@ class Status(IntEnum):
     """The orbit did not come back to the section of a map of first returns."""
 
 
+_PERIODS_AT_ONCE = 2**15  # of all orbits together
 _FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison
 
 
@@ -92,6 +93,13 @@ class Tally(NamedTuple):
 
 
 NOTHING = Tally()
+
+
+def legs(periods: int, orbits: int) -> Iterator[int]:
+    """Cut periods into numbers of them that compiled loops take at once: between two of them Ctrl-C is heard."""
+    most = max(1, _PERIODS_AT_ONCE // max(1, orbits))
+    for done in range(0, periods, most):
+        yield min(most, periods - done)
 
 
 @dataclass(eq=False)

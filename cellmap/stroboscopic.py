@@ -93,10 +93,7 @@ def stroboscopic_map(
     lower, turn = turns_of(system.axes)
 
     def advance(orbits: Orbits, periods: int) -> None:
-        for _ in range(periods):
-            for now in orbits.living():
-                motion(now)
-                now.wrap(lower, turn)
+        motion.advance(orbits, periods, lower, turn)
 
     @functools.cache
     def with_tangent() -> Flow | None:

@@ -658,6 +658,7 @@ def test_room_is_stated_and_claimed_before_the_run(tmp_path, monkeypatch, caplog
     assert "labelling 57,500 starts" in caplog.text
     assert "on the disk" in caplog.text
     memory = basins_memory(total, checkpoint=True)
+    monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: memory - 1)
     with pytest.raises(MemoryError, match="labelling 57,500 starts needs"):
         CASES["one pass"](checkpoint=tmp_path / "other.h5")

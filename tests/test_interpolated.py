@@ -518,9 +518,11 @@ def test_table_that_does_not_fit_is_refused_before_it_is_begun(pendulum):
 def test_refusal_follows_the_memory_that_is_free(pendulum, monkeypatch):
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (128, 64))
     needed = table_memory(grid.on(pendulum.coordinates), 5)
+    monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: needed - 1)
     with pytest.raises(MemoryError, match="a table of 128 x 64 cells"):
         interpolated_map(pendulum, grid)
+    monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: needed)
     interpolated_map(pendulum, grid)
 
@@ -665,6 +667,7 @@ def test_leap_is_kept_by_the_recipe_and_the_family(leaping, pendulum):
 def test_tables_of_several_periods_need_their_memory(pendulum, monkeypatch):
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (128, 64)).on(pendulum.coordinates)
     assert table_memory(grid, 5, 4) == 3 * table_memory(grid, 5)
+    monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: table_memory(grid, 5))
     interpolated_map(pendulum, grid)
     with pytest.raises(MemoryError, match="a table of 128 x 64 cells"):

@@ -331,6 +331,7 @@ def test_animation_checks_its_arguments(motion, arguments, error, message, tmp_p
 
 
 def test_a_gif_claims_its_memory(motion, tmp_path, monkeypatch):
+    monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: 10_000_000)
     with pytest.raises(MemoryError, match=r"a GIF of 49 frames needs .* take a larger every=, or write an MP4"):
         animate(motion, tmp_path / "pendulum.gif")

@@ -23,7 +23,7 @@ from .lanes import StepCode, lane_module
 from .machine_code import MachineCode
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import module_in_memory
-from .period import compiled_period, compiled_rows
+from .period import CompiledPeriod, compiled_period, compiled_rows
 from .rebind import rebind
 from .runge_kutta import called_steps, stage_namer
 from .switching import compiled_switching
@@ -41,7 +41,7 @@ class PeriodKernel:
     ``trial`` the number of steps that asks for one step whose error alone is wanted.
     """
 
-    advance: Callable[..., Any]
+    advance: CompiledPeriod
     method: str
     estimate_order: int
     stages: int
@@ -125,7 +125,7 @@ def traced_switching(
 @kept
 def discrete_kernel(
     function: Callable[..., Any], dimension: int, names: Names, tangent: bool, symbolic: bool = True
-) -> Callable[..., Any] | None:
+) -> CompiledPeriod | None:
     """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
     traced = traced_function(function, dimension, names) if symbolic else None
     if traced is None:
@@ -173,11 +173,11 @@ def _application(traced: Trace) -> StepCode:
     return StepCode(tuple(lines[0]), tuple(lines[1]), (*lines[2], *results, *zeros))
 
 
-def _compiled(code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
+def _compiled(code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     return compiled_period(code, dimension, len(names))
 
 
-def finished(advance: Callable[..., Any], method: Method, trial: int = 1) -> PeriodKernel:
+def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodKernel:
     """Return a compiled period with what its method knows about it."""
     stages = len(method.tableau.nodes) if method.tableau else 1
     return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin, trial)
@@ -188,16 +188,16 @@ def _tableau(method: Method) -> Any:
     return method.tableau
 
 
-def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> Callable[..., Any]:
+def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names))
     table = {name: f for name, f in vars(simd_math).items() if hasattr(f, "py_func")}
     try:
         scope = {"rhs": rebind(function, table, njit(**INLINE)), "Parameters": parameter_record(names)}
-        advance: Callable[..., Any] = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
+        advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
     except Exception as error:
         raise TypeError(
             f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
             f"on numbers. The compiler says: {error}"
         ) from error
-    return advance
+    return CompiledPeriod(advance.address, advance)

@@ -2,12 +2,12 @@
 
 The generated function is
 
-    advance(x, steps, start, period, p, error)
+    advance(context, x, steps, start, period, p, error, blocks)
 
-with blocks ``x`` of shape (blocks, dimension, LANES), the number of steps of each block, the time at which the period
-begins, its length, the parameters, and ``error`` of the shape of x, which receives the sum of the estimated local
-errors of each component.  The loop over lanes is innermost and its body is one whole step, straight-line code on
-scalars.  What does not depend on the state stands before that loop.
+with addresses of arrays: blocks ``x`` of shape (blocks, dimension, LANES), the number of steps of each block, the time
+at which the period begins, its length, the parameters, and ``error`` of the shape of x, which receives the sum of the
+estimated local errors of each component.  The loop over lanes is innermost and its body is one whole step,
+straight-line code on scalars.  What does not depend on the state stands before that loop.
 
 A method supplies the code of a step; see :mod:`runge_kutta` and :mod:`taylor`.
 """
@@ -21,8 +21,9 @@ from ..kernels.options import LANES
 
 HEADER = """\
 import math
-from numba import njit
+from numba import carray, cfunc
 from cellmap.kernels import simd_math
+from cellmap.kernels.calls import PERIOD
 from cellmap.kernels.options import KERNEL
 from cellmap.kernels.sums import dot
 
@@ -30,8 +31,6 @@ from cellmap.kernels.sums import dot
 
 CHECKED = 256
 """Steps between two looks at whether any lane of a block is still finite."""
-
-SIGNATURE = "void(float64[:, :, ::1], int64[::1], float64, float64, float64[::1], float64[:, :, ::1])"
 
 
 @dataclass(frozen=True)
@@ -52,11 +51,13 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
     """Return the text of a module with the function ``advance`` described above."""
     components = range(dimension)
     lines = [
-        f"@njit({SIGNATURE!r}, **{{**KERNEL, 'cache': False}})",
-        "def advance(x, steps, start, period, p, error):",
+        "@cfunc(PERIOD, **{**KERNEL, 'cache': False})",
+        "def advance(context, states, steps, start, period, p, errors, blocks):",
+        f"    x = carray(states, (blocks, {dimension}, {LANES}))",
+        f"    error = carray(errors, (blocks, {dimension}, {LANES}))",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),
         *indent(1, code.once),
-        "    for b in range(x.shape[0]):",
+        "    for b in range(blocks):",
         "        h = period / steps[b]",
         *indent(2, (f"x_{j} = x[b, {j}]; e_{j} = error[b, {j}]" for j in components)),
         *indent(2, (f"e_{j}[:] = 0.0" for j in components)),

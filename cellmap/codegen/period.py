@@ -2,9 +2,10 @@
 
 The function is
 
-    advance(x, steps, start, period, p, error, blocks)
+    advance(context, x, steps, start, period, p, error, blocks)
 
-with the arrays that :mod:`cellmap.codegen.lanes` describes, by address, and the number of blocks.  Blocks are the outer
+with the arrays that :mod:`cellmap.codegen.lanes` describes, by address, and the number of blocks.  The context is for
+functions that serve several systems, see :mod:`cellmap.codegen.switching`, and not used here.  Blocks are the outer
 loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is one whole step.
 """
 
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,20 +26,25 @@ from .machine_code import MachineCode, machine_code, module_text, vector_width
 from .statements import Scope, translate
 
 _ARGUMENTS = (
-    "ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, ptr noalias %error, i64 %blocks"
+    "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
+    "ptr noalias %error, i64 %blocks"
 )
 _PROTOTYPE = ctypes.CFUNCTYPE(
-    None, *[ctypes.c_void_p] * 2, *[ctypes.c_double] * 2, *[ctypes.c_void_p] * 2, ctypes.c_int64
+    None, *[ctypes.c_void_p] * 3, *[ctypes.c_double] * 2, *[ctypes.c_void_p] * 2, ctypes.c_int64
 )
+_NO_CONTEXT = np.zeros(1, np.int64)
 
 
-@functools.lru_cache(maxsize=256)
-def compiled_period(code: StepCode, dimension: int, parameters: int) -> Callable[..., Any]:
-    """Compile the function ``advance(x, steps, start, period, p, error)`` of :mod:`cellmap.codegen.lanes`."""
-    loaded = machine_code(period_text(code, dimension, parameters, vector_width()))
-    call = _PROTOTYPE(loaded.address("advance"))
+@dataclass(frozen=True, eq=False)
+class CompiledPeriod:
+    """A function ``advance`` in memory: its address, what it is called with, and what holds its code."""
 
-    def advance(
+    address: int
+    code: Any
+    context: NDArray[np.int64] = field(default_factory=lambda: _NO_CONTEXT)
+
+    def __call__(
+        self,
         x: NDArray[np.float64],
         steps: NDArray[np.int64],
         start: float,
@@ -46,10 +52,17 @@ def compiled_period(code: StepCode, dimension: int, parameters: int) -> Callable
         p: NDArray[np.float64],
         error: NDArray[np.float64],
     ) -> None:
-        call(x.ctypes.data, steps.ctypes.data, start, period, p.ctypes.data, error.ctypes.data, len(x))
+        """Move blocks of lanes on in place; see :mod:`cellmap.codegen.lanes`."""
+        arrays = (self.context, x, steps, p, error)
+        context, states, numbers, parameters, errors = (array.ctypes.data for array in arrays)
+        _PROTOTYPE(self.address)(context, states, numbers, start, period, parameters, errors, len(x))
 
-    advance.machine_code = loaded  # type: ignore[attr-defined]  # the code lives as long as the function
-    return advance
+
+@functools.lru_cache(maxsize=256)
+def compiled_period(code: StepCode, dimension: int, parameters: int) -> CompiledPeriod:
+    """Compile the function ``advance`` of :mod:`cellmap.codegen.lanes`."""
+    loaded = machine_code(period_text(code, dimension, parameters, vector_width()))
+    return CompiledPeriod(loaded.address("advance"), loaded)
 
 
 def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> str:

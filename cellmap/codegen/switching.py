@@ -14,11 +14,9 @@ leaves room for an event.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..kernels import switching_period
 from ..kernels.options import LANES
@@ -27,7 +25,7 @@ from .expression import Expression, in_order
 from .filippov import SwitchingTrace
 from .instructions import Instructions, Value
 from .machine_code import machine_code, module_text, vector_width
-from .period import parameter_scope
+from .period import CompiledPeriod, parameter_scope
 from .statements import Scope, translate
 from .taylor import Series
 from .trace import CONSTANT, STATEFUL
@@ -36,34 +34,21 @@ _STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, doub
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 
 
-def compiled_switching(
-    traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False
-) -> Callable[..., Any]:
-    """Compile ``advance(x, steps, start, period, p, error)`` of :mod:`cellmap.codegen.lanes` for Taylor steps.
+def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> CompiledPeriod:
+    """Compile ``advance`` of :mod:`cellmap.codegen.lanes` for Taylor steps.
 
     With `one_step` there is no lighter step for lanes in which nothing slides.
     """
     loaded = machine_code(switching_text(traced, order, parameters, vector_width(), one_step))
     names = ("general_step" if one_step else "free_step", "general_step", "begin", "surfaces")
-    addresses = np.array([loaded.address(name) for name in names])
+    addresses = [loaded.address(name) for name in names]
     if one_step:
         addresses[switching_period.FREE] = 0
     dimension, count = len(traced.normals[0]), len(traced.surfaces)
-    move = switching_period.period(count == 1)
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
-
-    def advance(
-        x: NDArray[np.float64],
-        steps: NDArray[np.int64],
-        start: float,
-        period: float,
-        p: NDArray[np.float64],
-        error: NDArray[np.float64],
-    ) -> None:
-        move(x, steps, start, period, p, error, addresses, dimension, count, order, not aligned)
-
-    advance.machine_code = loaded  # type: ignore[attr-defined]  # the code lives as long as the function
-    return advance
+    context = np.array([*addresses, len(traced.motion.states), dimension, count, order, not aligned], dtype=np.int64)
+    move = switching_period.period(count == 1)
+    return CompiledPeriod(move.address, loaded, context)
 
 
 def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: int, one_step: bool = False) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .options import KERNEL, LANES
+from .options import INLINE, KERNEL, LANES
 
 MOST_TURNS = 1e15
 """Turns from which on an angle has no phase: floating-point numbers of that size lie a tenth of a turn apart."""
@@ -47,22 +47,26 @@ def wrap_rows(points, turns, lower, turn):
     Returns how many have none.
     """
     lost = 0
-    for j in range(points.shape[1]):
-        if turn[j] > 0.0:
-            upper = lower[j] + turn[j]
-            for i in range(points.shape[0]):
-                # What is in its turn stays as it is, so that wrapping again changes nothing.
-                if lower[j] <= points[i, j] < upper:
-                    continue
-                whole = np.floor((points[i, j] - lower[j]) / turn[j])
-                if abs(whole) < MOST_TURNS:
-                    x = max(points[i, j] - whole * turn[j], lower[j])
-                    if x >= upper:
-                        x = lower[j]
-                        whole += 1.0
-                    points[i, j] = x
-                    turns[i, j] += np.int64(whole)
-                else:
-                    points[i, j] = np.nan
-                    lost += 1
+    for i in range(points.shape[0]):
+        for j in range(points.shape[1]):
+            lost += not wrap_angle(points, turns, i, j, lower[j], turn[j])
     return lost
+
+
+@njit(**INLINE)
+def wrap_angle(points, turns, i, j, lower, turn):
+    """Bring a component of a row into its turn, counting whole turns; tell whether it has a phase."""
+    x = points[i, j]
+    # What is in its turn stays as it is, so that wrapping again changes nothing.
+    if turn > 0.0 and not lower <= x < lower + turn:
+        whole = np.floor((x - lower) / turn)
+        if not abs(whole) < MOST_TURNS:
+            points[i, j] = np.nan
+            return False
+        x = max(x - whole * turn, lower)
+        if x >= lower + turn:
+            x = lower
+            whole += 1.0
+        points[i, j] = x
+        turns[i, j] += np.int64(whole)
+    return True

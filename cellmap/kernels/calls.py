@@ -8,6 +8,12 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+_NUMBERS, _WHOLE_NUMBERS = types.CPointer(types.float64), types.CPointer(types.int64)
+PERIOD = types.void(
+    _WHOLE_NUMBERS, _NUMBERS, _WHOLE_NUMBERS, types.float64, types.float64, _NUMBERS, _NUMBERS, types.int64
+)
+"""Signature of a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
+
 
 def _caller() -> Any:
     """Return a function that calls what is at an address with some numbers and the addresses of some arrays."""
@@ -48,3 +54,9 @@ def call_surfaces(typing_context, address, t, state, p, values, rates, gains, ju
 def call_rows(typing_context, address, rows, count, p):
     """Move states in rows on by a step, in place: ``step(rows, count, p)``."""
     return types.void(address, rows, count, p), _caller()
+
+
+@intrinsic
+def call_period(typing_context, address, context, x, steps, start, period, p, error, blocks):
+    """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
+    return types.void(address, context, x, steps, start, period, p, error, blocks), _caller()

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from numba import njit
 
-from .blocks import MOST_TURNS
+from .blocks import MOST_TURNS, wrap_angle
 from .borrow import borrowed
 from .calls import call_rows
 from .options import INLINE, KERNEL
@@ -65,12 +65,10 @@ def carrying(d):
                     ended[k] = True
                     break
                 for i in range(d):
-                    x = rows[0, i]
-                    if turn[i] > 0.0 and not lower[i] <= x < lower[i] + turn[i]:
-                        x = _wrap(x, turns[k], lower[i], turn[i], i)
-                    points[k, i] = x
+                    points[k, i] = rows[0, i]
+                    ended[k] |= not wrap_angle(points, turns, k, i, lower[i], turn[i])
                     for j in range(d):
-                        rows[j, i] = x
+                        rows[j, i] = points[k, i]
                 if finite:
                     _orthonormalise(vectors, factors, d)
                     for j in range(d):
@@ -88,20 +86,6 @@ def carrying(d):
                     frames[k, i, j] = vectors[j, i]
 
     return carry
-
-
-@njit(**INLINE)
-def _wrap(x, turns, lower, turn, i):
-    """Return an angle in its turn, and count the whole turns taken away."""
-    whole = np.floor((x - lower) / turn)
-    if not abs(whole) < 1e15:
-        return x
-    x = max(x - whole * turn, lower)
-    if x >= lower + turn:
-        x = lower
-        whole += 1.0
-    turns[i] += np.int64(whole)
-    return x
 
 
 @njit(**INLINE)

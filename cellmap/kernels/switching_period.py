@@ -17,15 +17,17 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numba import njit
+from numba import carray, cfunc, njit  # type: ignore[attr-defined]
 
 from .borrow import borrowed
-from .calls import call_begin, call_step, call_surfaces
+from .calls import PERIOD, call_begin, call_step, call_surfaces
 from .options import INLINE, KERNEL, LANES
 from .switching import NO_EVENT, begin_on_surface, land, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
+
+CONTEXT = 9  # numbers
 
 
 @njit(**INLINE)
@@ -85,11 +87,17 @@ def _store(lanes, i, t, state, signs, slides, errors, fresh):
 def period(single):
     """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
 
-    @njit(**KERNEL)
-    def advance(x, steps, start, period, p, error, addresses, dimension, surfaces, order, project_at_end):
-        """Move the blocks of x on by a period; no steps at all stand for a trial step, in which events do not count."""
-        count = 1 if single else surfaces
-        size = x.shape[1]
+    @cfunc(PERIOD, **KERNEL)
+    def advance(context, blocks_of_states, steps, start, period, p, blocks_of_errors, blocks):
+        """Move blocks of states on by a period; no steps at all stand for a trial step, in which events do not count.
+
+        The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
+        coordinates and of surfaces, the order, and whether lanes that slide are brought back at the end.
+        """
+        addresses = carray(context, CONTEXT)
+        size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
+        count = 1 if single else addresses[6]
+        x, error = carray(blocks_of_states, (blocks, size, LANES)), carray(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
         local = (size + count) * length
         flag = (local + size + 2) * LANES
@@ -121,7 +129,7 @@ def period(single):
         jumps = flat.reshape((count, dimension))
         flat, place = _piece(whole, place, count * dimension)
         normals = flat.reshape((count, dimension))
-        for b in range(x.shape[0]):
+        for b in range(blocks):
             lanes[errors_row * LANES :] = 0.0
             rate = max(steps[b], 1) / period
             for j in range(size):

@@ -90,6 +90,6 @@ def test_steps_are_vector_code_without_a_call() -> None:
     assert traced is not None
     compiled: Any = compiled_switching(traced, 8, len(system.params))
     innermost: Callable[[str], list[Any]] = structure().innermost_loops
-    loops = [loop for loop in innermost(compiled.machine_code.assembly) if loop.packed > 100]
+    loops = [loop for loop in innermost(compiled.code.assembly) if loop.packed > 100]
     assert len(loops) == 2
     assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)
