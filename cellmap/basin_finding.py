@@ -25,7 +25,7 @@ from .label_tiles import Batch, Labelling
 from .orbit_batch import CHUNK, Cost, Orbits
 from .passes import Kept, Pass, in_use
 from .pointmap import PointMap, ToleranceWarning
-from .search import Examined, check_attractors, region_extent, search, sort_out
+from .search import Examined, check_attractors, longest_period, region_extent, search, sort_out
 from .settling import UNDECIDED, Settled
 from .signatures import checked
 from .starts import Rows, Starts
@@ -109,7 +109,7 @@ def find_basins(
     (array([[1.]]), 0.5)
     """
     max_periods = whole_number("max_periods", max_periods, at_least=1)
-    max_period = whole_number("max_period", max_period, at_least=1)
+    max_period = longest_period(max_period)
     check_attractors(attractors, point_map, "attractors")
     check_client(client)
     began = time.perf_counter()

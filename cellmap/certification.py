@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .basins import Basins, Verification
 from .cell_owners import SMALLEST, Setting, owners_of_cells
 from .certificate import Certificate, Evidence
-from .checks import claim_memory, finite_number, random_numbers, whole_number
+from .checks import affordable_number, claim_memory, finite_number, random_numbers
 from .coordinates import wrap
 from .kernels.certainty import NONE, carry_rows, judge, widening
 from .orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
@@ -96,7 +96,7 @@ def certify(
         raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
     if point_map.table is None or point_map.exact is None:
         raise ValueError(f"basins were found with {point_map!r}, which has no table whose errors could matter")
-    audit = whole_number("audit", audit, at_least=1)
+    audit = affordable_number("audit", audit, 8 * 4, at_least=1)
     safety = finite_number("safety", safety, at_least=1.0)
     began = time.perf_counter()
     total = basins.labels.size

@@ -20,7 +20,7 @@ from .grid import CellGrid
 from .matching import match_attractors, thinned
 from .orbit_batch import Cost
 from .pointmap import PointMap
-from .search import find_attractors, region_extent
+from .search import find_attractors, longest_period, region_extent
 from .signatures import checked
 from .threads import progress_bar
 
@@ -119,7 +119,7 @@ def continue_basins(
         raise ValueError("starts is empty: give at least one start")
     settings = {
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
-        "max_period": whole_number("max_period", max_period, at_least=1),
+        "max_period": longest_period(max_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
     }
     exact = point_map.exact or point_map

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .attractor import Attractor, Neighbourhood, sort_key
 from .chaos import chaotic_attractors
-from .checks import whole_number
+from .checks import affordable_number, whole_number
 from .coordinates import Coordinate, difference, state_points, turns_of, wrap
 from .equilibria import sets_of_equilibria
 from .orbit_batch import Orbits
@@ -75,7 +75,7 @@ def find_attractors(
         raise ValueError("starts is empty: give at least one start")
     check_attractors(known, point_map, "known")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
-    max_period = whole_number("max_period", max_period, at_least=1)
+    max_period = longest_period(max_period)
     extent = region_extent(point_map, states)
     orbits, attractors, age = search(
         point_map, states, known, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
@@ -137,6 +137,11 @@ def sort_out(
         attractors = [*attractors, *fresh]
         orbits = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age).orbits
     return orbits, attractors
+
+
+def longest_period(max_period: int) -> int:
+    """Return the longest period of attractors that are searched for, once there is memory for the search."""
+    return affordable_number("max_period", max_period, 2 * 8 * _LOOKED_AT, at_least=1)
 
 
 def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,13 +16,21 @@ from cellmap import (
     CellGrid,
     basin_entropy,
     basin_stability,
+    boundary_dimension,
+    box_dimension,
+    certify,
     chaotic_saddle,
+    continue_basins,
     discrete_map,
     edge_orbit,
     escape_rate,
+    find_attractors,
     find_basins,
+    fractal_boundary_test,
     interpolated_map,
     minimal_fatal_shock,
+    uncertainty_exponent,
+    zero_one_test_of_series,
 )
 from cellmap.basins import basins_memory
 from cellmap.grid import grid_points
@@ -133,6 +141,14 @@ WINDOW = CellGrid((-1.5,), (1.5,), (60,))
 TENT = CellGrid((0.0,), (1.0,), (1,))
 
 
+def slope():
+    return discrete_map(lambda x, p: (p.r * x[0] - 0.5 * x[0] ** 3,), {"r": 1.5}, ("x",))
+
+
+def tabulated():
+    return find_basins(interpolated_map(cubic(), WINDOW, order=1), WINDOW)
+
+
 def tent():
     return discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
 
@@ -151,6 +167,18 @@ COUNTS: dict[str, Callable[[Any, int], Any]] = {
     "steps=": lambda basins, many: edge_orbit(basins, steps=many),
     "n= of a saddle": lambda basins, many: chaotic_saddle(tent(), TENT, n=many),
     "transient=": lambda basins, many: chaotic_saddle(tent(), TENT, transient=many),
+    "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, discs=many),
+    "audit=": lambda basins, many: certify(tabulated(), audit=many),
+    "max_period=": lambda basins, many: find_basins(cubic(), WINDOW, max_period=many),
+    "max_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], max_period=many),
+    "max_period= of a continuation": lambda basins, many: continue_basins(
+        slope(), "r", [1.4, 1.5], WINDOW, max_period=many
+    ),
+    "offsets=": lambda basins, many: box_dimension(np.random.default_rng(0).random((200, 2)), offsets=many),
+    "offsets= of a boundary": lambda basins, many: boundary_dimension(
+        np.arange(4096).reshape(64, 64) > 2000, offsets=many
+    ),
+    "frequencies=": lambda basins, many: zero_one_test_of_series(np.arange(300.0) % 7.0, frequencies=many),
     "positions=": lambda basins, many: basin_entropy(basins, box=5, positions=many),
 }
 
@@ -160,3 +188,15 @@ COUNTS: dict[str, Callable[[Any, int], Any]] = {
 def test_a_number_beyond_memory_is_refused_at_once(argument, many, basins):
     with pytest.raises(MemoryError, match=rf"{argument.split()[0]}{many} needs .* are free: give a smaller number"):
         COUNTS[argument](basins, many)
+
+
+def test_numbers_that_need_no_memory_may_be_large(basins):
+    """Pairs are drawn in parts, and an orbit of any length is followed point by point."""
+    signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
+    region = CellGrid((-3.0, -1.0), (3.0, 1.0), (10, 10))
+    found = [
+        uncertainty_exponent(signs, region, pairs=many, uncertain=50, distances=[1e-2, 5e-3]) for many in (10**7, 2**62)
+    ]
+    np.testing.assert_array_equal(found[0].uncertain, found[1].uncertain)
+    with pytest.raises(ValueError, match="lifetime=4611686018427387904"):
+        chaotic_saddle(tent(), TENT, lifetime=2**62)

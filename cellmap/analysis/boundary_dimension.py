@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import random_numbers, whole_number
+from ..checks import affordable_number, random_numbers, whole_number
 from ..signatures import checked
 from .boxcount import BoxCount, averaged, checked_sizes, fitted
 from .label_boxes import LabelImage, count_boxes
@@ -106,7 +106,7 @@ def boundary_dimension(
     isolated = isolated_shares(boundary, rest, image.wraps, chosen)
     if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
         image, boundary = cleaned, rest
-    offsets = whole_number("offsets", offsets, at_least=1)
+    offsets = affordable_number("offsets", offsets, 8 * (3 * len(chosen) + 2 * boundary.ndim), at_least=1)
     rng = random_numbers(seed)
     if samples is None:
         places = rng.integers(0, chosen[-1], (offsets, boundary.ndim))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from ..checks import finite_number, real_array, whole_number
+from ..checks import finite_number, real_array
 from ..coordinates import Coordinate
 from ..signatures import checked
 from .fit import Fit, fit_line, steady_window, window_spread, with_drift
@@ -180,7 +180,6 @@ def box_dimension(
     """
     space = distinct(Space.of(points, coordinates, scales))
     chosen = None if sizes is None else checked_sizes(sizes)
-    offsets = whole_number("offsets", offsets, at_least=1)
     counts = over_offsets(space, chosen, origin, offsets, seed, Partition.occupancy)  # offset, size, kind
     tried = dyadic_sizes(space) if chosen is None else chosen
     if chosen is None:

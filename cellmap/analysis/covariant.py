@@ -231,7 +231,8 @@ def _forward(
         sizes = np.abs(np.diagonal(upper))
         if not sizes.min() > _VANISHING * sizes.max():
             raise ValueError(
-                f"the derivative at {place.tolist()} has no inverse in machine numbers: a direction vanishes there"
+                f"start: the orbit comes to {place.tolist()}, where the derivative has no inverse in machine numbers: "
+                "a direction vanishes there"
             )
         if k >= 0:
             points[k], frames[k], factors[k] = place, frame, upper

@@ -177,7 +177,7 @@ def _first_pair(
     if isinstance(inside, int | np.integer) != isinstance(outside, int | np.integer):
         raise TypeError(f"inside={inside!r}, outside={outside!r}: give two labels, or two states")
     if isinstance(inside, int | np.integer) and isinstance(outside, int | np.integer):
-        side, other = own_label(basins, int(inside)), int(outside)
+        side, other = own_label(basins, int(inside), "inside"), int(outside)
         if other in (side, UNDECIDED):
             raise ValueError(f"outside={outside!r}: give the label of what lies beside basin {side}")
         return side, _neighbours(basins, label, side, other, unit)

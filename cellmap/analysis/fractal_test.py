@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basins import Basins
-from ..checks import finite_number, random_numbers, whole_number
+from ..checks import affordable_number, finite_number, random_numbers
 from ..signatures import checked
 from .entropy import box_entropies, count_at
 from .exponent import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
@@ -152,7 +152,7 @@ def fractal_boundary_test(
     """
     image = label_image(basins, also, wraps)
     shape = image.numbers.shape
-    wanted = whole_number("discs", discs, at_least=_FEWEST)
+    wanted = affordable_number("discs", discs, 8 * (4 * len(shape) + 6), at_least=_FEWEST)
     r = max(4.0, min(shape) / 50) if radius is None else finite_number("radius", radius, at_least=1.0)
     if any(2 * floor(r) + 1 > n for n in shape):
         raise ValueError(f"radius={r:g}: discs are wider than the picture of {shape} cells; give a smaller radius")

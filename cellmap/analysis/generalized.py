@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import real_array, whole_number
+from ..checks import real_array
 from ..coordinates import Coordinate
 from ..signatures import checked
 from .boxcount import checked_sizes, fit_sizes, unseen
@@ -129,7 +129,6 @@ def generalized_dimensions(
     """
     space = Space.of(points, coordinates, scales)
     chosen = None if sizes is None else checked_sizes(sizes)
-    offsets = whole_number("offsets", offsets, at_least=1)
     q = np.unique(real_array("orders", orders).ravel())
     if not len(q) or not np.isfinite(q).all():
         raise ValueError(f"orders={orders!r}: give finite numbers, such as (0, 1, 2)")

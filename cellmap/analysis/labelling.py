@@ -107,12 +107,12 @@ def labeller(
     return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)
 
 
-def own_label(basins: Basins, label: int) -> int:
+def own_label(basins: Basins, label: int, argument: str = "label") -> int:
     """Check the label of a basin."""
-    number = whole_number("label", label) if not isinstance(label, int | np.integer) or label >= 0 else -1
+    number = whole_number(argument, label) if not isinstance(label, int | np.integer) or label >= 0 else -1
     if not 0 <= number < len(basins.attractors):
         raise ValueError(
-            f"label={label!r}: the basins have the labels 0 to {len(basins.attractors) - 1}; "
+            f"{argument}={label!r}: the basins have the labels 0 to {len(basins.attractors) - 1}; "
             f"negative ones ({', '.join(f'{k} {name}' for k, name in LABEL_NAMES.items())}) are no basins"
         )
     return number

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_points, random_numbers, real_array, shown
+from ..checks import affordable_number, finite_points, random_numbers, real_array, shown
 from ..coordinates import Coordinate, as_coordinates, turns_of, wrap
 from ..kernels.boxes import moments, morton_keys, occupancy, separations
 from ..threads import run_over
@@ -231,6 +231,7 @@ def over_offsets(
     ndarray, shape (offsets, sizes, ...)
         What was measured.
     """
+    offsets = affordable_number("offsets", offsets, 8 * (space.dimension + 4 * _FINEST), at_least=1)
     if origin is not None:
         place = real_array("origin", origin)
         place = np.full(space.corner.shape, place) if place.ndim == 0 else place

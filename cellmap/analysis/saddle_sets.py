@@ -118,7 +118,7 @@ def chaotic_saddle(
     """
     region = restraint(point_map, window, attractors)
     wanted = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
-    steps = whole_number("lifetime", lifetime, at_least=1)
+    steps = whole_number("lifetime", lifetime, at_least=1, at_most=2**60)
     farthest = finite_number("largest", largest, above=1e-14, at_most=0.5)
     dropped = affordable_number("transient", transient, 8 * (3 * window.dimension + 6))
     rng = random_numbers(seed)

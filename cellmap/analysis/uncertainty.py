@@ -26,6 +26,7 @@ _LARGEST = 2.0**-6  # distance, as a share of the window
 _SAFETY = 10.0  # times the error of the map: the smallest distance
 _FIRST = 4096  # pairs from which the share of uncertain ones is first estimated
 _HALF = CHUNK // 2  # pairs in a slice
+_AT_ONCE = 2**30  # pairs that are drawn before they are counted, at most
 _SMOOTH_COST = 31.0  # pairs for five distances, in those for the first one, where the boundary is smooth
 _SPARSE = 50  # uncertain pairs that are wanted at least
 _POOR = 0.25  # of the uncertain pairs that are wanted: too few to begin another distance
@@ -129,7 +130,7 @@ def uncertainty_exponent(
             if planned * _POOR > left:
                 break
             while known[1] < uncertain and left > 0:
-                number = int(min(max(planned, _FIRST), left))
+                number = int(min(max(planned, _FIRST), left, _AT_ONCE))
                 known += _count(states, float(distance), number, counted, (seed, level, int(known[0])))
                 left -= number
                 tick(number)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..checks import claim_memory, finite_number, of_the_user, random_numbers, real_array, shown, whole_number
+from ..checks import affordable_number, finite_number, of_the_user, random_numbers, real_array, shown, whole_number
 from ..coordinates import Coordinate, state_points
 from ..orbit_batch import Status
 from ..pointmap import PointMap
@@ -139,13 +139,12 @@ def zero_one_test_of_series(
         raise ValueError(f"series has the shape {given.shape}: give at least 200 values along the first axis")
     if not np.isfinite(given).all():
         raise ValueError("series has values that are not finite: leave out the orbits that ended")
-    count = whole_number("frequencies", frequencies, at_least=20)
     confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
     length, shape = len(given), given.shape[1:]
     columns = given.reshape(length, -1)
     if not columns.shape[1]:
         raise ValueError(f"series has the shape {given.shape}: give at least one series")
-    claim_memory(f"{count} walks of {length:,} steps", 200 * count * length, "draw fewer frequencies")
+    count = affordable_number("frequencies", frequencies, 200 * length, at_least=20)
     chosen = np.sort(random_numbers(seed).uniform(*_FREQUENCIES, count))
     growth = np.empty((count, columns.shape[1]))
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import finite_number, listed, real_array
+from ..checks import finite_number, listed, real_array, whole_number
 from ..coordinates import Coordinate, as_coordinates
 from ..grid import CellGrid
 from ..sets import BoxSet, MorseGraph, TransferOperator
@@ -182,6 +182,7 @@ def plot_eigenvector(
     """
     ax = axes_or_new(ax)
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
+    which = whole_number("which", which, at_most=len(operator.boxes) - 1)
     if which == 0 and len(operator.invariant_measures) != 1:
         raise ValueError(
             f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that "

@@ -159,6 +159,20 @@ def test_a_wrong_first_argument_is_refused(name: str) -> None:
     assert f"{first.name}=" in str(refused.value)
 
 
+def test_good_arguments_are_good() -> None:
+    """Else a call never comes to what is behind its first check."""
+    refused = {}
+    for name in TARGETS:
+        if name not in LONG_TO_COMPILE:
+            try:
+                called(name, good_arguments(name))
+            except ValueError as error:
+                refused[name] = str(error)
+            plt.close("all")
+    assert list(refused) == ["TransferOperator.cycle"]  # the wells have none
+    assert "nearest to the roots of unity" in refused["TransferOperator.cycle"]
+
+
 def test_two_thousand_calls() -> None:
     fuzz([name for name in TARGETS if name not in LONG_TO_COMPILE], 2_000)
 
@@ -177,6 +191,9 @@ FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("find_basins", {"starts": CellGrid((1e-320, 1e-320), (2e-320, 2e-320), (2, 2))}),
     ("find_basins", {"starts": CellGrid((1e-320, -1.0), (1.0, 1.0), (12, 8))}),
     ("continue_basins", {"values": (1, 2, 3)}),
+    ("plot_eigenvector", {"which": -1}),
+    ("edge_orbit", {"inside": 2**67}),
+    ("covariant_vectors", {"start": (0, -3)}),
     ("minimal_fatal_shock", {"scale": 1.0001e-150}),
     ("minimal_fatal_shock", {"scale": (1.0001e-150, 1.0)}),
     ("minimal_fatal_shock", {"scale": (0.9e150, 1.0001e-150)}),
