@@ -131,7 +131,9 @@ def sort_out(
         if not len(orbits):
             break
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
-        fresh += sets_of_equilibria(point_map, orbits.points, extent, attractors)
+        # Orbits that approach one of these rest on it in the end, and on no set of equilibria.
+        others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
+        fresh += sets_of_equilibria(point_map, others, extent, attractors)
         if not fresh:
             break
         attractors = [*attractors, *fresh]

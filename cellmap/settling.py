@@ -20,6 +20,8 @@ RESIDENCE = 64
 AT_REST = 1e-13
 """Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
 
+_UNSEEN = 64  # most periods at a time where nothing can capture an orbit
+
 ESCAPED, DIVERGED, UNDECIDED, NO_RETURN = -1, -2, -3, -4
 """Labels of starts without an attractor: left the table, grew beyond all bounds, not settled, not back."""
 
@@ -104,10 +106,34 @@ class Settled:
 def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
     leap = point_map.recipe.get("leap", 1)
+    if leap == 1 and not len(catalogue.owners) and not catalogue.covers:
+        return _settle_nowhere(point_map, orbits, periods)
     # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
     if leap == 1 or leap > periods or catalogue.covers:
         return _settle_singly(point_map, orbits, catalogue, periods, age)
     return _settle_leaping(point_map, orbits, catalogue, periods, age, leap)
+
+
+def _settle_nowhere(point_map: PointMap, orbits: Orbits, periods: int) -> Settled:
+    """Iterate orbits where nothing captures them: all that can happen to one is to end, and ended ones stay so."""
+    n, done = len(orbits), 0
+    work, past = orbits.work, replace(orbits.work)
+    labels = np.full(n, UNDECIDED, np.int16)
+    members, now = np.arange(n), orbits
+    steps = 0
+    while True:
+        over = ~now.alive
+        if over.any():
+            labels[members[over]] = label_of(now.status[over])
+            members, now = members[~over], now[~over]
+        stride = min(periods - done, max(done, 1), _UNSEEN)
+        if not stride or not len(members):
+            break
+        point_map.advance(now, stride)
+        steps += stride * len(members)
+        done += stride
+    inaccurate = int(np.count_nonzero(now.status == Status.INACCURATE))
+    return Settled(labels, np.full(n, -1, np.int32), now, Tally(steps, inaccurate, *_since(past, work)))
 
 
 def _settle_leaping(

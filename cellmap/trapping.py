@@ -13,7 +13,8 @@ from .pointmap import PointMap, follow
 
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
-_AHEAD = 8  # shells that are looked at together
+_AHEAD = 8  # shells that are looked at together,
+_STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
 _GROWN = 2  # points of an attractor whose ellipsoids grow as far as they can; the others only begin
 _ALL_BUT_LINEAR = 0.5  # of what the linear part leaves to spare: the most that may be seen of bend and error,
 _STRAIGHT = 0.1  # and the most from which a step as long as the next is safe,
@@ -172,7 +173,10 @@ class _Shells:
     def grow(self) -> None:
         """Take the largest radius up to which all surfaces pass, from one that does."""
         while self.radius < self.largest:
-            batch = np.minimum(self.radius * self.fine ** np.arange(1.0, _AHEAD + 1.0), self.largest)
+            steps, radii = self.fine ** np.arange(1.0, _AHEAD + 1.0), [self.radius]
+            for _ in range(_STRETCHES.get(self.exact.dimension, 1)):
+                radii += np.minimum(radii[-1] * steps, self.largest).tolist()
+            batch = np.array(radii[1:])
             factors, _ = self._factors(batch)
             failed = np.flatnonzero(~(factors <= self.allowed))
             passed = int(failed[0]) if len(failed) else len(batch)
