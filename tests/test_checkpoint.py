@@ -86,7 +86,9 @@ CASES: dict[str, Callable[..., Basins]] = {
         **how,
     ),
     # A cover in the place of a neighbourhood: all starts are labelled again.
-    "chaotic": lambda **how: find_basins(systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (190, 190)), **how),
+    "chaotic": lambda **how: find_basins(
+        systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (190, 190)), 500, **how
+    ),
     "given starts": lambda **how: find_basins(
         discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",), name="newton"),
         np.random.default_rng(0).uniform(-3.0, 3.0, (4, 9000, 1)),
@@ -98,6 +100,32 @@ CASES: dict[str, Callable[..., Basins]] = {
 @pytest.fixture(scope="module")
 def plain() -> dict[str, Basins]:
     return {name: make() for name, make in CASES.items()}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    """The file of a run of one pass that came to its end."""
+    path = tmp_path_factory.mktemp("finished") / "basins.h5"
+    CASES["one pass"](checkpoint=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory) -> Path:
+    """The file of the same run, which died after its first tile."""
+    path = tmp_path_factory.mktemp("begun") / "basins.h5"
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Died):
+        dying(patch, 1, False)
+        CASES["one pass"](checkpoint=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def tabulated(tmp_path_factory) -> Path:
+    """The file of a finished table."""
+    path = tmp_path_factory.mktemp("tabulated") / "table.h5"
+    interpolated_map(DUFFING, TABLE, checkpoint=path)
+    return path
 
 
 def assert_same(ours: Basins, theirs: Basins) -> None:
@@ -137,9 +165,8 @@ def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
     assert found.point_map is not None
 
 
-def test_the_same_call_reads_what_is_finished(plain, tmp_path, monkeypatch):
-    path = tmp_path / "basins.h5"
-    CASES["one pass"](checkpoint=path)
+def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeypatch):
+    path = Path(shutil.copy(finished, tmp_path))
     monkeypatch.setattr("cellmap.basin_finding.search", lambda *_: pytest.fail("searched again"))
     again = CASES["one pass"](checkpoint=path)
     assert_same(again, plain["one pass"])
@@ -557,9 +584,8 @@ def test_a_picture_that_was_merely_saved(plain, tmp_path):
         CASES["one pass"](checkpoint=path)
 
 
-def test_a_table_in_the_place_of_a_picture(tmp_path):
-    path = tmp_path / "table.h5"
-    interpolated_map(DUFFING, TABLE, checkpoint=path)
+def test_a_table_in_the_place_of_a_picture(tabulated, tmp_path):
+    path = Path(shutil.copy(tabulated, tmp_path))
     with pytest.raises(ValueError, match="what='table', and this one has 'basins': give another file, or delete"):
         CASES["one pass"](checkpoint=path)
     with pytest.raises(StoreError, match="not one of basins"):
@@ -599,16 +625,10 @@ CHANGES: dict[str, tuple[str, Callable[[Path], Any]]] = {
 }
 
 
-@pytest.mark.parametrize("finished", [True, False])
+@pytest.mark.parametrize("state", ["finished", "begun"])
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_run_of_other_arguments_is_refused_and_names_them(change, finished, plain, tmp_path, monkeypatch):
-    path = tmp_path / "basins.h5"
-    if not finished:
-        dying(monkeypatch, 1, False)
-    try:
-        CASES["one pass"](checkpoint=path)
-    except Died:
-        monkeypatch.undo()
+def test_a_run_of_other_arguments_is_refused_and_names_them(change, state, plain, tmp_path, request):
+    path = Path(shutil.copy(request.getfixturevalue(state), tmp_path))
     named, call = CHANGES[change]
     before = path.read_bytes()
     with pytest.raises(ValueError, match=f"with {named}.*and this one has .*: give another file, or delete this one"):
@@ -626,9 +646,8 @@ def test_known_attractors_belong_to_a_run(plain, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["order", "tolerance", "grid", "parameter"])
-def test_another_table_is_refused(name, tmp_path):
-    path = tmp_path / "table.h5"
-    interpolated_map(DUFFING, TABLE, checkpoint=path)
+def test_another_table_is_refused(name, tabulated, tmp_path):
+    path = Path(shutil.copy(tabulated, tmp_path))
     exact = DUFFING.with_params(gamma=0.2) if name == "parameter" else DUFFING
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 151)) if name == "grid" else TABLE
     how = {"order": {"order": 3}, "tolerance": {"tolerance": 0.5}}.get(name, {})
@@ -670,10 +689,8 @@ def test_room_is_stated_and_claimed_before_the_run(tmp_path, monkeypatch, caplog
     assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
 
 
-def test_a_file_is_no_larger_than_stated(tmp_path):
-    path = tmp_path / "basins.h5"
-    CASES["one pass"](checkpoint=path)
-    assert 6 * WINDOW.size <= path.stat().st_size <= basins_disk(WINDOW.size) / 2
+def test_a_file_is_no_larger_than_stated(finished):
+    assert 6 * WINDOW.size <= finished.stat().st_size <= basins_disk(WINDOW.size) / 2
 
 
 MEASURE = """

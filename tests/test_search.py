@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, pi, sin, sqrt, tanh
 
 import numpy as np
 import pytest
@@ -384,6 +384,15 @@ def test_no_guess_is_polished_twice(monkeypatch):
     assert [a.period for a in basins.attractors] == [6]
     assert (basins.labels == UNDECIDED).any()
     assert len(guesses) == len(set(guesses)) > 100
+
+
+def test_orbits_at_rest_on_a_new_attractor_are_on_no_set_of_equilibria(monkeypatch):
+    """Fast contraction brings all of them to rest before the first look; none has to be explored."""
+    explored = []
+    monkeypatch.setattr("cellmap.equilibria._explored", lambda *arguments: explored.append(arguments))
+    wells = discrete_map(lambda x, p: (tanh(5.0 * x[0]),), {}, ("x",))
+    assert len(find_attractors(wells, LINE - 0.5)) == 2
+    assert explored == []
 
 
 # --- Newton's method

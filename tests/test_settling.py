@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sin
 
 import numpy as np
@@ -136,6 +137,31 @@ def test_undecided_orbits_are_returned_at_their_age(periods):
     assert (settled.labels == UNDECIDED).all()
     assert (settled.times == -1).all()
     assert np.array_equal(settled.orbits.points, point_map.iterate(starts, periods).points)
+
+
+@pytest.mark.parametrize("periods", [0, 1, 7, 130])
+def test_orbits_that_nothing_captures_are_labelled_by_their_ends(periods):
+    """They move many periods at a time, and are found where single periods lead, whenever they diverge."""
+    calls = []
+
+    def advance(orbits, stride):
+        calls.append(stride)
+        exact.advance(orbits, stride)
+
+    exact = henon()
+    starts = CellGrid((-2.0, -2.0), (2.0, 2.0), (20, 20)).centres().reshape(-1, 2)
+    counted = replace(exact, advance=advance)
+    settled = settle(counted, Orbits.starting(starts.copy()), Catalogue.of((), exact), periods)
+    points, diverged = starts.copy(), np.zeros(len(starts), bool)
+    for _ in range(periods):
+        image = exact.iterate(points[~diverged], 1)
+        points[~diverged] = image.points
+        diverged[~diverged] = image.status == Status.DIVERGED
+    assert np.array_equal(settled.labels, np.where(diverged, DIVERGED, UNDECIDED))
+    assert (settled.times == -1).all()
+    assert np.array_equal(settled.orbits.points, points[~diverged])
+    assert sum(calls) == periods
+    assert len(calls) <= 10
 
 
 def test_codes_of_starts_without_attractor():

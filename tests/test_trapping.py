@@ -23,6 +23,7 @@ from cellmap import (
 from cellmap.codegen.rebind import rebind
 from cellmap.coordinates import difference
 from cellmap.periodic import stable_orbit
+from cellmap.pointmap import follow
 from cellmap.trapping import trapping_neighbourhood
 
 CASES = {
@@ -145,6 +146,22 @@ def test_neighbourhood_stays_in_the_basin_of_a_cubic_map(a):
     else:
         assert radius < sqrt(1 - a)
     assert n.contraction < 1
+
+
+def test_surfaces_of_a_line_are_looked_at_by_the_hundred(monkeypatch):
+    """They are 1 % apart and have two points each: some hundred lie between the first and the last."""
+    sizes = []
+
+    def counted(exact, points, periods):
+        sizes.append(len(points) // 2)
+        return follow(exact, points, periods)
+
+    monkeypatch.setattr("cellmap.trapping.follow", counted)
+    extent = np.array([4.0])
+    assert trapping_neighbourhood(cubic(0.5), stable_orbit(cubic(0.5), np.zeros(1), 1, extent), extent) is not None
+    grown = [size for size in sizes if size > 1]
+    assert sum(grown) > 200
+    assert len(grown) <= 4
 
 
 @pytest.mark.parametrize("a", [0.9, 0.99, 0.9994])
