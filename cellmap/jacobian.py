@@ -47,8 +47,9 @@ def tangent(
     place = np.array(points, dtype=float).reshape(-1, d)
     total = np.broadcast_to(np.eye(d), (len(place), d, d)).copy()
     rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
+    alike = np.ndim(periods) == 0
     for k in range(int(rounds.max(initial=0))):
-        rows = np.flatnonzero(rounds > k)
+        rows = slice(None) if alike else np.flatnonzero(rounds > k)
         wrapped = wrap(place[rows], exact.coordinates)
         images, matrices = _one_step(exact, wrapped)
         place[rows] += images - wrapped

@@ -207,7 +207,7 @@ def test_the_most_accurate_way_where_none_serves():
 
 PICTURES = {
     "pendulum": (lambda: dimensionless_pendulum(0.1, -0.545, 0.08), CellGrid((-pi, -2), (pi, 2), (60, 40))),
-    "discrete": (henon_map, CellGrid((-1, -1), (1, 1), (60, 60))),
+    "discrete": (lambda: henon_map(0.5), CellGrid((-1, -1), (1, 1), (60, 60))),
 }
 
 

@@ -155,17 +155,20 @@ WEAK = {
 }
 
 
-def weak_case(name: str) -> tuple[PointMap, np.ndarray, list[tuple[int, float]]]:
-    system, expected = WEAK[name]
+@pytest.fixture(scope="module", params=WEAK)
+def weak(request):
+    """Name, map, starts, attractors, and how many points the search has followed with and without derivatives."""
+    system, _ = WEAK[request.param]
     half = pi if system.axes[0].turn else 2.5
-    return stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres(), expected
+    exact, starts = stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres()
+    counting, points = counted(exact)
+    return request.param, exact, starts, find_attractors(counting, starts, max_periods=600), points
 
 
-@pytest.mark.parametrize("name", WEAK)
-def test_weakly_attracting_cycles_are_found(name):
+def test_weakly_attracting_cycles_are_found(weak):
     """Rounds that shear by up to 200 and contract by 1 to 6 %; the ends of 6000 periods cluster in the same cycles."""
-    exact, starts, expected = weak_case(name)
-    found = find_attractors(exact, starts, max_periods=600)
+    name, exact, starts, found, _ = weak
+    _, expected = WEAK[name]
     assert [a.period for a in found] == [period for period, _ in expected]
     assert [abs(a.multipliers[0]) for a in found] == pytest.approx([size for _, size in expected], abs=1e-4)
     ends = exact.iterate(starts.reshape(-1, 2), 6000).points
@@ -192,11 +195,10 @@ def counted(exact: PointMap) -> tuple[PointMap, list[int]]:
     return replace(exact, tangent=tangent, advance=advance), points
 
 
-def test_effort_of_a_search_among_weakly_attracting_cycles():
+@pytest.mark.parametrize("weak", ["period 8"], indirect=True)
+def test_effort_of_a_search_among_weakly_attracting_cycles(weak):
     """A cycle is polished for its own period only, and looked at once: 9,000 derivatives, 720,000 images."""
-    exact, starts, _ = weak_case("period 8")
-    counting, points = counted(exact)
-    find_attractors(counting, starts, max_periods=600)
+    *_, points = weak
     assert points[0] < 15_000
     assert points[1] < 1_500_000
 
