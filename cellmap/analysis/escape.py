@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -52,17 +53,23 @@ class Restraint:
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which points (n, dimension), with angles in their turn, are in the region."""
-        lower, upper, wraps = (np.array(v) for v in (self.window.lower, self.window.upper, self.window.wraps))
+        lower, upper, wraps = self._edges
         with np.errstate(invalid="ignore"):
-            within = (wraps & np.isfinite(points)) | ((points >= lower) & (points <= upper))
-        inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
-        rows = np.flatnonzero(inside)
-        if len(rows) and self.attractors:
+            within = (points >= lower) & (points <= upper)
+        if wraps.any():
+            within |= wraps & np.isfinite(points)
+        inside: NDArray[np.bool_] = within.all(axis=1)
+        if self.attractors and inside.any():
+            rows = np.flatnonzero(inside)
             caught = self.catalogue.owners_of(np.ascontiguousarray(points[rows])) >= 0
             for _, cover, keys in self.catalogue.covers:
                 caught |= inside_cover(cover, points[rows], self.point_map, keys)
             inside[rows[caught]] = False
         return inside
+
+    @functools.cached_property
+    def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        return np.array(self.window.lower), np.array(self.window.upper), np.array(self.window.wraps)
 
     def lifetimes(self, points: NDArray[np.float64], most: int) -> NDArray[np.int64]:
         """Return for points (n, dimension) how many points of their orbits are in the region before the first outside.
@@ -77,10 +84,11 @@ class Restraint:
             found = np.full(len(orbits), most, np.int64)
             for k in range(most):
                 inside = self(orbits.points)
-                found[rows[~inside]] = k
-                rows, orbits = rows[inside], orbits[inside]
-                if not len(rows):
-                    break
+                if not inside.all():
+                    found[rows[~inside]] = k
+                    rows, orbits = rows[inside], orbits[inside]
+                    if not len(rows):
+                        break
                 self.point_map.advance(orbits, 1)
             times[part] = found
 

@@ -12,7 +12,8 @@ from ..attractor import Attractor
 from ..checks import affordable_number, finite_number, random_numbers, whole_number
 from ..coordinates import Coordinate, wrap
 from ..grid import CellGrid
-from ..pointmap import PointMap, follow
+from ..orbit_batch import Orbits
+from ..pointmap import PointMap
 from ..signatures import checked
 from .escape import Restraint, restraint
 
@@ -125,19 +126,17 @@ def chaotic_saddle(
     point = _first(region, steps, rng)
     total = wanted + dropped
     points, staggers = np.empty((total, len(point))), np.zeros(total)
-    done = 0
-    while done < total:
-        stay = int(region.lifetimes(point[None], steps + total - done)[0])
-        moved = 0.0
-        if stay <= steps:
-            point, moved, stay = _stagger(region, point, steps, farthest, rng)
-        # As long as the rest of the orbit stays for enough steps, it goes on without a stagger.
-        count = min(stay - steps, total - done)
-        orbit = _orbit(point_map, point, count)
-        points[done : done + count] = orbit[:-1]
+    done, moved = 0, 0.0
+    while True:
+        orbit = _orbit(region, point, steps + total - done)
+        # As long as the rest of the orbit stays for more steps, it goes on without a stagger.
+        count = len(orbit) - steps
+        points[done : done + count] = orbit[:count]
         staggers[done] = moved
-        point = orbit[-1]
         done += count
+        if done == total:
+            break
+        point, moved = _stagger(region, orbit[count], steps, farthest, rng)
     if not staggers.any():
         raise ValueError(
             f"window={window!r}: an orbit stays for {total + steps} steps without a stagger, on an attractor it seems; "
@@ -149,11 +148,13 @@ def chaotic_saddle(
     )
 
 
-def _orbit(point_map: PointMap, point: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    orbit = [point]
-    for _ in range(count):
-        orbit.append(follow(point_map, orbit[-1], 1).points)
-    return np.array(orbit)
+def _orbit(region: Restraint, point: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """Return the orbit of a point as long as it stays in the region, at most some points of it."""
+    now, found = Orbits.starting(wrap(point[None], region.point_map.coordinates)), []
+    while len(found) < most and region(now.points)[0]:
+        found.append(now.points[0].copy())
+        region.point_map.advance(now, 1)
+    return np.array(found)
 
 
 def _first(region: Restraint, steps: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -180,17 +181,16 @@ def _first(region: Restraint, steps: int, rng: np.random.Generator) -> NDArray[n
 
 def _stagger(
     region: Restraint, point: NDArray[np.float64], steps: int, farthest: float, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], float, int]:
-    """Move a point to one near by that stays for more than some steps; return it, how far it is, and its stay."""
+) -> tuple[NDArray[np.float64], float]:
+    """Move a point to one near by that stays for more than some steps; return it and how far it is."""
     grid = region.window
     span = np.array(grid.upper) - np.array(grid.lower)
     for _ in range(_BATCHES):
         moves = _small(rng, _TRIALS, grid.dimension, farthest)
         tries = wrap(point + moves * span, region.point_map.coordinates)
-        times = region.lifetimes(tries, 2 * steps)
-        hit = np.flatnonzero(times > steps)
+        hit = np.flatnonzero(region.lifetimes(tries, steps + 1) > steps)
         if len(hit):
-            return tries[hit[0]], float(np.linalg.norm(moves[hit[0]])), int(times[hit[0]])
+            return tries[hit[0]], float(np.linalg.norm(moves[hit[0]]))
     raise ValueError(
         f"largest={farthest!r}: no stagger of that size leads to an orbit that stays for {steps + 1} steps; take "
         "larger staggers, or a longer lifetime, whose orbits come nearer to the saddle"
