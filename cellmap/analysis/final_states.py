@@ -17,13 +17,11 @@ from ..coordinates import wrap
 from ..grid import CellGrid
 from ..orbit_batch import Orbits
 from ..pointmap import PointMap
-from ..settling import UNDECIDED, label_of
-from .labelling import Labeller, labeller
+from .labelling import Labeller, labeller, labels_at_the_end
 
 Outcome = Callable[[NDArray[np.float64]], Any]
 """Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
 
-_STRIDE = 4  # periods of a table, which cost less than to look where the orbits are
 _COARSE = 4096  # cells from which attractors are sought
 
 
@@ -59,34 +57,12 @@ class FinalStates:
     def labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the labels of starts (n, d), which are no more than CHUNK."""
         known = self.known
-        if known is not None and known.catalogue.covers:
-            return known(points).astype(np.int64)  # where an orbit has to stay for some periods, each one counts
-        orbits = Orbits.starting(wrap(points, self.point_map.coordinates))
         if known is not None:
-            return self._followed(orbits, known.catalogue.owners_of)
+            return known(points).astype(np.int64)
         assert self.outcome is not None
         outcome = self.outcome
-        return self._followed(orbits, lambda places: _numbers(outcome, places))
-
-    def _followed(self, now: Orbits, ends: Callable[[NDArray[np.float64]], NDArray[np.int64]]) -> NDArray[np.int64]:
-        """Iterate orbits until their ends are known; only where they end counts, not when."""
-        labels = np.full(len(now), UNDECIDED, np.int64)
-        members = np.arange(len(now))
-        found = np.full(len(now), -1, np.int64)
-        stride = _STRIDE if self.outcome is None and self.point_map.table is not None else 1
-        period = 0
-        while True:
-            found = np.where((found < 0) & now.alive, ends(now.points), found)
-            over = (found >= 0) | ~now.alive
-            last = period >= self.max_periods
-            if last or np.count_nonzero(over) * 8 > len(over):
-                labels[members[over]] = np.where(found >= 0, found, label_of(now.status))[over]
-                members, now, found = members[~over], now[~over], found[~over]
-            if last or not len(members):
-                return labels
-            step = min(stride, self.max_periods - period)
-            self.point_map.advance(now, step)
-            period += step
+        orbits = Orbits.starting(wrap(points, self.point_map.coordinates))
+        return labels_at_the_end(self.point_map, orbits, lambda places: _numbers(outcome, places), self.max_periods)
 
 
 def final_states(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +15,11 @@ from ..coordinates import Coordinate, wrap
 from ..orbit_batch import CHUNK, Orbits
 from ..pointmap import PointMap
 from ..search import check_attractors
-from ..settling import Catalogue, settle
+from ..settling import UNDECIDED, Catalogue, label_of, settle
 from ..threads import run_over, slices
 
 _MAX_PERIODS = 2000
+_STRIDE = 4  # periods of a map that costs less than to look where the orbits are
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,18 @@ class Labeller:
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
         """Return the labels of points (n, dimension); angles may have any number of turns."""
-        return self.settle(points)[0]
+        cheap = self.point_map.table is not None or self.point_map.recipe.get("kind") == "discrete"
+        if self.catalogue.covers or not cheap:
+            return self.settle(points)[0]  # where an orbit has to stay for some periods, each one counts
+        labels = np.empty(len(points), np.int16)
+
+        def work(part: slice) -> None:
+            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
+            ends = self.catalogue.owners_of
+            labels[part] = labels_at_the_end(self.point_map, orbits, ends, self.max_periods, _STRIDE)
+
+        run_over(slices(len(points), CHUNK), work)
+        return labels
 
     def settle(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int16], NDArray[np.int32]]:
         """Return the labels and the settling times of points (n, dimension)."""
@@ -60,6 +72,36 @@ class Labeller:
 
         run_over(slices(len(points), CHUNK), work)
         return labels, times
+
+
+def labels_at_the_end(
+    point_map: PointMap,
+    now: Orbits,
+    ends: Callable[[NDArray[np.float64]], NDArray[np.int64]],
+    periods: int,
+    stride: int = 1,
+) -> NDArray[np.int64]:
+    """Iterate orbits until their ends are known, and return their labels; only where they end counts, not when.
+
+    `ends` returns for points the number of the final state in which each is, -1 for none.  With a stride above 1 it is
+    asked after so many periods only: no orbit may leave a final state.
+    """
+    labels = np.full(len(now), UNDECIDED, np.int64)
+    members = np.arange(len(now))
+    found = np.full(len(now), -1, np.int64)
+    period = 0
+    while True:
+        found = np.where((found < 0) & now.alive, ends(now.points), found)
+        over = (found >= 0) | ~now.alive
+        last = period >= periods
+        if last or np.count_nonzero(over) * 8 > len(over):
+            labels[members[over]] = np.where(found >= 0, found, label_of(now.status))[over]
+            members, now, found = members[~over], now[~over], found[~over]
+        if last or not len(members):
+            return labels
+        step = min(stride, periods - period)
+        point_map.advance(now, step)
+        period += step
 
 
 def labeller(

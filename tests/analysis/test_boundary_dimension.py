@@ -180,8 +180,8 @@ def test_smooth_boundary_near_its_onset_is_not_called_fractal():
     In a picture slopes wander between 1.2 and 1.4; by pairs at smaller distances the exponent is 1.
     """
     exact = stroboscopic_map(systems.moon_li_duffing(0.15, 0.088, 0.8333))
-    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (512, 512)))
-    basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (1024, 1024)))
+    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (300, 300)))
+    basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (512, 512)))
     for samples in (None, 1, 2):
         found = boundary_dimension(basins, samples=samples)
         assert not found.fractal
@@ -192,7 +192,7 @@ def test_smooth_boundary_near_its_onset_is_not_called_fractal():
 def duffing():
     exact = stroboscopic_map(systems.two_well_duffing())
     icm = interpolated_map(exact, CellGrid((-2.9, -2.9), (2.9, 2.9), (400, 400)))
-    return find_basins(icm, CellGrid((-2.2, -2.2), (2.2, 2.2), (1000, 1000)))
+    return find_basins(icm, CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500)))
 
 
 def test_two_well_duffing(duffing):
@@ -232,13 +232,13 @@ def test_smooth_boundary_of_the_pendulum():
     """3 mm: no orbit on the boundary is chaotic; near the wells the arms of the spiral are wide."""
     exact = stroboscopic_map(systems.driven_pendulum())
     icm = interpolated_map(exact, CellGrid((-pi, -600.0), (pi, 600.0), (256, 256)))
-    near = boundary_dimension(find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (800, 800))))
+    near = boundary_dimension(find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (600, 600))))
     low, high = near.fit.interval()
     assert low <= 1.0 <= high
     assert near.dimension == pytest.approx(1.0, abs=0.01)
     assert not near.fractal
     # Farther out the arms are so thin that the picture shows no law yet: the error says so.
-    far = find_basins(icm, CellGrid((-pi, -500.0), (pi, 500.0), (800, 800)))
+    far = find_basins(icm, CellGrid((-pi, -500.0), (pi, 500.0), (600, 600)))
     for samples in (None, 1, 2):
         found = boundary_dimension(far, samples=samples)
         low, high = found.fit.interval()

@@ -70,7 +70,9 @@ def test_errors_of_orders_and_weights():
 
 @pytest.fixture(scope="module")
 def henon() -> np.ndarray:
-    return systems.henon_map().orbit([0.1, 0.1], 50_100).points[100:]
+    """Thirty thousand points of the attractor, one of each orbit after the other."""
+    starts = 0.1 + 0.01 * np.random.default_rng(0).random((100, 2))
+    return systems.henon_map().orbit(starts, 400).points[101:].reshape(-1, 2)
 
 
 def test_correlation_dimension_of_henon(henon):

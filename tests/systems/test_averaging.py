@@ -266,7 +266,7 @@ def test_release_limits_are_those_of_plain_integration(scipy_images: Callable[..
     assert cos(limits.attractor.points[0, 0]) == pytest.approx(-1.0)
     for phase, limit in zip(limits.phases, limits.upper, strict=True):
         starts = [(pi + limit - 1e-6, 0.0), (pi + limit + 1e-6, 0.0)]
-        back, gone = scipy_images(system, starts, phase, 100.0, rtol=1e-11)
+        back, gone = scipy_images(system, starts, phase, 100.0, rtol=1e-9)
         assert abs(back[0] - pi) < 1e-2
         assert abs(gone[0] - pi) > 1.0
 
@@ -275,7 +275,7 @@ def test_release_limits_at_ten_millimetres_hold_what_finer_scans_find() -> None:
     """Plain scans give 1.6723 and 0.9457 (256 angles), 1.6597 and 0.9235 (2,048), 1.6596 and 0.8990 (16,384)."""
     system = driven_pendulum(amplitude=0.010)
     with pytest.warns(IslandWarning, match="angles=256: islands of other basins"):
-        limits = release_limits(system, phases=[0.0, 0.5], angles=256, tolerance=1e-8)
+        limits = release_limits(system, phases=[0.0, 0.5], angles=256, tolerance=1e-5)
     for known in ([1.6597, 0.9235], [1.6596, 0.8990]):
         assert (limits.upper - limits.error < known).all()
     assert (limits.upper < [1.6600, 0.9240]).all()

@@ -288,7 +288,7 @@ def test_energy_is_kept_by_what_keeps_it() -> None:
     for effects in ((Gravity(9.8),), (Gravity(9.8), TorsionSpring(30.0, 0.4)), (TorsionSpring(30.0, 0.4),), ()):
         system = scene(Chain(LINKS[:4], MASSES[:4]), *effects, period=1.0)
         start = np.array([1.0, -2.0, 0.5, 3.0, 4.0, -2.0, 0.0, 1.0])
-        solution = solve_ivp(system.fun, (0.0, 2.0), start, method="DOP853", rtol=1e-12, atol=1e-12)
+        solution = solve_ivp(system.fun, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12)
         energies = system.output("energy", solution.t, solution.y.T)
         assert not effects or np.ptp(energies[:, 0]) > 1e-3
         assert energies.sum(axis=-1) == pytest.approx(energies[0].sum(), rel=1e-9)

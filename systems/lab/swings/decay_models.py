@@ -11,7 +11,7 @@ A/2, 2 friction/(pi w) and 4 drag w A^2/(3 pi): an exponential, a line and a hyp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 
@@ -188,7 +188,7 @@ def decaying(
     """Return the amplitude (rad) of a swing at times (s) from 0 on, shape (n,), increasing; 0 once it has stopped."""
 
     def loss(t: float, a: NDArray[np.float64]) -> NDArray[np.float64]:
-        rates = _rates(np.maximum(a, _SMALLEST), frequency)
+        rates = _rates(np.maximum(a, _SMALLEST), frequency, coefficients)
         return -sum((c * rates[n] for n, c in coefficients.items()), np.zeros_like(a))
 
     grown = np.concatenate([[0.0], times]) if times.size and times[0] > 0.0 else times
@@ -197,14 +197,22 @@ def decaying(
     return np.maximum(found.y[0, len(grown) - len(times) :], 0.0)
 
 
-def _rates(a: NDArray[np.float64], w: float) -> dict[str, NDArray[np.float64]]:
-    """Loss of amplitude per time for coefficients of 1."""
+def _rates(a: NDArray[np.float64], w: float, names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+    """Loss of amplitude per time for coefficients of 1, of some names."""
     m = np.sin(0.5 * a) ** 2
     k, turning = ellipk(m), np.sin(a)
     share = k * turning
-    lost = np.where(a > 1e-3, ellipe(m) - (1.0 - m) * k, np.pi / 4.0 * m * (1.0 + m / 8.0))
-    cubic = np.where(a > 1e-2, turning - a * np.cos(a), a**3 / 3.0 * (1.0 - a * a / 10.0))
-    return {"damping": 4.0 * lost / share, "friction": a / (w * share), "drag": 2.0 * w * cubic / share}
+    found = {}
+    for name in names:
+        if name == "damping":
+            lost = np.where(a > 1e-3, ellipe(m) - (1.0 - m) * k, np.pi / 4.0 * m * (1.0 + m / 8.0))
+            found[name] = 4.0 * lost / share
+        elif name == "friction":
+            found[name] = a / (w * share)
+        else:
+            cubic = np.where(a > 1e-2, turning - a * np.cos(a), a**3 / 3.0 * (1.0 - a * a / 10.0))
+            found[name] = 2.0 * w * cubic / share
+    return found
 
 
 def _fitted(kind: str, envelope: Envelope, frequency: float) -> DecayModel:
@@ -213,7 +221,7 @@ def _fitted(kind: str, envelope: Envelope, frequency: float) -> DecayModel:
     errors = np.maximum(envelope.standard_errors, 1e-9 * heights[0])
     middle = np.array([heights.mean()])
     slope = max(-float(np.polyfit(t, heights, 1)[0]), 1e-12)
-    rates = _rates(middle, frequency)
+    rates = _rates(middle, frequency, names)
     begin = [float(heights[0]), *(slope / (len(names) * float(rates[n][0])) for n in names)]
 
     def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:

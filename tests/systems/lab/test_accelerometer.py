@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import inf, pi
 from typing import Any
 
@@ -172,11 +173,17 @@ RECORDS: dict[str, tuple[Effect, Callable[[int], tuple[Array, Array]]]] = {
 }
 
 
+@cache
+def recovered(name: str) -> list[RecoveredDrive]:
+    """The drives of sixty records."""
+    return [recover_drive(*RECORDS[name][1](seed)) for seed in range(60)]
+
+
 @pytest.mark.parametrize("name", RECORDS)
 def test_error_bars_cover_the_truth(name: str) -> None:
     """95 % within 1.96; of 60 seeds times parameters a share of 88 % and less has a chance below 0.001."""
-    drive, make = RECORDS[name]
-    found = [recover_drive(*make(seed)) for seed in range(60)]
+    drive, _ = RECORDS[name]
+    found = recovered(name)
     right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
     assert len(right) >= 56
     share = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right])
@@ -198,9 +205,10 @@ def test_error_bars_cover_95_percent(name: str) -> None:
 
 def test_bars_for_white_noise_are_too_short_in_coloured_noise() -> None:
     drive, make = RECORDS["coloured"]
+    as_white = [recover_drive(*make(seed), noise="white") for seed in range(60)]
     white, coloured = (
-        np.mean([np.abs(deviations(drive, recover_drive(*make(s), noise=n))) < 1.96 for s in range(60)])
-        for n in ("white", "coloured")
+        np.mean([np.abs(deviations(drive, found)) < 1.96 for found in drives])
+        for drives in (as_white, recovered("coloured"))
     )
     assert white < 0.8 < 0.9 < coloured
     one = recover_drive(*make(0))
