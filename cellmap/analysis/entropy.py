@@ -230,9 +230,11 @@ def count_at(image: LabelImage, places: NDArray[np.int64], offsets: NDArray[np.i
     counts = np.empty((len(image.names), len(places)), np.int64)
     size = max(1, 4_000_000 // len(offsets))
     for begin in range(0, len(places), size):
-        cells = places[begin : begin + size, None, :] + offsets
-        index = tuple(cells[..., j] % n for j, n in enumerate(image.numbers.shape))
-        numbers = image.numbers[index]
+        cells = np.zeros((1, 1), np.int64)
+        for j, (n, wraps) in enumerate(zip(image.numbers.shape, image.wraps, strict=True)):
+            along = places[begin : begin + size, j, None] + offsets[:, j]
+            cells = cells * n + (along % n if wraps else along)
+        numbers = image.numbers.ravel()[cells]
         for k in range(len(image.names)):
             counts[k, begin : begin + size] = np.count_nonzero(numbers == k, axis=1)
     return counts

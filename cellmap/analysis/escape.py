@@ -58,7 +58,7 @@ class Restraint:
             within = (points >= lower) & (points <= upper)
         if wraps.any():
             within |= wraps & np.isfinite(points)
-        inside: NDArray[np.bool_] = within.all(axis=1)
+        inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
         if self.attractors and inside.any():
             rows = np.flatnonzero(inside)
             caught = self.catalogue.owners_of(np.ascontiguousarray(points[rows])) >= 0

@@ -150,7 +150,8 @@ def chaotic_saddle(
 
 def _orbit(region: Restraint, point: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     """Return the orbit of a point as long as it stays in the region, at most some points of it."""
-    now, found = Orbits.starting(wrap(point[None], region.point_map.coordinates)), []
+    now = Orbits.starting(wrap(point[None], region.point_map.coordinates))
+    found: list[NDArray[np.float64]] = []
     while len(found) < most and region(now.points)[0]:
         found.append(now.points[0].copy())
         region.point_map.advance(now, 1)
