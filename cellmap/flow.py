@@ -18,6 +18,7 @@ from .codegen.kernel import (
     traces_faithfully,
 )
 from .codegen.linear import values
+from .codegen.trace import Trace
 from .coordinates import turns_of
 from .kernels.periods import PROBE, Motion, integrate
 from .orbit_batch import Orbits, legs
@@ -99,13 +100,13 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
 def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     """Return the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
     times = np.linspace(0.0, system.length, _FORCING_SAMPLES, endpoint=False)
-    found = []
+    found, traced = [], _formulas(system)
     for size in (0.1, 1.1):
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
             # Jumps are met as events: what is sampled is one smooth side.
             signs = tuple(1.0 if s >= 0.0 else -1.0 for s in system.signs(0.0, state))
-            samples = _derivatives(system, times, state, signs)
+            samples = _derivatives(system, traced, times, state, signs)
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
@@ -113,16 +114,23 @@ def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     return found
 
 
-def _derivatives(
-    system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...], signs: tuple[float, ...]
-) -> NDArray[np.float64]:
-    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known."""
-    traced, names = None, tuple(system.params)
+def _formulas(system: ForcedSystem) -> Trace | None:
+    """Return the right-hand side as formulas, where they are known."""
+    names = tuple(system.params)
     if system.switches is not None:
         in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
-        traced = None if in_modes is None else in_modes.free_motion
-    elif _is_symbolic(system):
-        traced = traced_function(system.rhs, system.dimension, names)
+        return None if in_modes is None else in_modes.free_motion
+    return traced_function(system.rhs, system.dimension, names) if _is_symbolic(system) else None
+
+
+def _derivatives(
+    system: ForcedSystem,
+    traced: Trace | None,
+    times: NDArray[np.float64],
+    state: tuple[float, ...],
+    signs: tuple[float, ...],
+) -> NDArray[np.float64]:
+    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known."""
     if traced is not None:
         found = values(traced.outputs, times, state, _values(system), signs)
         return np.stack([np.broadcast_to(f, len(times)) for f in found], axis=1)
