@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from math import cos, pi, sin, tanh
 
 import numpy as np
@@ -272,10 +273,22 @@ class TestBasins:
         turning = discrete_map(spiral, {"c": cos(rotation), "s": sin(rotation), "pull": 0.3}, ("x", "y"))
         mapping = simple_cell_mapping(turning, CellGrid((-2, -2), (2, 2), (cells, cells)))
         assert len(mapping.group_periods) >= 3
-        centre, circle = mapping.basins(polish=False).attractors
-        assert np.hypot(*centre.points.T) == pytest.approx(0.0, abs=6.0 / cells)
+        (circle,) = mapping.basins(polish=False).attractors
         assert np.hypot(*circle.points.T) == pytest.approx(1.0, abs=20.0 / cells)
         assert len(np.unique(circle.points, axis=0)) == circle.period
+
+    @pytest.mark.parametrize("cells", [400, 800])
+    def test_without_polish_a_weak_invariant_circle_is_one(self, cells):
+        """The delayed logistic map at 2.02: groups of six cells between a focus and the circle attract none."""
+        delayed = discrete_map(lambda x, p: (2.02 * x[0] * (1.0 - x[1]), x[0]), {}, ("x", "y"))
+        mapping = simple_cell_mapping(delayed, CellGrid((0.0, 0.0), (1.0, 1.0), (cells, cells)))
+        assert len(mapping.group_periods) > 10
+        basins = mapping.basins(polish=False)
+        (circle,) = basins.attractors
+        assert (basins.labels[mapping.groups >= 0] == 0).all()
+        exact = np.array(list(itertools.accumulate(range(5000), lambda x, _: delayed(x), initial=[0.4, 0.4]))[3000:])
+        gaps = np.linalg.norm(circle.points[:, None] - exact, axis=-1)
+        assert gaps.min(axis=1).max() < 10.0 / cells
 
     @pytest.mark.parametrize("cells", [10, 11, 50, 51])
     def test_without_polish_wells_stay_apart(self, cells):

@@ -20,7 +20,7 @@ from ..pointmap import PointMap
 from ..signatures import checked
 from ..threads import run_over, slices
 from .images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
-from .recurrent import adjacent_sets, basins_from_cells, exchanging_sets, polished_sets
+from .recurrent import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, polished_sets
 from .windows import overlap, places_in
 
 _UNKNOWN = -3
@@ -103,8 +103,9 @@ class CellMapping:
             Follow each group by the exact map and label it with the attractor that it comes to, so that groups that
             stand for one attractor are merged, and groups that are none are seen through.  Otherwise groups are
             attractors; those with cells side by side are one, and so are those between which orbits change, both ways,
-            when they are moved by one cell.  A quasi-periodic attractor is listed as periodic, and as several where it
-            attracts so weakly that rounding to centres keeps its groups further apart than that.
+            when they are moved by one cell.  Groups whose orbits end in another one, once these are not rounded to
+            centres, are none: they lie beside unstable points, or beside what attracts weakly.  A quasi-periodic
+            attractor is listed as periodic.
         max_periods, max_period, attractors : optional
             As in :func:`find_basins`, for this following.
 
@@ -127,6 +128,8 @@ class CellMapping:
             alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel().astype(np.int64))
             coordinates = self.point_map.coordinates
             found, labels = adjacent_sets(self.grid, coordinates, cells, owners, images[cells], hits, alike=alike)
+            sets = np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()]
+            labels = ends_of_sets(self.point_map, self.grid, cells, sets[cells], sets, self.periods)[labels]
         return basins_from_cells(
             self.point_map if polish else None,
             self.grid,

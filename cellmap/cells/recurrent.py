@@ -14,13 +14,14 @@ from ..basin_finding import find_basins
 from ..basins import Basins
 from ..coordinates import Coordinate
 from ..grid import CellGrid
-from ..orbit_batch import Cost
+from ..orbit_batch import Cost, Orbits
 from ..pointmap import PointMap
 from ..settling import NO_RETURN
-from .images import DIVERGED, LEFT, centres_of, label_of_no_image
+from .images import DIVERGED, LEFT, cells_of, centres_of, label_of_no_image
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
 _LATEST = 2**31 - 1
+_FOLLOWED = 1024  # steps of a mapping for which orbits of sets go on without being rounded, at most
 
 
 def polished_sets(
@@ -51,16 +52,13 @@ def polished_sets(
     """
     if not len(cells):
         return (), np.empty(0, np.int64)
-    order = np.argsort(owners, kind="stable")
-    sizes = np.bincount(owners)
-    ranks = np.arange(_REPRESENTATIVES) * sizes[:, None] // _REPRESENTATIVES
-    chosen = cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]]
+    chosen = _representatives(cells, owners)
     followed, where = np.unique(chosen, return_inverse=True)
     found = find_basins(point_map.exact or point_map, centres_of(grid, followed), **limits)
     columns = len(found.attractors) + 3  # codes behind the attractors, where their negative numbers lead
-    votes = np.zeros((len(sizes), columns), np.int64)
+    votes = np.zeros((len(chosen), columns), np.int64)
     ends = np.where(found.labels == NO_RETURN, DIVERGED, found.labels)
-    np.add.at(votes, (np.arange(len(sizes))[:, None], ends[where.reshape(chosen.shape)]), 1)
+    np.add.at(votes, (np.arange(len(chosen))[:, None], ends[where.reshape(chosen.shape)]), 1)
     label = votes.argmax(axis=1)
     return found.attractors, np.where(label < len(found.attractors), label, label - columns)
 
@@ -149,6 +147,63 @@ def exchanging_sets(
     graph = coo_array((np.ones(len(origin), np.int8), (origin, end)), shape=(count, count))
     strong = connected_components(graph, connection="strong")[1]
     return np.stack([np.arange(count), np.unique(strong, return_index=True)[1][strong]])
+
+
+def ends_of_sets(
+    point_map: PointMap,
+    grid: CellGrid,
+    cells: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    periods: int,
+) -> NDArray[np.int64]:
+    """Return for each set another one in which orbits from it end that are not rounded, or itself.
+
+    Where a map attracts or repels weakly, rounding to centres keeps orbits in sets that are no attractors.  Orbits from
+    some cells of each set are followed, for no more work than all cells of the grid have taken.  They end in another
+    set where all the cells that they visit in the second half of that time end there.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    grid : CellGrid
+        Where the cells are.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    ends : ndarray of int, shape (grid.size,)
+        The set in which each cell of the grid ends, negative for none.
+    periods : int
+        Steps of the map in one step of the mapping.
+    """
+    if not len(cells):
+        return np.empty(0, np.int64)
+    chosen = _representatives(cells, owners)
+    own = np.arange(len(chosen))
+    steps = min(_FOLLOWED, grid.size // chosen.size)
+    if len(chosen) == 1 or steps < 2:
+        return own
+    orbits = Orbits.starting(centres_of(grid, chosen.ravel()))
+    point_map.advance(orbits, periods * (steps // 2))
+    visited = []
+    for _ in range(steps // 2):
+        point_map.advance(orbits, periods)
+        at = cells_of(point_map, grid, orbits)
+        visited.append(np.where(at >= 0, ends[at], LEFT).reshape(chosen.shape))
+    first, last = (np.asarray(bound(visited, axis=(0, 2))) for bound in (np.min, np.max))
+    following = np.where((first == last) & (first >= 0), first, own)
+    group = _joined(len(own), np.stack([own, following]))
+    # Sets that lead on to one another have one end; it is the first of those that stay, or of a cycle.
+    order = np.lexsort((own, following != own, group))
+    return order[np.unique(group[order], return_index=True)[1]][group]
+
+
+def _representatives(cells: NDArray[np.int64], owners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return some cells of each set, shape (sets, m), evenly spread over them and repeated where there are fewer."""
+    order = np.argsort(owners, kind="stable")
+    sizes = np.bincount(owners)
+    ranks = np.arange(_REPRESENTATIVES) * sizes[:, None] // _REPRESENTATIVES
+    return np.asarray(cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]])
 
 
 def _neighbours(grid: CellGrid, cells: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
