@@ -280,13 +280,14 @@ class TestBasins:
     @pytest.mark.parametrize("cells", [400, 800])
     def test_without_polish_a_weak_invariant_circle_is_one(self, cells):
         """The delayed logistic map at 2.02: groups of six cells between a focus and the circle attract none."""
-        delayed = discrete_map(lambda x, p: (2.02 * x[0] * (1.0 - x[1]), x[0]), {}, ("x", "y"))
+        step = lambda x, p=None: (2.02 * x[0] * (1.0 - x[1]), x[0])  # noqa: E731
+        delayed = discrete_map(step, {}, ("x", "y"))
         mapping = simple_cell_mapping(delayed, CellGrid((0.0, 0.0), (1.0, 1.0), (cells, cells)))
         assert len(mapping.group_periods) > 10
         basins = mapping.basins(polish=False)
         (circle,) = basins.attractors
         assert (basins.labels[mapping.groups >= 0] == 0).all()
-        exact = np.array(list(itertools.accumulate(range(5000), lambda x, _: delayed(x), initial=[0.4, 0.4]))[3000:])
+        exact = np.array(list(itertools.accumulate(range(5000), lambda x, _: step(x), initial=(0.4, 0.4)))[3000:])
         gaps = np.linalg.norm(circle.points[:, None] - exact, axis=-1)
         assert gaps.min(axis=1).max() < 10.0 / cells
 
