@@ -15,6 +15,8 @@ from .forces import Forces
 from .parts import LENGTH, MASS, quantity
 from .scene import Body, TipsTerm
 
+_UNLIKE = 1e9  # ratio of masses, at most
+
 
 @dataclass(frozen=True)
 class Chain(Body):
@@ -57,6 +59,12 @@ class Chain(Body):
         super().__post_init__()
         if len(self.lengths) != len(self.masses):
             raise ValueError(f"masses={self.masses!r}: give one for each of the {len(self.lengths)} lengths")
+        for i, mass in enumerate(self.masses, start=1):
+            if mass > _UNLIKE * min(self.masses):
+                raise ValueError(
+                    f"mass_{i}={mass!r}: give masses that differ by a factor of at most {_UNLIKE:g}, for the motion of "
+                    "others is lost in rounding"
+                )
 
     @property
     def joints(self) -> int:

@@ -13,7 +13,7 @@ from cellmap.system import RightHandSide, StateFunction
 from .drives import VerticalDrive
 from .effects import DryFriction, Effect, Gravity, Terms, ViscousDamping
 from .forces import Forces
-from .parts import NUMBER, quantity
+from .parts import NUMBER, quantity, sized_number
 from .pendulum import swing, swing_energy, tip_of
 from .scene import Body, TipsTerm, scene
 from .units import drive_units, in_units, swing_units
@@ -337,8 +337,8 @@ def from_stability_coordinates(
     >>> from_stability_coordinates(frequency_ratio=20.0, amplitude_ratio=0.1, length=0.05)["amplitude"]
     0.005
     """
-    epsilon = finite_number("amplitude_ratio", amplitude_ratio, at_least=0.0)
-    turns = finite_number("frequency_ratio", frequency_ratio, above=0.0) / (2.0 * pi)
+    epsilon = sized_number("amplitude_ratio", amplitude_ratio, at_least=0.0)
+    turns = sized_number("frequency_ratio", frequency_ratio, above=0.0) / (2.0 * pi)
     units = swing_units(length, gravity)
     drive = in_units(VerticalDrive(epsilon, turns), units.inverse)
     return {

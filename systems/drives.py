@@ -12,7 +12,7 @@ from math import cos, pi, sin
 from typing import Any
 
 from .effects import Effect, Terms
-from .parts import ANGULAR_ACCELERATION, LENGTH, NUMBER, RATE, quantity
+from .parts import ANGULAR_ACCELERATION, LENGTH, MOST_RADIANS, NUMBER, RATE, quantity
 
 
 def period_of(p: Any) -> float:
@@ -46,7 +46,7 @@ class VerticalDrive(Effect):
 
     amplitude: float = quantity(LENGTH, at_least=0.0)
     frequency: float = quantity(RATE, above=0.0)
-    phase: float = quantity(NUMBER, default=0.0)
+    phase: float = quantity(NUMBER, default=0.0, at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
 
     @property
     def terms(self) -> Terms:
@@ -121,7 +121,7 @@ class TiltedDrive(Effect):
     amplitude: float = quantity(LENGTH, at_least=0.0)
     frequency: float = quantity(RATE, above=0.0)
     tilt: float = quantity(NUMBER)
-    phase: float = quantity(NUMBER, default=0.0)
+    phase: float = quantity(NUMBER, default=0.0, at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
 
     @property
     def terms(self) -> Terms:
@@ -171,7 +171,7 @@ class RotatingDrive(Effect):
     vertical_amplitude: float = quantity(LENGTH)
     horizontal_amplitude: float = quantity(LENGTH)
     frequency: float = quantity(RATE, above=0.0)
-    phase: float = quantity(NUMBER, default=0.0)
+    phase: float = quantity(NUMBER, default=0.0, at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
 
     @property
     def terms(self) -> Terms:
@@ -219,7 +219,7 @@ class TorqueDrive(Effect):
 
     torque: float = quantity(ANGULAR_ACCELERATION, at_least=0.0)
     frequency: float = quantity(RATE, above=0.0)
-    phase: float = quantity(NUMBER, default=0.0)
+    phase: float = quantity(NUMBER, default=0.0, at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
 
     @property
     def terms(self) -> Terms:

@@ -15,7 +15,7 @@ from cellmap.checks import finite_number, whole_number
 from .drives import period_of
 from .effects import Effect, FieldTerm, Terms
 from .forces import total
-from .parts import LENGTH, NUMBER, RATE, quantity
+from .parts import LENGTH, MOST_RADIANS, NUMBER, RATE, quantity, sized_number
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class HarmonicDrive(Effect):
     """
 
     amplitudes: Sequence[float] = quantity(LENGTH, each="amplitude", at_least=0.0)
-    phases: Sequence[float] = quantity(NUMBER, each="phase")
+    phases: Sequence[float] = quantity(NUMBER, each="phase", at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
     frequency: float = quantity(RATE, above=0.0)
 
     def __post_init__(self) -> None:
@@ -138,7 +138,7 @@ def sampled_drive(samples: Sequence[float], frequency: float, harmonics: int | N
     kept = count // 2 if harmonics is None else whole_number("harmonics", harmonics, 1, count // 2)
     ladder = np.arange(1, kept + 1)
     factors = -np.fft.rfft(values)[1 : kept + 1] * np.where(2 * ladder == count, 1.0, 2.0) / count
-    rate = 2.0 * pi * finite_number("frequency", frequency, above=0.0)
+    rate = 2.0 * pi * sized_number("frequency", frequency, above=0.0)
     return HarmonicDrive(
         tuple((np.abs(factors) / (ladder * rate) ** 2).tolist()), tuple(np.angle(factors).tolist()), frequency
     )

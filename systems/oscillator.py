@@ -11,6 +11,8 @@ from cellmap import Coordinate, ForcedSystem
 from cellmap.checks import finite_number
 from cellmap.system import RightHandSide
 
+from .parts import sized_number
+
 Acceleration = Callable[[float, float, Any], float]
 
 
@@ -57,7 +59,7 @@ def forced_oscillator(
     (0, -3.0)
     """
     parameters["forcing"] = finite_number("forcing", forcing)
-    parameters["frequency"] = finite_number("frequency", frequency, above=0.0)
+    parameters["frequency"] = sized_number("frequency", frequency, above=0.0)
     return ForcedSystem(_motion(acceleration), parameters, period=_period, coordinates=(position, "v"), name=name)
 
 

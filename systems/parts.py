@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from cellmap.checks import finite_number
+from cellmap.checks import finite_number, shown
 
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""
@@ -19,6 +19,9 @@ INERTIA: Dimension = (2, 0, 1)
 RATE: Dimension = (0, -1, 0)
 ACCELERATION: Dimension = (1, -2, 0)
 ANGULAR_ACCELERATION: Dimension = (0, -2, 0)
+
+MOST_RADIANS = 1e6
+"""Phases beyond it lose digits that matter."""
 
 
 def quantity(dimension: Dimension, *, default: Any = MISSING, each: str = "", **bounds: float) -> Any:
@@ -78,4 +81,12 @@ class Part:
 
 
 def _number(f: Any, name: str, value: Any) -> float:
-    return finite_number(name, value, **f.metadata.get("bounds", {}))
+    return sized_number(name, value, **f.metadata.get("bounds", {}))
+
+
+def sized_number(name: str, value: Any, largest: float = 1e50, **bounds: float) -> float:
+    """Return a finite float, within bounds, that is 0 or of a size whose powers and quotients floating point holds."""
+    number = finite_number(name, value, **bounds)
+    if number and not 1.0 / largest <= abs(number) <= largest:
+        raise ValueError(f"{name}={shown(value)}: give a number between {1.0 / largest:g} and {largest:g} in size")
+    return number

@@ -9,6 +9,8 @@ from typing import Any
 from cellmap import ForcedSystem
 from cellmap.checks import finite_number
 
+from .parts import sized_number
+
 
 def stick_slip_oscillator(
     belt_speed: float = 0.1,
@@ -80,7 +82,7 @@ def stick_slip_oscillator(
         "least_speed": finite_number("least_speed", least_speed, above=0.0),
         "damping": finite_number("damping", damping, at_least=0.0),
         "forcing": finite_number("forcing", forcing),
-        "frequency": finite_number("frequency", frequency, above=0.0),
+        "frequency": sized_number("frequency", frequency, above=0.0),
     }
     return ForcedSystem(_motion, parameters, _period, ("x", "v"), name="stick-slip", switches=_sliding)
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields, replace
 from math import pi, sqrt
 from typing import Any, TypeVar
 
-from cellmap.checks import finite_number
+from .parts import LENGTH, MASS, TIME, Dimension, Part, quantity, sized_number
 
-from .parts import LENGTH, MASS, TIME, Dimension, Part, quantity
+_LARGEST = 1e40  # size of what units are made from: quotients of these are sizes as well
 
 P = TypeVar("P", bound=Part)
 
@@ -121,8 +121,10 @@ def drive_units(length: float, frequency: float, mass: float = 1.0) -> Units:
     >>> in_units(VerticalDrive(0.003, 50.0), drive_units(length=0.0272, frequency=50.0)).amplitude
     0.11029411764705883
     """
-    w = 2.0 * pi * finite_number("frequency", frequency, above=0.0)
-    return Units(finite_number("length", length, above=0.0), 1.0 / w, finite_number("mass", mass, above=0.0))
+    w = 2.0 * pi * sized_number("frequency", frequency, _LARGEST, above=0.0)
+    return Units(
+        sized_number("length", length, _LARGEST, above=0.0), 1.0 / w, sized_number("mass", mass, _LARGEST, above=0.0)
+    )
 
 
 def swing_units(length: float, gravity: float = 9.8, mass: float = 1.0) -> Units:
@@ -155,6 +157,6 @@ def swing_units(length: float, gravity: float = 9.8, mass: float = 1.0) -> Units
     >>> in_units(Gravity(9.8), swing_units(length=0.0272))
     Gravity(gravity=1.0)
     """
-    free_fall = finite_number("gravity", gravity, above=0.0)
-    rod = finite_number("length", length, above=0.0)
-    return Units(rod, sqrt(rod / free_fall), finite_number("mass", mass, above=0.0))
+    free_fall = sized_number("gravity", gravity, _LARGEST, above=0.0)
+    rod = sized_number("length", length, _LARGEST, above=0.0)
+    return Units(rod, sqrt(rod / free_fall), sized_number("mass", mass, _LARGEST, above=0.0))

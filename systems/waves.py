@@ -11,7 +11,7 @@ import numpy as np
 
 from .drives import period_of, turned_by
 from .effects import Effect, Terms
-from .parts import ACCELERATION, NUMBER, RATE, quantity
+from .parts import ACCELERATION, MOST_RADIANS, NUMBER, RATE, quantity
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SquareDrive(Effect):
 
     acceleration: float = quantity(ACCELERATION, at_least=0.0)
     frequency: float = quantity(RATE, above=0.0)
-    phase: float = quantity(NUMBER, default=0.0)
+    phase: float = quantity(NUMBER, default=0.0, at_least=-MOST_RADIANS, at_most=MOST_RADIANS)
     smoothing: float = quantity(NUMBER, default=0.0, at_least=0.0)
 
     @property
