@@ -26,7 +26,6 @@ def stuck():
     return find_basins(strobe, CellGrid((-pi, -100.0), (pi, 100.0), (40, 40)))
 
 
-@pytest.mark.slow
 def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
     """Two intervals of equilibria beside the stick-slip cycles: all starts are decided."""
     assert [a.kind for a in stuck.attractors] == [Kind.FIXED_POINT] * 2 + [Kind.EQUILIBRIA] * 2
@@ -53,7 +52,6 @@ def test_every_end_is_where_its_label_says(stuck) -> None:
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
 
 
-@pytest.mark.slow
 def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
     save_basins(stuck, tmp_path / "stuck.h5")
     again = load_basins(tmp_path / "stuck.h5")
@@ -63,13 +61,11 @@ def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
         assert np.array_equal(one.cover.boxes, other.cover.boxes)
 
 
-@pytest.mark.slow
 def test_mirror_images_have_equal_shares(stuck) -> None:
     shares = [stuck.fractions[k].share for k in range(4)]
     assert shares[0] == shares[1]
 
 
-@pytest.mark.slow
 def test_without_gravity_all_angles_are_held() -> None:
     """One set, the whole circle, which closes upon itself."""
     system = systems.driven_pendulum(gravity=0.0, amplitude=0.0, damping=0.0, friction=FRICTION)

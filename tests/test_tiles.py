@@ -40,6 +40,16 @@ def cluster():
         yield cluster
 
 
+@pytest.fixture(scope="module")
+def lonely():
+    """A cluster of one worker, for the tests that take it away, and its client."""
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield cluster, client
+
+
 @pytest.fixture
 def client(cluster):
     with distributed.Client(cluster) as client:
@@ -185,7 +195,7 @@ def test_every_tile_is_delivered_once_and_few_are_under_way(client):
     assert max(most) <= 5 * 16  # two groups for each of two threads, and the one that takes the place of another
 
 
-def test_a_killed_worker_loses_nothing(tmp_path):
+def test_a_killed_worker_loses_nothing(lonely, tmp_path):
     """The only worker is killed, with the work that it holds and tiles that are half done; another takes its place."""
     marker = tmp_path / "working"
 
@@ -197,52 +207,46 @@ def test_a_killed_worker_loses_nothing(tmp_path):
             time.sleep(0.05)
             return number, os.getpid()
 
-    with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        victim = next(iter(client.run(os.getpid).values()))
+    _, client = lonely
+    victim = next(iter(client.run(os.getpid).values()))
 
-        def kill() -> None:
-            while not marker.exists():
-                time.sleep(0.01)
-            time.sleep(0.3)
-            os.kill(victim, signal.SIGKILL)
+    def kill() -> None:
+        while not marker.exists():
+            time.sleep(0.01)
+        time.sleep(0.3)
+        os.kill(victim, signal.SIGKILL)
 
-        killer = threading.Thread(target=kill)
-        killer.start()
-        delivered = {}
-        run_tiles(range(60), int, Slow(), delivered.__setitem__, client)
-        killer.join()
+    killer = threading.Thread(target=kill)
+    killer.start()
+    delivered = {}
+    run_tiles(range(60), int, Slow(), delivered.__setitem__, client)
+    killer.join()
     assert {k: number for k, (number, _) in delivered.items()} == {k: k for k in range(60)}
     assert {process for _, process in delivered.values()} - {victim}, "the work went on elsewhere"
 
 
-def test_a_cluster_without_workers_is_not_waited_for_for_ever(tmp_path, monkeypatch):
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, monkeypatch):
     """It loses all of them in the middle: that is said, the call ends, and another one goes on from the checkpoint."""
     for name, seconds in {"_SELDOM": 0.05, "_WARNED": 0.2, "_GIVEN_UP": 1.0}.items():
         monkeypatch.setattr(f"cellmap.tiles.{name}", seconds)
     path, starts, done = tmp_path / "basins.h5", CellGrid((-3.0,), (3.0,), (200_000,)), []
-    original = Checkpoint.finish
+    original, (cluster, client) = Checkpoint.finish, lonely
+    client.wait_for_workers(1)
+
+    def finish(self, tiles, number, tally, contents):
+        original(self, tiles, number, tally, contents)
+        if not done:
+            cluster.scale(0)
+            while client.nthreads():
+                time.sleep(0.01)
+        done.append(number)
+
+    monkeypatch.setattr(Checkpoint, "finish", finish)
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
+        pytest.warns(UserWarning, match=r"client=.*: the cluster has had no workers for 0\.2 s"),
+        pytest.raises(TimeoutError, match=r"client=.*no workers for 1 s; start some and call again"),
     ):
-
-        def finish(self, tiles, number, tally, contents):
-            original(self, tiles, number, tally, contents)
-            if not done:
-                cluster.scale(0)
-                while client.nthreads():
-                    time.sleep(0.01)
-            done.append(number)
-
-        monkeypatch.setattr(Checkpoint, "finish", finish)
-        with (
-            pytest.warns(UserWarning, match=r"client=.*: the cluster has had no workers for 0\.2 s"),
-            pytest.raises(TimeoutError, match=r"client=.*no workers for 1 s; start some and call again"),
-        ):
-            find_basins(newton_map(), starts, client=client, checkpoint=path)
+        find_basins(newton_map(), starts, client=client, checkpoint=path)
     before = len(done)
     assert_same(find_basins(newton_map(), starts, checkpoint=path), find_basins(newton_map(), starts))
     assert 0 < before < 13
