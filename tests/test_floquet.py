@@ -126,7 +126,6 @@ def test_both_ways_to_the_derivative_agree() -> None:
         assert np.sort_complex(result.multipliers[k]) == pytest.approx(np.sort_complex(eigenvalues), abs=1e-9)
 
 
-@pytest.mark.slow
 def test_right_hand_sides_without_quick_series() -> None:
     """A forcing that saturates is stepped by a Runge-Kutta method; the third variable decays by itself."""
 
@@ -174,7 +173,6 @@ def test_a_pair_crosses_where_damping_changes_sign() -> None:
     assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, points=64)] == [first.value]
 
 
-@pytest.mark.slow
 def test_zeros_of_even_order_are_found() -> None:
     """Two equal oscillators lose their stability together: det(M - I) touches zero and keeps its sign."""
 
@@ -234,7 +232,6 @@ def _hill_frequency(frequency: float) -> float:
         return float(mpmath.findroot(determinant, (0.999 * near, 1.001 * near)) * frequency)
 
 
-@pytest.mark.slow
 def test_flipping_states_of_the_double_pendulum() -> None:
     """At 24 Hz, undamped: the only stable states from 4.45 to 9.55 mm."""
     system = double_pendulum(mass_2=1.0, frequency=24.0, damping=0.0)

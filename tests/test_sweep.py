@@ -40,7 +40,6 @@ def test_images_are_those_of_each_value(pendulum: PointMap) -> None:
         assert (image[2:] == state[2:]).all()
 
 
-@pytest.mark.slow
 def test_derivatives_by_a_parameter(pendulum: PointMap) -> None:
     # Against Richardson's extrapolation of central differences.
     state, h = np.array([1.0, 31.4]), 1e-6
@@ -70,7 +69,6 @@ def test_a_parameter_called_like_a_state() -> None:
     assert [c.name for c in swept_map(shift, "x").coordinates] == ["x", "parameter x"]
 
 
-@pytest.mark.slow
 def test_dry_friction() -> None:
     exact = stroboscopic_map(driven_pendulum(amplitude=0.003, friction=10.0))
     swept = swept_map(exact, "friction")
