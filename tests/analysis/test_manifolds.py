@@ -120,10 +120,15 @@ def test_henons_unstable_manifold_lies_on_the_attractor() -> None:
     assert cKDTree(cloud).query(off.points)[0].max() > 0.3
 
 
-def test_henons_stable_manifold_bounds_the_basin() -> None:
-    henon = henon_map()
-    grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 150))
-    basins = find_basins(henon, grid)
+@pytest.fixture(scope="module")
+def henon_basin() -> Basins:
+    """One basin; all other starts diverge."""
+    return find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 150)))
+
+
+def test_henons_stable_manifold_bounds_the_basin(henon_basin: Basins) -> None:
+    henon, basins, grid = henon_map(), henon_basin, henon_basin.grid
+    assert grid is not None
     saddle = periodic_orbit(henon, [-1.1, -0.3])
     found = saddle_manifold(henon, saddle, "stable", grid, length=30.0)
     followed = boundary_distance(found, basins, (0, -2))
@@ -313,16 +318,15 @@ def test_what_it_refuses() -> None:
         saddle_manifold(henon, saddle, "stable", SQUARE, inverse=other)
 
 
-def test_what_a_distance_refuses() -> None:
-    henon = henon_map()
-    basins = find_basins(henon, CellGrid((-2.0, -2.0), (2.0, 2.0), (20, 20)))
+def test_what_a_distance_refuses(henon_basin: Basins) -> None:
+    henon, basins = henon_map(), henon_basin
     curve = saddle_manifold(henon, periodic_orbit(henon, [0.6, 0.2]), "unstable", SQUARE, length=1.0)
     with pytest.raises(ValueError, match="no neighbouring cells"):
         boundary_distance(curve, basins)  # one basin, whose only neighbours diverge
     with pytest.raises(ValueError, match="no neighbouring cells"):
         boundary_distance(curve, basins, (0, 1))
     assert boundary_distance([], basins, (0, -2)).share == 0.0
-    on_points = find_basins(henon, np.zeros((3, 2)))
+    on_points = find_basins(henon, np.zeros((3, 2)), attractors=basins.attractors)
     with pytest.raises(ValueError, match="two axes"):
         boundary_distance(curve, on_points)
 

@@ -280,7 +280,6 @@ def test_scale_and_direction_of_a_shock(disc: Basins) -> None:
     assert by_number.size == kicked.size
 
 
-@pytest.mark.slow
 def test_shock_out_of_a_ball_in_three_dimensions() -> None:
     ball = find_basins(discrete_map(_disc, {}, ("x", "y", "z")), CellGrid((-1.3,) * 3, (1.3,) * 3, (16,) * 3))
     shock = minimal_fatal_shock(ball, 0, point=(0.0, 0.3, 0.0), scale=1.0)

@@ -53,6 +53,11 @@ def partial_pendulum():
     return pendulum(1.71)
 
 
+@pytest.fixture(scope="module")
+def small(wada_pendulum):
+    return find_basins(wada_pendulum, window(40))
+
+
 # --- merging
 
 
@@ -239,34 +244,32 @@ def test_starts_without_a_basin_have_no_colour():
     assert both.boundary == 4 * 30
 
 
-def test_maps_and_slices(wada_pendulum):
+def test_maps_and_slices(wada_pendulum, small):
     """Without basins these are found first; an axis of one cell is held."""
     line = wada_grid(wada_pendulum, CellGrid((-pi, 0.4), (pi, 0.6), (300, 1)), steps=6)
     assert line.colours.shape == (300, 1)
     assert len(line.basins) == 3
     same = wada_grid(wada_pendulum, window(40), steps=3)
-    again = wada_grid(find_basins(wada_pendulum, window(40)), steps=3)
+    again = wada_grid(small, steps=3)
     assert np.array_equal(same.boxes, again.boxes)
 
 
-def test_same_counts_for_any_number_of_threads(wada_pendulum):
-    basins = find_basins(wada_pendulum, window(50))
+def test_same_counts_for_any_number_of_threads(small):
     counts = []
     for threads in (1, 3):
         set_threads(threads)
-        counts.append(wada_grid(basins, steps=6).boxes)
+        counts.append(wada_grid(small, steps=6).boxes)
     assert np.array_equal(*counts)
 
 
-def test_budget(wada_pendulum):
-    basins = find_basins(wada_pendulum, window(50))
-    found = wada_grid(basins, points=1000)
+def test_budget(small):
+    found = wada_grid(small, points=1000)
     assert found.points[1:].sum() <= 1000
-    assert wada_grid(basins, steps=0).boxes.shape == (1, 4)
+    assert wada_grid(small, steps=0).boxes.shape == (1, 4)
 
 
-def test_plots(wada_pendulum):
-    found = wada_grid(find_basins(wada_pendulum, window(40)), steps=5)
+def test_plots(small):
+    found = wada_grid(small, steps=5)
     assert plot_wada(found).get_xlabel() == "step"
     assert plot_wada(wada_merging(stripes(1))).get_title() == "Wada"
     with pytest.raises(TypeError, match="give a WadaGrid"):

@@ -190,7 +190,6 @@ def test_slow_modes_of_the_double_pendulum(down: tuple[bool, bool]) -> None:
     assert rest.frequencies == pytest.approx(np.sqrt(np.sort(expected)) / (2.0 * pi), rel=1e-10)
 
 
-@pytest.mark.slow
 def test_slow_modes_of_three_links_against_multipliers_of_a_fast_drive() -> None:
     """At A w fixed the multipliers' frequencies tend to the averaged ones, with an error in proportion to 1/f^2."""
     system, upright = triple_pendulum(damping=0.0, frequency=100.0, amplitude=0.004), (pi, pi, pi)
@@ -290,7 +289,6 @@ def test_release_limits_with_dry_friction() -> None:
     assert limits.attractor.kind == Kind.EQUILIBRIA
 
 
-@pytest.mark.slow
 def test_release_limits_of_a_deep_well_are_all_angles() -> None:
     """Without the drive every release ends hanging, except one from exactly upright."""
     still = scene(Pendulum(L), Gravity(G), VerticalDrive(0.0, 50.0), ViscousDamping(20.0))

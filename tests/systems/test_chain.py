@@ -305,7 +305,6 @@ def test_viscous_damping_takes_what_the_joints_take() -> None:
     assert slope / (2.0 * h) == pytest.approx(-lost, rel=1e-7)
 
 
-@pytest.mark.slow
 def test_volumes_shrink_as_liouville_says() -> None:
     """det DP = det M(q0) / det M(q(T)) exp(-int tr(M^-1 C)), with C of the joints."""
     system = double_pendulum()

@@ -139,10 +139,9 @@ def test_a_sharp_triangle_is_smooth_beyond_its_tips() -> None:
     ("drive", "edges"),
     [
         (SquareDrive(200.0, 50.0), (0.005, 0.015)),
-        pytest.param(TriangleDrive(200.0, 50.0), (0.01,), marks=pytest.mark.slow),
+        (TriangleDrive(200.0, 50.0), (0.01,)),
     ],
 )
-@pytest.mark.slow
 def test_the_map_under_a_sharp_wave(drive: Effect, edges: tuple[float, ...]) -> None:
     """Against SciPy, from edge to edge."""
     system = scene(Pendulum(0.0272), Gravity(9.8), drive, ViscousDamping(5.0))

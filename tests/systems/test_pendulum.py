@@ -92,7 +92,7 @@ def test_multipliers_of_the_inverted_state() -> None:
     ("amplitude", "damping", "start", "multiplier"),
     [
         (2.329021135978e-3, 10.0, INVERTED, 1.0),
-        pytest.param(2.327849487651e-3, 0.0, INVERTED, 1.0, marks=pytest.mark.slow),
+        (2.327849487651e-3, 0.0, INVERTED, 1.0),
         (12.542910208e-3, 10.0, INVERTED, -1.0),
         (12.210173235e-3, 10.0, (0.0, 0.0), -1.0),
     ],

@@ -54,7 +54,6 @@ def test_coulombs_friction_on_a_belt_exactly() -> None:
 
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
-@pytest.mark.slow
 def test_steady_sliding_is_stable_above_the_critical_damping(share: float) -> None:
     """Multipliers exp((a +- i w) T) with 2 a = -mu'(belt_speed) - 2 damping, exactly, and what follows from them."""
     system = stick_slip_oscillator(damping=share * CRITICAL_DAMPING, forcing=0.0)
@@ -69,7 +68,6 @@ def test_steady_sliding_is_stable_above_the_critical_damping(share: float) -> No
     assert (np.linalg.norm(later - rest) < 1e-6) == (share > 1.0)
 
 
-@pytest.mark.slow
 def test_stick_slip_vibrations() -> None:
     """Where steady sliding is unstable, all starts end in one cycle, which sticks for a part of its time."""
     system = stick_slip_oscillator(damping=0.02, forcing=0.0, frequency=1.0)
@@ -82,7 +80,6 @@ def test_stick_slip_vibrations() -> None:
     assert motion.states[..., 0].max(axis=0) == pytest.approx(np.full(3, motion.states[..., 0].max()), abs=1e-4)
 
 
-@pytest.mark.slow
 def test_pure_sliding_vibrations_have_the_amplitude_of_thomsen_and_fidlin() -> None:
     """2 sqrt(v_1^2 - v_b^2) for belts little slower than the critical speed v_1, by averaging."""
     static, least, damping = 0.04, 0.025, 0.001
