@@ -17,6 +17,7 @@ from .checks import (
     monotone_values,
     one_of,
     real_array,
+    shown,
     whole_number,
 )
 from .coordinates import Coordinate, difference, state_points, turns_of, wrap
@@ -194,6 +195,8 @@ def bifurcation_diagram(
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("nudge", nudge)
     shift = finite_points("nudge", np.full(d, shift) if shift.ndim == 0 else shift, d)
+    if shift.ndim != 1:
+        raise ValueError(f"nudge={shown(nudge)}: give one number, or one for each of {d} coordinates")
     directions = tuple(way for way in _DIRECTIONS[follow] for _ in given.reshape(-1, d))
     starts = np.tile(wrap(given.reshape(-1, d), exact.coordinates), (len(_DIRECTIONS[follow]), 1))
     samples = len(directions) * axis.size * periods
