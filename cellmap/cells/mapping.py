@@ -47,10 +47,8 @@ class CellMapping:
         Steps of the map that one step of the mapping takes.
     point_map : PointMap
         The map.
-    stray_cells : ndarray of int64, shape (n,)
-        Cells with an image outside the window,
-    stray_images : ndarray, shape (n, dimension)
-        and these images, which are inside a wider one perhaps.
+    stray_cells, stray_images : ndarray of int64, shape (n,), and ndarray, shape (n, dimension)
+        Cells with an image outside the window, and these images, which are inside a wider one perhaps.
     inaccurate : int
         Cells on whose way the integrator missed its tolerance.
     cost : Cost
@@ -104,8 +102,7 @@ class CellMapping:
             stand for one attractor are merged, and groups that are none are seen through.  Otherwise groups are
             attractors; those with cells side by side are one, and so are those between which orbits change, both ways,
             when they are moved by one cell.  Groups whose orbits end in another one, once these are not rounded to
-            centres, are none: they lie beside unstable points, or beside what attracts weakly.  A quasi-periodic
-            attractor is listed as periodic.
+            centres, are none.  A quasi-periodic attractor is listed as periodic.
         max_periods, max_period, attractors : optional
             As in :func:`find_basins`, for this following.
 
@@ -126,8 +123,8 @@ class CellMapping:
             images = self.images.ravel()
             hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)
             alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel().astype(np.int64))
-            coordinates = self.point_map.coordinates
-            found, labels = adjacent_sets(self.grid, coordinates, cells, owners, images[cells], hits, alike=alike)
+            axes = self.point_map.coordinates
+            found, labels = adjacent_sets(self.grid, axes, cells, owners, images[cells], hits, alike=alike)
             sets = np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()]
             labels = ends_of_sets(self.point_map, self.grid, cells, sets[cells], sets, self.periods)[labels]
         return basins_from_cells(
