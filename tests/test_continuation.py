@@ -229,7 +229,6 @@ def test_the_critical_angle_is_a_branch_of_saddles(pendulum: PointMap, inverted:
     assert any(np.allclose(place, o.points[0], rtol=1e-9) for o in found)
 
 
-@pytest.mark.slow
 def test_curves_of_the_inverted_state_are_those_of_floquet(inverted: Branch) -> None:
     for bifurcation in inverted.bifurcations:
         curve = continue_bifurcation(inverted, bifurcation, "frequency", (0.0005, 0.05), (20.0, 100.0), step=0.05)
@@ -263,7 +262,6 @@ def test_the_swing_of_period_four_loses_its_symmetry(pendulum: PointMap) -> None
     np.testing.assert_allclose(points[2:], -points[:2], atol=1e-9 * np.abs(points).max())
 
 
-@pytest.mark.slow
 def test_a_fold_of_the_duffing_oscillator() -> None:
     # Weak damping and drive: amplitudes from harmonic balance with two harmonics are near; the folds are those between
     # which two responses are found by direct search.
@@ -407,7 +405,6 @@ def test_a_step_may_end_on_a_bifurcation(begin: float, upper: float) -> None:
     assert doubling.value == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_a_neimark_sacker_bifurcation_at_a_round_number() -> None:
     # Bogdanov map: det = 1 + e at the origin.
     def bogdanov(x: Any, p: Any) -> tuple[float, float]:
@@ -451,7 +448,6 @@ def test_multipliers_that_cross_together_are_reported() -> None:
     assert branch.ends == ("left the interval", "left the interval")
 
 
-@pytest.mark.slow
 def test_a_neutral_saddle_beside_a_pair_near_the_circle() -> None:
     c, s = 0.99 * cos(1.0), 0.99 * np.sin(1.0)
     exact = discrete_map(
@@ -462,7 +458,6 @@ def test_a_neutral_saddle_beside_a_pair_near_the_circle() -> None:
     assert branch.ends == ("left the interval", "left the interval")
 
 
-@pytest.mark.slow
 def test_krein_collisions() -> None:
     # Froeschle's map with different kicks, coupled antisymmetrically: pairs collide on the circle at |c| = 0.15.
     def coupled(x: Any, p: Any) -> tuple[float, ...]:
@@ -494,7 +489,6 @@ def test_a_branch_around_a_circle_is_traced_once() -> None:
     np.testing.assert_allclose(sorted(b.value for b in branch.bifurcations), [-0.5, 0.5], rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_a_closed_curve_over_two_parameters() -> None:
     exact = discrete_map(lambda x, p: (-(2.0 - p.q**2 - p.s**2) * x[0] - x[0] ** 3,), {"q": 0.1, "s": 0.1}, ("x",))
     branch = continue_orbit(exact, at_rest(exact), "q", -1.5, 1.5)
