@@ -1,0 +1,200 @@
+"""README and pages use the words of the field: neither private words for standard things, nor pages without the terms.
+
+Only prose is read: code blocks, inline code, formulas, link targets and comments are left out. Another source of text,
+such as the docstrings of public objects, is a further function of `SOURCES`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+class Text(NamedTuple):
+    """Prose with its origin; offsets of lines are those of the file."""
+
+    name: str
+    prose: str
+
+
+class Finding(NamedTuple):
+    name: str
+    line: int
+    found: str
+    instead: str
+
+
+LEFT_OUT = {"docs/architecture.md"}
+"""Pages that are not asserted: this one speaks of private names of the code."""
+
+
+def pages() -> Iterator[Text]:
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        name = path.relative_to(ROOT).as_posix()
+        if name not in LEFT_OUT:
+            yield Text(name, prose_of(path.read_text(encoding="utf-8")))
+
+
+SOURCES: tuple[Callable[[], Iterator[Text]], ...] = (pages,)
+"""Functions that yield the texts in which no private word may occur."""
+
+QUOTATIONS: tuple[str, ...] = ()
+"""Quotations and titles, as they are printed, in which any word may stand."""
+
+# Code before formulas: a dollar sign in code begins no formula.
+NOT_PROSE = (
+    r"^(`{3,}).*?^\1[ ]*$",  # fenced blocks
+    r"(?<=\n\n)(?: {4}[^\n]*\n)+",  # indented blocks
+    r"<!--.*?-->",
+    r"`[^`]+`",  # inline code, roles included
+    r"\$\$.+?\$\$",
+    r"\$[^$]+\$",
+    r"(?<=\])\([^)]*\)",  # targets of links
+)
+
+
+def prose_of(markdown: str) -> str:
+    """Blank out everything else; line numbers stay the same."""
+    for pattern in (*NOT_PROSE, *map(re.escape, QUOTATIONS)):
+        markdown = re.sub(pattern, _blank, markdown, flags=re.DOTALL | re.MULTILINE)
+    return markdown
+
+
+def _blank(match: re.Match[str]) -> str:
+    return re.sub(r"[^\n]", "_", match.group())
+
+
+DIALECT = {
+    # Plural "starts" is taken for a noun unless it is a verb with a preposition: "the page starts from".
+    r"starts(?! (?:from|with|at|on|by|to|over)\b)": "initial conditions",
+    r"(?:an?|any|each|every|given|no|one|random|single|some|that|undecided|which) start": "initial condition",
+    r"start (?:that|is|which|whose)": "initial condition",
+    r"pictures?": "basin image, figure",
+    r"(?:an?|the|its|their|this|each|by|large|small) shares?": "fraction",
+    r"shares? (?:of|that|is|are)": "fraction",
+    r"shared out": "fraction",
+    r"tabulat\w+": "interpolated map, interpolation grid",
+    r"(?:coarse|coarser|fine|finer|larger|smaller|without an?|under an?) tables?": "interpolation grid",
+    r"tables? of (?:order|\d+|such)": "interpolation grid",
+    r"rough cells?": "fallback cell",
+    r"left to the exact map": "evaluated with the exact map",
+    r"(?:left|leaves?|leaving) the table": "escaped",
+    r"leaps?": "multi-period step",
+    r"(?:one|its|their|whole|half|full|each|quarter of a|number of|in|\d+) turns": "full rotations",
+    r"(?:an?|one|its|their|whole|half a|full|each|mean) turn": "period of the angle, full rotation",
+    r"seams?": "branch cut",
+    r"circle is cut": "branch cut",
+    r"(?:one|an?|each|every|two) rounds?": "period, monodromy matrix",
+    r"angles?,? and (?:the )?rates?": "angular velocity",
+    r"all rates|both rates": "angular velocities",
+    r"rest states?": "equilibrium",
+    r"stands? still": "equilibrium, fixed point",
+    r"(?:go|goes|going|went) round": "rotating (running) solution",
+    r"right-hand sides? that (?:jumps?|branch(?:es)?)": "discontinuous (Filippov) right-hand side",
+    r"sets? of equilibria": "sticking set, continuum of equilibria",
+    r"polish(?:ed|es|ing)?": "refined by Newton's method",
+    r"to spare": "contraction margin",
+    r"legs?": "restart times",
+    r"horizons?": "current time limit",
+    r"keeps? volumes?": "volume-preserving",
+    r"neither here nor there": "edge state",
+    r"what bounds": "basin boundary",
+    r"what a (?:state in a )?basin withstands": "resilience",
+    r"parameters in lanes": "vectorised parameter sweep",
+    r"made again": "recomputed, rebuilt",
+    r"anew": "recomputed, rebuilt",
+    r"t(?:ell|old) apart": "distinguish",
+    r"belongs? into": "is declared in",
+    r"just so": "in the same way",
+    r"to be had": "can be reached",
+    r"(?:it|that|would) pays?": "worthwhile",
+    r"worth while": "worthwhile",
+    r"numbers of the machine|machine numbers": "double precision",
+}
+"""Private words, as regular expressions in which a blank is any white space, and the words of the field."""
+
+TERMS = {
+    "initial condition": "README.md",
+    "limit cycle": "README.md",
+    "Poincaré": "docs/index.md",
+    "monodromy matrix": "docs/how-it-works.md",
+    "Floquet multipliers": "docs/bifurcations.md",
+    "hysteresis": "docs/bifurcations.md",
+    "saddle-node": "docs/bifurcations.md",
+    "bistability": "docs/bifurcations.md",
+    "period doubling": "docs/bifurcations.md",
+    "autonomous": "docs/set-oriented.md",
+    "Poincaré section": "docs/own-system.md",
+    "Multistability": "docs/own-system.md",
+    "Filippov": "docs/own-system.md",
+    "sliding mode": "docs/own-system.md",
+    "edge state": "docs/analysis.md",
+    "chaotic saddle": "docs/analysis.md",
+    "trapping region": "docs/how-it-works.md",
+    "fallback cell": "docs/own-system.md",
+}
+"""Terms for which readers search, and a page that must answer."""
+
+
+def findings(text: Text) -> Iterator[Finding]:
+    for pattern, instead in DIALECT.items():
+        for match in re.finditer(rf"\b(?:{pattern})\b".replace(" ", r"\s+"), text.prose, re.IGNORECASE):
+            line = text.prose.count("\n", 0, match.start()) + 1
+            yield Finding(text.name, line, " ".join(match.group().split()), instead)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda s: s.__name__)
+def test_the_words_are_those_of_the_field(source):
+    found = [f"{f.name}:{f.line}: {f.found!r}; write {f.instead!r}" for text in source() for f in findings(text)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_a_search_for_a_term_finds_its_page(term):
+    prose = " ".join(prose_of((ROOT / TERMS[term]).read_text(encoding="utf-8")).split())
+    assert term in prose
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "Random starts\nare integrated.",
+        "It labels each start.",
+        "A picture of 500 cells.",
+        "The share of the window.",
+        "Angles are kept in one turn.",
+        "All of these are in whole turns.",
+        "The orbit left\nthe table.",
+        "An orbit takes the longest leap.",
+        "A motion that goes\nround and round.",
+        "Right-hand sides that jump",
+        "It is made anew.",
+    ],
+)
+def test_private_words_are_found(sentence):
+    assert list(findings(Text("a page", prose_of(sentence))))
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "This page starts from diagrams; to start again, see the start of the page.",
+        "Both lanes share a step, and the branch turns back; orbits visit the points in turn.",
+        "The table below shows a rough floor.",
+        "Use `leap=8` and `starts`, {func}`~cellmap.share` or [this](a.md#one-turn).",
+        "```text\nthe picture\n```\n\n    a picture\n\n<!-- a picture -->\n$a turn$ and",
+    ],
+)
+def test_other_uses_of_a_word_are_not(sentence):
+    assert not list(findings(Text("a page", prose_of(sentence))))
+
+
+def test_line_numbers_are_those_of_the_file():
+    (finding,) = findings(Text("a page", prose_of("```py\nx = 1\n```\n\nSome text\nand a picture\n")))
+    assert (finding.line, finding.found) == (6, "picture")
