@@ -644,11 +644,11 @@ def test_labels_that_do_not_fit_into_memory_are_refused():
 
 
 def test_memory_is_what_was_stated(monkeypatch):
-    needed = basins_memory(1000)
+    needed = basins_memory(100_000)
     monkeypatch.setattr("cellmap.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap.checks.memory_available", lambda: needed - 1)
-    with pytest.raises(MemoryError, match="labels of 1,000 starts"):
-        find_basins(LINE, CellGrid((-1.0,), (1.0,), (1000,)))
+    with pytest.raises(MemoryError, match="labels of 100,000 starts"):
+        find_basins(LINE, CellGrid((-1.0,), (1.0,), (100_000,)))
 
 
 STROBE = stroboscopic_map(systems.driven_pendulum())
