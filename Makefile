@@ -72,7 +72,7 @@ pins:
 	$(MAKE) --no-print-directory VENV=.venv-pins PINS= .venv-pins/.installed-$(ALL_EXTRAS)
 	PIP_CONSTRAINT= .venv-pins/bin/python -m pip install --quiet --disable-pip-version-check hatchling editables
 	{ echo "# Exact versions of all packages, written by \`make pins\`."; \
-		.venv-pins/bin/python -m pip freeze --exclude cellmap | sed 's/$$/ ; python_version < "$(UNKNOWN_PYTHON)"/'; \
+		.venv-pins/bin/python -m pip freeze --exclude cellmap-dynamics | sed 's/$$/ ; python_version < "$(UNKNOWN_PYTHON)"/'; \
 	} > constraints.txt
 	rm -rf .venv-pins
 

@@ -51,6 +51,12 @@ WORK_PRECISION = "<!-- what accuracy costs -->"
 GALLERY = "<!-- what the studies draw and print -->"
 
 ROOT = Path(__file__).parents[1]
+ROOMS = ["cellmap", *(f"cellmap.{room}" for room in "maps orbits bifurcations attractors basins sets".split())]
+ROOMS += [
+    "cellmap.analysis",
+    *(f"cellmap.analysis.{room}" for room in "fractal resilience boundary".split()),
+    "cellmap.plot",
+]
 GENERATED = Path(__file__).parent / "generated"
 
 
@@ -58,6 +64,18 @@ def exported_names(package: ModuleType) -> list[str]:
     """Return the public names of a package, in the order of its ``__init__``."""
     names = getattr(package, "__all__", None) or [n for n in vars(package) if not n.startswith("_")]
     return [n for n in names if not inspect.ismodule(getattr(package, n))]
+
+
+def rooms() -> str:
+    """Return the reference of the library as text: a section for each room, an entry for each of its names."""
+    parts, seen = [], set()
+    for room in ROOMS:
+        package = importlib.import_module(room)
+        names = [name for name in exported_names(package) if getattr(package, name) not in seen]
+        seen |= {getattr(package, name) for name in names}
+        parts += [f"## {room}", (inspect.getdoc(package) or room).split("\n\n")[0].replace("\n", " ")]
+        parts += [f"```{{eval-rst}}\n{directive(package, name)}\n```" for name in names]
+    return "\n\n".join(parts)
 
 
 def exports(package: ModuleType) -> str:
@@ -161,7 +179,7 @@ def computed(text: Callable[[], str]) -> Callable[[], str]:
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
     pages = {
-        EXPORTS: lambda: exports(cellmap),
+        EXPORTS: rooms,
         LABORATORY: lambda: exports(systems.lab),
         HARD_CASES: computed(hard_case_results),
         WORK_PRECISION: computed(work_precision_results),

@@ -9,8 +9,8 @@ from math import sqrt
 import numpy as np
 
 from cellmap import Basins, CellGrid, find_basins
-from cellmap.analysis.boundary_dimension import boundary_dimension
-from cellmap.analysis.boxcount import BoxCount
+from cellmap.analysis.fractal.boundary_dimensions import boundary_dimension
+from cellmap.analysis.fractal.box_counting import BoxCount
 
 Labels = Callable[[Basins], np.ndarray]
 _FEWEST_LINES = 3

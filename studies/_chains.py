@@ -14,15 +14,8 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cellmap import (
-    Crossing,
-    ForcedSystem,
-    StabilityMap,
-    critical_values,
-    floquet_multipliers,
-    plot_stability_map,
-    stability_map,
-)
+from cellmap import ForcedSystem, plot, stability_map
+from cellmap.bifurcations import Crossing, StabilityMap, critical_values, floquet_multipliers
 from systems import driven_pendulum
 
 State = tuple[float, ...]
@@ -122,7 +115,7 @@ def draw_maps(figure: Figure, ax: Axes, maps: Mapping[str, StabilityMap], legend
         figure.colorbar(picture, ax=ax, label="stable rest states", ticks=range(len(maps) + 1))
     for colour, (name, found) in zip(CURVES, maps.items(), strict=False):
         colours = {**dict.fromkeys(Crossing, colour), Crossing.NEIMARK_SACKER: to_rgba(colour, 0.5)}
-        plot_stability_map(found, ax, colours, background=False, legend=False)
+        plot.stability_map(found, ax=ax, colours=colours, background=False, legend=False)
         ax.plot([], [], color=colour, label=name)
     ax.set_ylabel("amplitude (mm)")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{1e3 * y:g}"))

@@ -20,9 +20,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from cellmap import Basins, CellGrid, critical_values, find_basins, interpolated_map, plot_basins, stroboscopic_map
-from cellmap.analysis.exponent import FRACTAL, SMOOTH, UncertaintyExponent
-from cellmap.analysis.uncertainty import uncertainty_exponent
+from cellmap import Basins, CellGrid, find_basins, interpolated_map, plot, stroboscopic_map
+from cellmap.analysis.fractal.exponent import FRACTAL, SMOOTH, UncertaintyExponent
+from cellmap.analysis.fractal.uncertainty import uncertainty_exponent
+from cellmap.bifurcations import critical_values
 from systems import driven_pendulum
 
 from ._boundary import Boxes, box_counts
@@ -124,7 +125,7 @@ def draw(result: Result) -> Figure:
     main_panel.legend(fontsize="small", loc="upper left")
     for key, amplitude in zip("bcd", DRAWN, strict=True):
         row = min(result.rows, key=lambda r, a=amplitude: abs(r.amplitude - a))
-        plot_basins(row.basins, panels[key], legend=False)
+        plot.basins(row.basins, ax=panels[key], legend=False)
         panels[key].set_title(f"A = {row.amplitude:g} mm")
     return figure
 

@@ -32,20 +32,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cellmap import (
-    BasinContinuation,
-    BifurcationDiagram,
-    Cascade,
-    Kind,
-    bifurcation_diagram,
-    continue_basins,
-    find_basins,
-    period_doubling_cascade,
-    periodic_orbit,
-    plot_bifurcation_diagram,
-    plot_branches,
-    stroboscopic_map,
-)
+from cellmap import bifurcation_diagram, find_basins, periodic_orbit, plot, stroboscopic_map
+from cellmap.basins import BasinContinuation, continue_basins
+from cellmap.bifurcations import BifurcationDiagram, Cascade, period_doubling_cascade
+from cellmap.orbits import Kind
 from systems import dimensionless_pendulum, driven_pendulum
 
 FEIGENBAUM = 4.669201609
@@ -206,7 +196,7 @@ def draw(result: Result) -> Figure:
     columns = (result.rod.diagram, result.end, result.weak.diagram)
     titles = ("Rod, 50 Hz, 10 /s", "The end of its hanging swing", "Weak damping, at resonance")
     for (top, middle, _), diagram, title in zip(axes.T, columns, titles, strict=True):
-        plot_bifurcation_diagram(diagram, ax=top, size=2.0)
+        plot.bifurcation_diagram(diagram, ax=top, size=2.0)
         top.set_title(title)
         if legend := top.get_legend():
             legend.remove()
@@ -219,7 +209,7 @@ def draw(result: Result) -> Figure:
     for column, route in ((0, result.rod), (2, result.weak)):
         # What is unstable, and the mirror images, only continuation knows.
         for cascade in route.cascades.values():
-            plot_branches(cascade.branches[:4], ax=axes[0, column], colour="0.4", legend=False)
+            plot.branches(cascade.branches[:4], ax=axes[0, column], colour="0.4", legend=False)
         _draw_shares(axes[2, column], route)
     axes[0, 1].set_ylim(*_around(result.end))
     ratios = axes[2, 1]

@@ -37,15 +37,13 @@ from cellmap import (
     CellGrid,
     PointMap,
     certify,
-    find_attractors_by_subdivision,
     find_basins,
-    generalized_cell_mapping,
     interpolated_map,
-    plot_basins,
-    simple_cell_mapping,
+    plot,
     stroboscopic_map,
 )
-from cellmap.coordinates import difference
+from cellmap.maps.coordinates import difference
+from cellmap.sets import find_attractors_by_subdivision, generalized_cell_mapping, simple_cell_mapping
 from systems import duffing_oscillator
 
 LOWER, UPPER = np.array([-1.0, -0.5]), np.array([1.0, 1.0])
@@ -189,7 +187,7 @@ def draw(rows: list[Row]) -> Figure:
     figure, panels = plt.subplots(2, 3, figsize=(13.0, 8.0), layout="constrained", sharex=True, sharey=True)
     by_name = {row.name: row for row in rows}
     for panel, name in zip(panels.flat, DRAWN, strict=True):
-        plot_basins(by_name[name].basins, panel, legend=False)
+        plot.basins(by_name[name].basins, ax=panel, legend=False)
         panel.set_title(f"{name}: {100 * by_name[name].wrong:.2f} % wrong")
     return figure
 

@@ -20,7 +20,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
-from cellmap import ForcedSystem, StabilityMap
+from cellmap import ForcedSystem
+from cellmap.bifurcations import StabilityMap
 from systems import double_pendulum
 
 from ._chains import (

@@ -33,16 +33,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cellmap import (
-    ForcedSystem,
-    PointMap,
-    StabilityMap,
-    critical_values,
-    plot_stability_map,
-    stability_map,
-    stroboscopic_map,
-    swept_map,
-)
+from cellmap import ForcedSystem, PointMap, plot, stability_map, stroboscopic_map
+from cellmap.bifurcations import StabilityMap, critical_values
+from cellmap.maps import swept_map
 from systems import driven_pendulum
 from systems.compound import LONG_ROD, SHORT_ROD
 from systems.lab import measure_least_amplitudes
@@ -220,7 +213,7 @@ def draw(
 def draw_map(stability: StabilityMap, points: StabilityPoints, name: str) -> Figure:
     """Draw measured points over the map of stability of the inverted state."""
     figure, ax = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
-    plot_stability_map(stability, ax, measured=points.table)
+    plot.stability_map(stability, ax=ax, measured=points.table)
     ax.set(xlabel="frequency, Hz", ylabel="amplitude, mm", title=f"Inverted state of the rod of {points.rod}, {name}")
     ax.yaxis.set_major_formatter(lambda value, _: f"{1e3 * value:g}")
     return figure

@@ -28,7 +28,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cellmap import ForcedSystem, Trajectory, critical_values, trajectory
+from cellmap import ForcedSystem, trajectory
+from cellmap.bifurcations import critical_values
+from cellmap.maps import Trajectory
 from systems import driven_pendulum
 from systems.drives import TiltedDrive
 from systems.effects import Gravity, ViscousDamping

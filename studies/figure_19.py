@@ -20,17 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from cellmap import (
-    Attractor,
-    Basins,
-    CellGrid,
-    Kind,
-    find_basins,
-    interpolated_map,
-    plot_basins,
-    save_basins,
-    stroboscopic_map,
-)
+from cellmap import Attractor, Basins, CellGrid, find_basins, interpolated_map, plot, save_basins, stroboscopic_map
+from cellmap.orbits import Kind
 from systems import driven_pendulum
 
 AMPLITUDES = (0.0, 0.002, 0.003, 0.004, 0.010)
@@ -103,7 +94,7 @@ def draw(panels: Sequence[Panel], window: float) -> Figure:
     for column, panel in enumerate(row):
         for ax, basins in zip(axes[:, column], (panel.lost, panel.kept), strict=True):
             colours = {k: _colour(a) for k, a in enumerate(basins.attractors)}
-            plot_basins(basins, ax, colours=colours, legend=False, points=basins is panel.kept)
+            plot.basins(basins, ax=ax, colours=colours, legend=False, points=basins is panel.kept)
             ax.set_title(f"A = {1e3 * panel.amplitude:g} mm")
             ax.label_outer()
     figure.suptitle(

@@ -22,15 +22,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgba
 from matplotlib.figure import Figure
 
-from cellmap import (
-    CriticalValue,
-    Crossing,
-    ForcedSystem,
-    StabilityMap,
-    critical_values,
-    plot_stability_map,
-    stability_map,
-)
+from cellmap import ForcedSystem, plot, stability_map
+from cellmap.bifurcations import CriticalValue, Crossing, StabilityMap, critical_values
 from systems import driven_pendulum
 
 STATES = {"hanging": (0.0, 0.0), "inverted": (pi, 0.0)}
@@ -137,7 +130,7 @@ def draw(result: Result) -> Figure:
 
 def _curve(ax: Axes, found: StabilityMap, colour: Any, label: str | None = None) -> None:
     """Draw the boundaries of a map in one colour."""
-    plot_stability_map(found, ax, dict.fromkeys(Crossing, colour), background=False, legend=False)
+    plot.stability_map(found, ax=ax, colours=dict.fromkeys(Crossing, colour), background=False, legend=False)
     ax.plot([], [], color=colour, label=label)
 
 

@@ -27,14 +27,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cellmap import (
-    FloquetResult,
-    PointMap,
-    Trajectory,
-    floquet_multipliers,
-    stroboscopic_map,
-    trajectory,
-)
+from cellmap import PointMap, stroboscopic_map, trajectory
+from cellmap.bifurcations import FloquetResult, floquet_multipliers
+from cellmap.maps import Trajectory
 from systems import double_pendulum
 
 from ._chains import Window, first_window, normal_modes, rest_states, text_of

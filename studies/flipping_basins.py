@@ -23,8 +23,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from cellmap import Attractor, Basins, CellGrid, Kind, find_basins, plot_basins, save_basins, stroboscopic_map
-from cellmap.basins import basins_memory
+from cellmap import Attractor, Basins, CellGrid, find_basins, plot, save_basins, stroboscopic_map
+from cellmap.basins.record import basins_memory
+from cellmap.orbits import Kind
 from systems import double_pendulum
 
 REFERENCE = CellGrid((-pi, -pi, -1.0, -1.0), (pi, pi, 1.0, 1.0), (60, 60, 1, 1))
@@ -122,7 +123,7 @@ def draw(found: dict[str, Measured]) -> Figure:
     named: dict[str, str] = {}
     for ax, (title, basins) in zip(axes, pictures.items(), strict=True):
         colours = {k: colour(a) for k, a in enumerate(basins.attractors)}
-        plot_basins(basins, ax, colours=colours, legend=False, points=title == "at rest")
+        plot.basins(basins, ax=ax, colours=colours, legend=False, points=title == "at rest")
         ax.set(title=title, aspect="equal")
         named |= {a.name: colours[k] for k, a in enumerate(basins.attractors)}
     patches = [Patch(facecolor=c, edgecolor="0.3", label=name) for name, c in named.items()]

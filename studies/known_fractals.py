@@ -17,7 +17,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cellmap import Fit, boundary_dimension, box_dimension, generalized_dimensions, plot_fit
+from cellmap import plot
+from cellmap.analysis import Fit
+from cellmap.analysis.fractal import boundary_dimension, box_dimension, generalized_dimensions
 
 Points = NDArray[np.float64]
 
@@ -213,7 +215,7 @@ def draw(rows: list[Row]) -> Figure:
     turned = [row for row in rows if row.placed == "turned"]
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 7.5), layout="constrained")
     for ax, row in zip(axes.flat, turned, strict=True):
-        plot_fit(row.fit, ax)
+        plot.fit(row.fit, ax=ax)
         ax.set_title(f"{row.name}: exactly {row.exact:.4f}")
     return figure
 

@@ -22,18 +22,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import quad
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    find_basins,
-    interpolated_map,
-    jacobian,
-    periodic_orbit,
-    plot_basins,
-    stroboscopic_map,
-)
-from cellmap.analysis.exponent import UncertaintyExponent
-from cellmap.analysis.uncertainty import uncertainty_exponent
+from cellmap import Basins, CellGrid, find_basins, interpolated_map, periodic_orbit, plot, stroboscopic_map
+from cellmap.analysis.fractal.exponent import UncertaintyExponent
+from cellmap.analysis.fractal.uncertainty import uncertainty_exponent
+from cellmap.maps import jacobian
 from systems import moon_li_duffing
 
 from ._boundary import Boxes, box_counts
@@ -201,7 +193,7 @@ def draw(result: Result) -> Figure:
     below = max((r for r in result.rows if r.forcing < result.formula), key=lambda r: r.forcing)
     above = min(result.rows, key=lambda r: abs(r.forcing - 0.10))
     for ax, row in zip(pictures, (below, above), strict=True):
-        plot_basins(row.basins, ax, legend=False)
+        plot.basins(row.basins, ax=ax, legend=False)
         ax.set_title(f"f = {row.forcing:g}")
     return figure
 

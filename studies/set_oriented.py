@@ -14,21 +14,14 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from cellmap import (
+from cellmap import CellGrid, discrete_map, periodic_orbit, plot, stroboscopic_map
+from cellmap.sets import (
     BoxSet,
-    CellGrid,
     MorseGraph,
     TransferOperator,
-    discrete_map,
     morse_graph,
-    periodic_orbit,
-    plot_boxes,
-    plot_eigenvalues,
-    plot_eigenvector,
-    plot_morse_graph,
     relative_attractor,
     stable_set,
-    stroboscopic_map,
     transfer_operator,
     unstable_set,
 )
@@ -70,15 +63,15 @@ def pendulum_graph(depth: int) -> MorseGraph:
 def draw(henon: tuple[BoxSet, ...], operator: TransferOperator, graph: MorseGraph, where: Path) -> None:
     figure, axes = plt.subplots(2, 2, figsize=(10, 9), layout="constrained")
     cover, unstable, stable = henon
-    plot_boxes(stable, coordinates=("x", "y"), ax=axes[0, 0], facecolor="#E69F00", label="stable manifold")
-    plot_boxes(cover, coordinates=("x", "y"), ax=axes[0, 0], facecolor="0.8", label="relative attractor")
-    plot_boxes(unstable, coordinates=("x", "y"), ax=axes[0, 0], facecolor="#0072B2", label="unstable manifold")
+    plot.boxes(stable, coordinates=("x", "y"), ax=axes[0, 0], facecolor="#E69F00", label="stable manifold")
+    plot.boxes(cover, coordinates=("x", "y"), ax=axes[0, 0], facecolor="0.8", label="relative attractor")
+    plot.boxes(unstable, coordinates=("x", "y"), ax=axes[0, 0], facecolor="#0072B2", label="unstable manifold")
     axes[0, 0].set(xlim=(-2, 2), ylim=(-2, 2), title="Henon's map")
     axes[0, 0].legend(loc="lower right")
-    plot_eigenvector(operator, 1, ax=axes[0, 1])
+    plot.eigenvector(operator, which=1, ax=axes[0, 1])
     axes[0, 1].set(aspect="equal", title="second eigenvector, a cycle of six sets")
-    plot_eigenvalues(operator, 12, ax=axes[1, 0])
-    plot_morse_graph(graph, ax=axes[1, 1])
+    plot.eigenvalues(operator, number=12, ax=axes[1, 0])
+    plot.morse_graph(graph, ax=axes[1, 1])
     axes[1, 1].set(title="Morse sets of the forced pendulum")
     figure.savefig(where, dpi=120)
     plt.close(figure)

@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cellmap import critical_values
+from cellmap.bifurcations import critical_values
 from systems.drives import VerticalDrive
 from systems.effects import Effect, Gravity, ViscousDamping
 from systems.harmonics import HarmonicDrive

@@ -19,7 +19,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
-from cellmap import Trajectory, trajectory
+from cellmap import trajectory
+from cellmap.maps import Trajectory
 from systems.chain import Chain
 from systems.effects import Gravity, ViscousDamping
 from systems.lab import (

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from cellmap import StabilityMap
+from cellmap.bifurcations import StabilityMap
 from systems import triple_pendulum
 
 from ._chains import Window, draw_maps, intervals, overlap, rest_states, stability_maps, text_of, windows_of_modes

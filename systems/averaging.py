@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number
-from cellmap.codegen.rebind import over_arrays
+from cellmap._compiled.codegen.rebind import over_arrays
+from cellmap._lib.checks import finite_number
 
 _LOOKS = 2**15  # looks at the accelerations of a period
 _FEWEST = 16  # samples of a period

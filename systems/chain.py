@@ -8,7 +8,7 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import Coordinate, angle
-from cellmap.system import RightHandSide, StateFunction
+from cellmap.maps.system import RightHandSide, StateFunction
 
 from .effects import FieldTerm, RubbingTerm
 from .forces import Forces

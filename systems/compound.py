@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap.checks import finite_number
-from cellmap.system import RightHandSide, StateFunction
+from cellmap._lib.checks import finite_number
+from cellmap.maps.system import RightHandSide, StateFunction
 
 from .drives import VerticalDrive
 from .effects import DryFriction, Gravity, ViscousDamping

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cellmap import ForcedSystem
-from cellmap.checks import text
+from cellmap._lib.checks import text
 
 from .chain import Chain
 from .drives import VerticalDrive

@@ -6,7 +6,7 @@ from math import sin
 from typing import Any
 
 from cellmap import ForcedSystem, angle
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .oscillator import forced_oscillator
 

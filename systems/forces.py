@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cellmap.system import StateFunction
+from cellmap.maps.system import StateFunction
 
 from .effects import FieldTerm, JointTerm, PlaceTerm, RubbingTerm, StoredTerm, Terms
 

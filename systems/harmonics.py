@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cellmap.checks import finite_number, whole_number
+from cellmap._lib.checks import finite_number, whole_number
 
 from .drives import period_of
 from .effects import Effect, FieldTerm, Terms

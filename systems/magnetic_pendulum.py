@@ -7,7 +7,7 @@ from math import sqrt
 from typing import Any
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 _CORNERS = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
 

@@ -8,8 +8,8 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem
-from cellmap.checks import finite_number
-from cellmap.system import RightHandSide
+from cellmap._lib.checks import finite_number
+from cellmap.maps.system import RightHandSide
 
 from .parts import sized_number
 

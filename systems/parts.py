@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from cellmap.checks import finite_number, shown
+from cellmap._lib.checks import finite_number, shown
 
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""

@@ -8,7 +8,7 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap.system import RightHandSide, StateFunction
+from cellmap.maps.system import RightHandSide, StateFunction
 
 from .drives import VerticalDrive
 from .effects import DryFriction, FieldTerm, Gravity, RubbingTerm, StoredTerm, ViscousDamping

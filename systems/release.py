@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import Attractor, ForcedSystem, find_basins, stroboscopic_map
-from cellmap.checks import finite_number, whole_number
-from cellmap.flow import flow
-from cellmap.orbit_batch import Orbits
+from cellmap._lib.checks import finite_number, whole_number
+from cellmap.maps.flow import flow
+from cellmap.maps.orbit_batch import Orbits
 
 _PARTS = 16  # parts into which a bracket is cut in one batch
 _PEAKS = 8  # places on a line at which islands are looked for

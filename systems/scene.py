@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem
-from cellmap.codegen.trace import parameter_record
-from cellmap.system import RightHandSide, StateFunction
+from cellmap._compiled.codegen.trace import parameter_record
+from cellmap.maps.system import RightHandSide, StateFunction
 
 from .effects import Effect, PlaceTerm, Terms
 from .forces import Forces, combined

@@ -7,7 +7,7 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .parts import sized_number
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .averaging import EffectivePotential
 

@@ -16,7 +16,7 @@ PROGRAM = """
 from pathlib import Path
 import numba, numpy as np
 import cellmap
-from cellmap.kernels.options import KERNEL
+from cellmap._compiled.kernels.options import KERNEL
 halved = cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))([3.0])
 print(Path(cellmap.__file__).parent, KERNEL["cache"], numba.config.CACHE_DIR, halved[0], sep="\\n")
 """

@@ -37,9 +37,9 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
-from cellmap.codegen.lookup import lookup_kernel
-from cellmap.codegen.machine_code import machine_code
-from cellmap.codegen.period import compiled_period
+from cellmap._compiled.codegen.lookup import lookup_kernel
+from cellmap._compiled.codegen.machine_code import machine_code
+from cellmap._compiled.codegen.period import compiled_period
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.05), (190, 180))  # three tiles
 SMALL = CellGrid((-1.5, -1.0), (1.5, 1.05), (60, 50))

@@ -1,38 +1,5 @@
-"""Pictures, with matplotlib."""
+"""Figures of results, with matplotlib."""
 
-from .animation import animate as animate
-from .basins import plot_basins as plot_basins
-from .boundary_measures import plot_basin_entropy as plot_basin_entropy
-from .boundary_measures import plot_uncertainty_exponent as plot_uncertainty_exponent
-from .boundary_measures import plot_wada as plot_wada
-from .boundary_objects import plot_boundary_distance as plot_boundary_distance
-from .boundary_objects import plot_chaotic_saddle as plot_chaotic_saddle
-from .boundary_objects import plot_edge_orbit as plot_edge_orbit
-from .boundary_objects import plot_manifolds as plot_manifolds
-from .branches import plot_branches as plot_branches
-from .cell_mappings import plot_absorption as plot_absorption
-from .cell_mappings import plot_cell_mapping as plot_cell_mapping
-from .cell_mappings import plot_invariant_measure as plot_invariant_measure
-from .certificate import plot_certificate as plot_certificate
-from .diagram import plot_bifurcation_diagram as plot_bifurcation_diagram
-from .dimensions import plot_generalized_dimensions as plot_generalized_dimensions
-from .dimensions import plot_kaplan_yorke as plot_kaplan_yorke
-from .fields import plot_chaos_test as plot_chaos_test
-from .fields import plot_covariant_vectors as plot_covariant_vectors
-from .fields import plot_exponent_field as plot_exponent_field
-from .fields import plot_lyapunov_spectrum as plot_lyapunov_spectrum
-from .fits import plot_fit as plot_fit
-from .global_continuation import plot_basin_continuation as plot_basin_continuation
-from .motion import plot_phase_portrait as plot_phase_portrait
-from .motion import plot_time_series as plot_time_series
-from .planning import plot_plan as plot_plan
-from .resilience import plot_ball as plot_ball
-from .resilience import plot_basin_stability as plot_basin_stability
-from .resilience import plot_fatal_shock as plot_fatal_shock
-from .resilience import plot_settling_times as plot_settling_times
-from .resilience import plot_tipping as plot_tipping
-from .sets import plot_boxes as plot_boxes
-from .sets import plot_eigenvalues as plot_eigenvalues
-from .sets import plot_eigenvector as plot_eigenvector
-from .sets import plot_morse_graph as plot_morse_graph
-from .stability import plot_stability_map as plot_stability_map
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

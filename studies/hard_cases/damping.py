@@ -8,7 +8,8 @@ from math import exp, pi, sin, sqrt
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from cellmap import Basins, CellGrid, Status, find_basins, jacobian, stroboscopic_map
+from cellmap import Basins, CellGrid, Status, find_basins, stroboscopic_map
+from cellmap.maps import jacobian
 from systems import double_pendulum, driven_pendulum
 
 from .case import TIGHT, Finding, agrees, at_most, hard_case, is_so

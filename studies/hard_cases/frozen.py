@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cellmap import ForcedSystem, Iterate, ToleranceWarning, stroboscopic_map
+from cellmap import ForcedSystem, stroboscopic_map
+from cellmap.maps import Iterate, ToleranceWarning
 from systems import double_pendulum, driven_pendulum
 
 OSCILLATOR_SIZES = (1e-8, 1e-4, 1.0, 1e4, 1e8)

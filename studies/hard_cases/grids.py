@@ -71,7 +71,7 @@ def one_and_two_cells() -> Iterator[Finding]:
 def many_cells() -> Iterator[Finding]:
     halves = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, ("x", "y"))
     large, larger = (CellGrid((-1.0, -1.0), (1.0, 1.0), (n, n)) for n in (10_000, 1_000_000))
-    with mock.patch("cellmap.checks.memory_available", return_value=10**9):
+    with mock.patch("cellmap._lib.checks.memory_available", return_value=10**9):
         yield refused("table of 1e8 cells", lambda: interpolated_map(halves, large), MemoryError, "GB are free")
         yield refused("centres of 1e8 cells", large.centres, MemoryError, "take fewer cells")
     yield refused("table of 1e12 cells", lambda: interpolated_map(halves, larger), MemoryError, "TB")

@@ -7,7 +7,9 @@ from math import pi, sqrt
 
 import numpy as np
 
-from cellmap import Kind, PointMap, discrete_map, find_attractors, find_basins, jacobian, stroboscopic_map
+from cellmap import PointMap, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.maps import jacobian
+from cellmap.orbits import Kind
 from systems import dimensionless_pendulum, driven_pendulum
 
 from .case import TIGHT, Finding, agrees, at_most, hard_case, is_so

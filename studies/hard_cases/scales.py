@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cellmap import ForcedSystem, Status, ToleranceWarning, angle, jacobian, stroboscopic_map
+from cellmap import ForcedSystem, Status, angle, stroboscopic_map
+from cellmap.maps import ToleranceWarning, jacobian
 from systems import double_pendulum, driven_pendulum
 
 from .case import TIGHT, Finding, agrees, at_most, hard_case, is_so

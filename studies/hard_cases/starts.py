@@ -14,13 +14,12 @@ from cellmap import (
     ForcedSystem,
     PointMap,
     Status,
-    ToleranceWarning,
     find_attractors,
     find_basins,
     interpolated_map,
-    jacobian,
     stroboscopic_map,
 )
+from cellmap.maps import ToleranceWarning, jacobian
 from systems import double_pendulum, driven_pendulum
 
 from .case import TIGHT, Finding, agrees, at_most, hard_case, is_so, refused

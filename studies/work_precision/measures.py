@@ -9,13 +9,8 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from cellmap import (
-    CellGrid,
-    box_dimension,
-    image_uncertainty_exponent,
-    lyapunov_spectrum,
-    uncertainty_exponent,
-)
+from cellmap import CellGrid, lyapunov_spectrum
+from cellmap.analysis.fractal import box_dimension, image_uncertainty_exponent, uncertainty_exponent
 from systems import logistic_map, mcdonald_map
 
 from .chart import Chart, Run

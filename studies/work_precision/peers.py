@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cellmap import ForcedSystem
-from cellmap.codegen.rebind import rebind
+from cellmap._compiled.codegen.rebind import rebind
 
 Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 

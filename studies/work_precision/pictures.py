@@ -10,7 +10,7 @@ from math import pi
 import numpy as np
 
 from cellmap import Basins, CellGrid, ForcedSystem, certify, find_basins, interpolated_map, stroboscopic_map
-from cellmap.coordinates import difference
+from cellmap.maps.coordinates import difference
 from systems import dimensionless_pendulum, double_pendulum, driven_pendulum, two_well_duffing
 
 from .chart import Chart, Run

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cellmap.codegen.rebind import rebind
+from cellmap._compiled.codegen.rebind import rebind
 
 from .problems import PROBLEMS, TABLE, Problem
 

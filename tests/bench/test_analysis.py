@@ -11,16 +11,9 @@ from numpy.typing import NDArray
 from peers import best_time, scipy_stacked
 
 import cellmap
-from cellmap import (
-    CellGrid,
-    boundary_dimension,
-    find_basins,
-    image_uncertainty_exponent,
-    interpolated_map,
-    stroboscopic_map,
-    uncertainty_exponent,
-)
-from cellmap.analysis.label_boxes import LabelImage, count_boxes
+from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
+from cellmap.analysis.fractal import boundary_dimension, image_uncertainty_exponent, uncertainty_exponent
+from cellmap.analysis.fractal.label_boxes import LabelImage, count_boxes
 from systems import dimensionless_pendulum, forced_pendulum, two_well_duffing
 
 DISTANCES = 2.0 ** -np.arange(8.0, 19.0)

@@ -11,16 +11,8 @@ import numpy as np
 from peers import best_time
 
 import cellmap
-from cellmap import (
-    ForcedSystem,
-    continue_orbit,
-    find_basins,
-    floquet_multipliers,
-    period_doubling_cascade,
-    periodic_orbit,
-    stability_map,
-    stroboscopic_map,
-)
+from cellmap import ForcedSystem, continue_orbit, find_basins, periodic_orbit, stability_map, stroboscopic_map
+from cellmap.bifurcations import floquet_multipliers, period_doubling_cascade
 from systems import double_pendulum, driven_pendulum, logistic_map
 
 SIDE = 1000

@@ -7,7 +7,8 @@ from math import pi
 import pytest
 from peers import best_times, pendulum
 
-from cellmap import BoxSet, CellGrid, box_image, box_transitions, relative_attractor, stroboscopic_map
+from cellmap import CellGrid, stroboscopic_map
+from cellmap.sets import BoxSet, box_image, box_transitions, relative_attractor
 from systems import henon_map
 
 

@@ -8,17 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cellmap import (
-    CellGrid,
-    PointMap,
-    generalized_cell_mapping,
-    interpolated_map,
-    simple_cell_mapping,
-    stroboscopic_map,
-    thread_count,
-)
-from cellmap.cells.markov import components_of
-from cellmap.kernels.cells import unravel
+from cellmap import CellGrid, PointMap, interpolated_map, stroboscopic_map, thread_count
+from cellmap._compiled.kernels.cells import unravel
+from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
+from cellmap.sets.markov import components_of
 from systems import dimensionless_pendulum, two_well_duffing
 
 MILLION = (1000, 1000)

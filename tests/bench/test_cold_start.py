@@ -43,7 +43,8 @@ SCENES = (
     + """
 from math import pi
 import numpy as np
-from cellmap import CellGrid, ForcedSystem, find_basins, jacobian, section_map, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, find_basins, section_map, stroboscopic_map
+from cellmap.maps import jacobian
 from systems import driven_pendulum
 from systems.chain import Chain
 from systems.drives import VerticalDrive

@@ -12,7 +12,6 @@ import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
-    Kind,
     PointMap,
     Status,
     angle,
@@ -20,12 +19,13 @@ from cellmap import (
     find_attractors,
     find_basins,
     interpolated_map,
-    jacobian,
     stroboscopic_map,
 )
-from cellmap.attractor import Neighbourhood
-from cellmap.coordinates import difference
-from cellmap.settling import DIVERGED, UNDECIDED
+from cellmap.attractors.settling import DIVERGED, UNDECIDED
+from cellmap.maps import jacobian
+from cellmap.maps.coordinates import difference
+from cellmap.orbits import Kind
+from cellmap.orbits.attractor import Neighbourhood
 
 STABLE_FROM = 2.329021135978e-3  # amplitude (m) at which the inverted state gains stability
 
@@ -218,7 +218,9 @@ def test_effort_of_a_search_in_chaos():
 def test_an_orbit_is_examined_once(r, monkeypatch):
     """One that gets no neighbourhood is met at every look, from many ends and as each of its points."""
     examined = []
-    monkeypatch.setattr("cellmap.search.trapping_neighbourhood", lambda point_map, a, extent: examined.append(a))
+    monkeypatch.setattr(
+        "cellmap.attractors.search.trapping_neighbourhood", lambda point_map, a, extent: examined.append(a)
+    )
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
     assert find_attractors(logistic, np.linspace(0.03, 0.97, 30)[:, None]) == ()
     assert len(examined) == 1
@@ -226,7 +228,7 @@ def test_an_orbit_is_examined_once(r, monkeypatch):
 
 def test_unstable_solutions_are_not_examined(monkeypatch):
     examined = []
-    monkeypatch.setattr("cellmap.search.stable_orbit", lambda point_map, point, *_: examined.append(point))
+    monkeypatch.setattr("cellmap.attractors.search.stable_orbit", lambda point_map, point, *_: examined.append(point))
     find_attractors(systems.henon_map(), np.random.default_rng(0).uniform(-0.1, 0.1, (30, 2)), max_periods=300)
     assert examined == []
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cellmap.codegen.rebind import rebind
+from cellmap._compiled.codegen.rebind import rebind
 from studies.hard_cases.frozen import OSCILLATOR_SIZES, OSCILLATOR_START, PROBLEMS, TABLE, Problem
 
 

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellmap import BoxSet, CellGrid, angle, box_image, box_transitions, discrete_map, set_threads
-from cellmap.coordinates import Coordinate
-from cellmap.kernels.box_images import points_of_cells
-from cellmap.sets.boxes import Locator
+from cellmap import CellGrid, angle, discrete_map, set_threads
+from cellmap._compiled.kernels.box_images import points_of_cells
+from cellmap.maps.coordinates import Coordinate
+from cellmap.sets import BoxSet, box_image, box_transitions
+from cellmap.sets.box_set import Locator
 from systems import henon_map
 
 GRID = CellGrid((-1, 0), (1, 1), (8, 4))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, discrete_map, find_attractors, find_attractors_by_subdivision, find_basins, flow_map
+from cellmap import CellGrid, discrete_map, find_attractors, find_basins
+from cellmap.maps import flow_map
+from cellmap.sets import find_attractors_by_subdivision
 from systems import magnetic_pendulum
 
 CENTRE, SIZE = 0.36, 4e-3

@@ -7,18 +7,15 @@ from math import log, sqrt
 import numpy as np
 import pytest
 
-from cellmap import (
+from cellmap import CellGrid, angle, discrete_map, periodic_orbit
+from cellmap.analysis.boundary import saddle_manifold
+from cellmap.sets import (
     BoxSet,
-    CellGrid,
-    angle,
     box_ftle,
     chain_recurrent_set,
-    discrete_map,
     maximal_invariant_set,
     morse_graph,
-    periodic_orbit,
     relative_attractor,
-    saddle_manifold,
     stable_set,
     unstable_set,
 )

@@ -7,7 +7,8 @@ from math import cos, log, pi, sin
 import numpy as np
 import pytest
 
-from cellmap import BoxSet, CellGrid, discrete_map, relative_attractor, transfer_operator
+from cellmap import CellGrid, discrete_map
+from cellmap.sets import BoxSet, relative_attractor, transfer_operator
 
 
 def full(n, lower=0.0, upper=1.0):

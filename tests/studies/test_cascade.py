@@ -9,7 +9,9 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from cellmap import BifurcationKind, Cascade, bifurcation_diagram, jacobian, stroboscopic_map
+from cellmap import bifurcation_diagram, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, Cascade
+from cellmap.maps import jacobian
 from studies import cascade
 
 mpl.use("Agg")

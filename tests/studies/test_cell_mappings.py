@@ -6,7 +6,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from cellmap import find_basins, simple_cell_mapping, stroboscopic_map
+from cellmap import find_basins, stroboscopic_map
+from cellmap.sets import simple_cell_mapping
 from studies import cell_mappings
 from systems import duffing_oscillator
 

@@ -9,7 +9,9 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from cellmap import critical_values, stroboscopic_map, swept_map
+from cellmap import stroboscopic_map
+from cellmap.bifurcations import critical_values
+from cellmap.maps import swept_map
 from studies import figure_17
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, quad_vec
 
-from cellmap import ForcedSystem, Kind, angle, floquet_multipliers
+from cellmap import ForcedSystem, angle
+from cellmap.bifurcations import floquet_multipliers
+from cellmap.orbits import Kind
 from systems import compound_pendulum, double_pendulum, driven_pendulum, stick_slip_oscillator, triple_pendulum
 from systems.averaging import effective_potential
 from systems.chain import Chain

@@ -12,10 +12,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
-from cellmap import ForcedSystem, jacobian, stroboscopic_map
-from cellmap.codegen.kernel import traced_function
-from cellmap.codegen.rebind import rebind
-from cellmap.codegen.trace import STATEFUL, TIMED
+from cellmap import ForcedSystem, stroboscopic_map
+from cellmap._compiled.codegen.kernel import traced_function
+from cellmap._compiled.codegen.rebind import rebind
+from cellmap._compiled.codegen.trace import STATEFUL, TIMED
+from cellmap.maps import jacobian
 from systems import chain_pendulum, double_pendulum, driven_pendulum, triple_pendulum
 from systems.chain import Chain
 from systems.drives import RotatingDrive, TorqueDrive, VerticalDrive

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import systems
-from cellmap import ForcedSystem, PointMap, jacobian, stroboscopic_map
-from cellmap.codegen.expression import in_order, operation_on_numbers
-from cellmap.codegen.kernel import traced_function, traced_switching
-from cellmap.codegen.rebind import rebind
-from cellmap.codegen.trace import parameter_record
+from cellmap import ForcedSystem, PointMap, stroboscopic_map
+from cellmap._compiled.codegen.expression import in_order, operation_on_numbers
+from cellmap._compiled.codegen.kernel import traced_function, traced_switching
+from cellmap._compiled.codegen.rebind import rebind
+from cellmap._compiled.codegen.trace import parameter_record
+from cellmap.maps import jacobian
 
 Factory = Callable[..., Any]
 

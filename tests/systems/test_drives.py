@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, stroboscopic_map
-from cellmap.codegen.kernel import traced_function
-from cellmap.codegen.trace import STATEFUL
+from cellmap._compiled.codegen.kernel import traced_function
+from cellmap._compiled.codegen.trace import STATEFUL
 from systems import driven_pendulum
 from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
 from systems.effects import DryFriction, Effect, Gravity, ViscousDamping

@@ -12,8 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import stroboscopic_map
-from cellmap.codegen.kernel import traced_function
-from cellmap.codegen.trace import STATEFUL
+from cellmap._compiled.codegen.kernel import traced_function
+from cellmap._compiled.codegen.trace import STATEFUL
 from systems import compound_pendulum, driven_pendulum
 from systems.compound import BASIN_ROD, LONG_ROD, SHORT_ROD, CompoundPendulum, uniform_rod
 from systems.drives import HorizontalDrive, VerticalDrive

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from cellmap import ForcedSystem, jacobian, stroboscopic_map
+from cellmap import ForcedSystem, stroboscopic_map
+from cellmap.maps import jacobian
 from systems import hill_equation, mathieu_equation
 
 

@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cellmap import find_basins, jacobian, stroboscopic_map
+from cellmap import find_basins, stroboscopic_map
+from cellmap.maps import jacobian
 from systems import magnetic_pendulum
 
 C, S = cos(2.0 * pi / 3.0), sin(2.0 * pi / 3.0)

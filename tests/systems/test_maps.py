@@ -7,8 +7,9 @@ from math import cos, log, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, PointMap, find_basins, jacobian
-from cellmap.chaos import lyapunov_exponents
+from cellmap import CellGrid, PointMap, find_basins
+from cellmap.attractors.chaos import lyapunov_exponents
+from cellmap.maps import jacobian
 from systems import grebogi_ott_yorke_map, henon_map, logistic_map, mcdonald_map, standard_map
 
 

@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipk
 
-from cellmap import CellGrid, ForcedSystem, find_basins, jacobian, stroboscopic_map
-from cellmap.chaos import lyapunov_exponents
+from cellmap import CellGrid, ForcedSystem, find_basins, stroboscopic_map
+from cellmap.attractors.chaos import lyapunov_exponents
+from cellmap.maps import jacobian
 from systems import (
     duffing_oscillator,
     forced_pendulum,

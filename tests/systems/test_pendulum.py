@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from cellmap import jacobian, stroboscopic_map
+from cellmap import stroboscopic_map
+from cellmap.maps import jacobian
 from systems import dimensionless_parameters, dimensionless_pendulum, driven_pendulum, physical_parameters
 
 W = 2.0 * pi * 50.0

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, stroboscopic_map
-from cellmap.codegen.kernel import flow_kernel, traced_function
-from cellmap.codegen.lanes import lane_module
-from cellmap.codegen.machine_code import machine_code
-from cellmap.codegen.methods import choose_method
-from cellmap.codegen.trace import STATEFUL, TIMED, Trace
+from cellmap._compiled.codegen.kernel import flow_kernel, traced_function
+from cellmap._compiled.codegen.lanes import lane_module
+from cellmap._compiled.codegen.machine_code import machine_code
+from cellmap._compiled.codegen.methods import choose_method
+from cellmap._compiled.codegen.trace import STATEFUL, TIMED, Trace
 from systems import dimensionless_pendulum, driven_pendulum
 from systems.dimensionless import ScaledDamping, ScaledGravity, ScaledPendulum, ScaledVerticalDrive
 from systems.drives import VerticalDrive

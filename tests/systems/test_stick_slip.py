@@ -7,7 +7,8 @@ from math import asin, cos, exp, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from cellmap import jacobian, stroboscopic_map, trajectory
+from cellmap import stroboscopic_map, trajectory
+from cellmap.maps import jacobian
 from systems import stick_slip_oscillator
 
 BELT, STATIC, LEAST, SPEED = 0.1, 0.4, 0.25, 0.5

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from cellmap.checks import finite_number, whole_number
+from cellmap._lib.checks import finite_number, whole_number
 
 from .tracks import Tracks
 

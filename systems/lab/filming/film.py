@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap.checks import finite_number, whole_number
+from cellmap._lib.checks import finite_number, whole_number
 
 _DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cellmap.checks import claim_memory, finite_number
-from cellmap.files import StoreError, as_path, as_target, written_whole
+from cellmap._lib.checks import claim_memory, finite_number
+from cellmap._lib.files import StoreError, as_path, as_target, written_whole
 
 from .film import Film, film_at_rate
 
@@ -142,7 +142,7 @@ def _imageio() -> Any:
     try:
         import imageio.v3
     except ModuleNotFoundError:
-        raise ModuleNotFoundError("films in files need imageio: pip install 'cellmap[video]'") from None
+        raise ModuleNotFoundError("films in files need imageio: pip install 'cellmap-dynamics[video]'") from None
     return imageio.v3
 
 
@@ -151,7 +151,7 @@ def _needs_video() -> None:
 
     if find_spec("av") is None:
         raise ModuleNotFoundError(
-            "videos need the package av: pip install 'cellmap[video]'; or convert the film to a TIFF stack"
+            "videos need the package av: pip install 'cellmap-dynamics[video]'; or convert the film to a TIFF stack"
         )
 
 

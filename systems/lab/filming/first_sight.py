@@ -8,7 +8,7 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .blobs import Blob, Box, find_blobs, otsu_threshold
 from .film import Film

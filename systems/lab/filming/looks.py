@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 
 @dataclass(frozen=True)

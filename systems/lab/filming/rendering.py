@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
 
-from cellmap import Trajectory
-from cellmap.checks import claim_memory, finite_number, whole_number
-from cellmap.threads import progress_bar
+from cellmap._lib.checks import claim_memory, finite_number, whole_number
+from cellmap._lib.threads import progress_bar
+from cellmap.maps import Trajectory
 
 from .film import Camera, Film
 from .looks import Bar, Look, Spot

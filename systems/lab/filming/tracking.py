@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap.checks import finite_number, whole_number
-from cellmap.threads import progress_bar
+from cellmap._lib.checks import finite_number, whole_number
+from cellmap._lib.threads import progress_bar
 
 from .doubts import doubt_areas, doubt_repeats, doubt_standing
 from .film import Film

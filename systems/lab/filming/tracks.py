@@ -10,7 +10,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap.checks import finite_number, whole_number
+from cellmap._lib.checks import finite_number, whole_number
 
 
 class MarkerStatus(IntEnum):

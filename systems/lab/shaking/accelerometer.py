@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from cellmap.checks import finite_number, one_of, whole_number
+from cellmap._lib.checks import finite_number, one_of, whole_number
 
 from ..measured import measured_series
 from .accelerometer_record import record_acceleration as record_acceleration

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number, whole_number
-from cellmap.codegen.rebind import over_arrays
-from cellmap.codegen.trace import parameter_record
+from cellmap._compiled.codegen.rebind import over_arrays
+from cellmap._compiled.codegen.trace import parameter_record
+from cellmap._lib.checks import finite_number, whole_number
 
 from ...effects import Effect
 from .conversion import STANDARD_GRAVITY, volts_from_acceleration

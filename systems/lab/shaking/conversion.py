@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 VOLTS_PER_G = 0.1
 """Calibration of the report's accelerometer (V per g)."""

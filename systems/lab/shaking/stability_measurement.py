@@ -10,9 +10,10 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap import ForcedSystem, PointMap, stroboscopic_map, swept_map
-from cellmap.checks import finite_number, monotone_values, whole_number
-from cellmap.coordinates import wrap
+from cellmap import ForcedSystem, PointMap, stroboscopic_map
+from cellmap._lib.checks import finite_number, monotone_values, whole_number
+from cellmap.maps import swept_map
+from cellmap.maps.coordinates import wrap
 
 from ...drives import VerticalDrive
 from .accelerometer import recover_drive

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from cellmap.checks import monotone_values
-from cellmap.files import as_target, written_whole
+from cellmap._lib.checks import monotone_values
+from cellmap._lib.files import as_target, written_whole
 
 from .conversion import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
 from ...pendulum import Pendulum

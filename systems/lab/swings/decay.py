@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .envelope import Envelope
 

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from scipy.special import ellipe, ellipk
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from .decay import check_decay
 from .envelope import Envelope

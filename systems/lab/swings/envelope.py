@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.special import ellipk
 
-from cellmap.checks import finite_number
+from cellmap._lib.checks import finite_number
 
 from ..measured import measured_series, noise_level
 from .rhythm import SURE, counted, half_period, in_step

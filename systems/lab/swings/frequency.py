@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 from scipy.special import ellipj
 
-from cellmap.checks import finite_number, one_of
+from cellmap._lib.checks import finite_number, one_of
 
 from ..measured import measured_series, widening
 from .envelope import GAUSS, Envelope, check_rhythm, slowing, swing_envelope

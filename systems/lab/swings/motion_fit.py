@@ -12,7 +12,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
 from cellmap import ForcedSystem
-from cellmap.checks import finite_number, finite_points
+from cellmap._lib.checks import finite_number, finite_points
 
 from ..measured import measured_series, neighbour_correlation, widening
 from .simulation import Simulation, clear_of_noise

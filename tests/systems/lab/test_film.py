@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, Trajectory, angle, trajectory
-from cellmap.files import StoreError
+from cellmap import ForcedSystem, angle, trajectory
+from cellmap._lib.files import StoreError
+from cellmap.maps import Trajectory
 from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
 from systems.lab.filming.film_files import read_film, write_film
 from systems.lab.filming.looks import Bar, Look, Spot
@@ -269,11 +270,11 @@ def test_what_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     film = film_at_rate(FRAMES, 25.0)
     with monkeypatch.context() as without:
         without.setattr("importlib.util.find_spec", lambda name: None)
-        with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap\[video\]'"):
+        with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap-dynamics\[video\]'"):
             write_film(film, tmp_path / "film.mp4")
     monkeypatch.setitem(sys.modules, "imageio", None)
     monkeypatch.setitem(sys.modules, "imageio.v3", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap\[video\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap-dynamics\[video\]'"):
         write_film(film, tmp_path / "film.gif")
     assert not list(tmp_path.iterdir())
 

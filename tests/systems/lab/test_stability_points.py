@@ -11,7 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from cellmap import critical_values, plot_stability_map, stability_map, stroboscopic_map, swept_map
+from cellmap import plot, stability_map, stroboscopic_map
+from cellmap.bifurcations import critical_values
+from cellmap.maps import swept_map
 from systems import driven_pendulum
 from systems.compound import SHORT_ROD
 from systems.lab.shaking.stability_measurement import measure_least_amplitudes, stays_up
@@ -185,7 +187,7 @@ def test_points_over_the_map_of_stability() -> None:
         system, (pi, 0.0), ("frequency", np.linspace(15.0, 35.0, 9)), ("amplitude", np.linspace(2e-3, 1e-2, 20))
     )
     points = StabilityPoints(frequencies, boundary, np.full(2, 1e-4))
-    (dots,) = plot_stability_map(wide, measured=points.table).containers
+    (dots,) = plot.stability_map(wide, measured=points.table).containers
     np.testing.assert_array_equal(dots[0].get_xydata(), points.table[:, :2])
 
 

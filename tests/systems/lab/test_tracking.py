@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from cellmap import ForcedSystem, Trajectory, angle
+from cellmap import ForcedSystem, angle
+from cellmap.maps import Trajectory
 from systems.lab.filming.blobs import otsu_threshold, smeared_area
 from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
 from systems.lab.filming.looks import Bar, Look, Spot

@@ -1,0 +1,1 @@
+"""Compiled code: generated from formulas (codegen) and written by hand (kernels)."""

@@ -1,0 +1,326 @@
+"""Iteration of a tabulated map: look-ups of a tensor B-spline, in blocks of initial conditions, as LLVM instructions.
+
+The function is
+
+    look_up(points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn)
+
+It moves row i of ``points`` on by ``left[i]`` periods, or until the row leaves the table or enters a cell that the
+table does not serve; ``left`` keeps the periods that were not made.  It returns the number of look-ups.
+
+``origin``, ``inverse`` (one over the node distance) and ``cells`` describe the table; ``circle`` is the number of node
+distances in a turn, 0 on the line; ``lower`` and ``turn`` say how angles are kept.  ``strides`` has the doubles between
+neighbours along each axis and then those of the whole table of one period; the tables of 2, 4, ... periods follow that
+one in ``table``.  ``reach`` says for each cell how many of the tables serve there, 0 for none; an empty one stands for
+one everywhere.  A row takes the longest multi-period step that its cell allows and that does not go past its ``left``.
+
+The states of a block are kept component by component.  Places in the table and whole turns are found for all of its
+lanes at once, full or not, in vector code, so that an initial condition has the same image whatever its neighbours are;
+the sums over coefficients follow row by row, see :mod:`cellmap._compiled.codegen.spline_sum`.  Numbers of cells are
+whole, and
+kept as doubles until they are used.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .instructions import Instructions, Value, number
+from .machine_code import machine_code, module_text, vector_width
+from .spline_basis import basis_polynomials
+from .spline_sum import spline_sum
+from .statements import Scope, translate
+
+BLOCK = 64
+
+_ARRAYS = "points turns left table strides origin inverse cells circle reach lower turn".split()
+_EVERYWHERE = np.ones(1, np.uint8)  # one table serves in all cells
+_PROTOTYPE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(_ARRAYS), ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
+
+
+@functools.cache
+def lookup_kernel(dimension: int, order: int) -> Callable[..., int]:
+    """Return the compiled ``look_up`` for maps of a dimension and splines of an order."""
+    loaded = machine_code(lookup_text(dimension, order, vector_width()))
+    call = _PROTOTYPE(loaded.address("look_up"))
+
+    def look_up(points: NDArray[np.float64], turns: NDArray[np.int64], left: NDArray[np.int64], *table: Any) -> int:
+        made = ctypes.c_int64()
+        several = table[_ARRAYS.index("reach") - 3].size
+        addresses = [array.ctypes.data for array in (points, turns, left, *table)]
+        if not several:
+            addresses[_ARRAYS.index("reach")] = _EVERYWHERE.ctypes.data
+        call(*addresses, len(points), several, ctypes.addressof(made))
+        return made.value
+
+    look_up.machine_code = loaded  # type: ignore[attr-defined]  # the code lives as long as the function
+    return look_up
+
+
+def lookup_text(dimension: int, order: int, width: int) -> str:
+    """Return the text of a module with the function ``look_up`` described above."""
+    out = Instructions(width)
+    block = _Block.reserved(out, dimension)
+    table = _Table.loaded(out, dimension)
+    made = out.array(1, "i64")
+    out.store_whole(0, made)
+    weights = [out.array(order + 1) for _ in range(dimension - 2)]
+    with out.loop("begin", "%number", BLOCK) as begin:
+        _fill(out, block, begin)
+        out.jump("sweep")
+        out.label("sweep")
+        _write_places(out, block, table.scope)
+        _write_rows(out, block, table, weights, order, made)
+        _write_turns(out, block, table.scope)
+        _write_back_all(out, block)
+        out.branch("sgt", out.load_whole(block.count), 0, "again", "through")
+        out.jump("sweep")
+        out.label("through")
+    out.store_whole(out.load_whole(made), "%made")
+    arguments = ", ".join([*(f"ptr noalias %{a}" for a in _ARRAYS), "i64 %number", "i64 %levels", "ptr noalias %made"])
+    return module_text(out.function("look_up", arguments), out)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Addresses of what is known about the rows of a block: state, whole turns, place in the cell, component-wise."""
+
+    x: tuple[str, ...]
+    w: tuple[str, ...]
+    f: tuple[str, ...]
+    cell: str
+    first: str
+    inside: str
+    member: str
+    rest: str
+    count: str
+    row: str
+
+    @classmethod
+    def reserved(cls, out: Instructions, dimension: int) -> _Block:
+        x, w, f = (tuple(out.array(BLOCK) for _ in range(dimension)) for _ in range(3))
+        doubles = [out.array(BLOCK) for _ in range(3)]
+        return cls(x, w, f, *doubles, *(out.array(size, "i64") for size in (BLOCK, BLOCK, 1, 1)))
+
+    @property
+    def dimension(self) -> int:
+        return len(self.x)
+
+    def arrays(self) -> Iterator[str]:
+        """Addresses of all that belongs to a row."""
+        yield from (*self.x, *self.w, *self.f, self.cell, self.first, self.inside, self.member, self.rest)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Numbers of the table and of the angles; `scope` has them for statements."""
+
+    scope: Scope
+    strides: tuple[str, ...]
+
+    @classmethod
+    def loaded(cls, out: Instructions, dimension: int) -> _Table:
+        strides = tuple(out.load_whole(out.address("%strides", a)) for a in range(dimension + 1))
+        scope: Scope = {}
+        for a in range(dimension):
+            for name in ("origin", "inverse", "circle", "lower", "turn"):
+                scope[f"{name}{a}"] = out.load(out.address(f"%{name}", a))
+            cells = out.load_whole(out.address("%cells", a))
+            scope[f"cells{a}"] = out.result(f"sitofp i64 {cells} to double")
+            scope[f"stride{a}"] = out.result(f"sitofp i64 {strides[a]} to double")
+        translate(out, _constants(dimension), scope)
+        return cls(scope, strides)
+
+
+def _constants(dimension: int) -> Iterator[str]:
+    """Numbers that would divide by a turn are 0 on the line."""
+    for a in range(dimension):
+        yield f"around{a} = 1.0 / circle{a} if circle{a} > 0.0 else 0.0"
+        yield f"cut{a} = lower{a} if turn{a} > 0.0 else 0.0"
+        yield f"inverse_turn{a} = 1.0 / turn{a} if turn{a} > 0.0 else 0.0"
+        yield f"last{a} = cells{a} - 1.0"
+
+
+def _fill(out: Instructions, block: _Block, begin: str) -> None:
+    """Copy rows into the block; the last one is repeated where rows run out."""
+    d, rest = block.dimension, out.whole("sub", "%number", begin)
+    shorter = out.result(f"icmp slt i64 {rest}, {BLOCK}").text
+    count = out.result(f"select i1 {shorter}, i64 {rest}, i64 {BLOCK}").text
+    out.store_whole(count, block.count)
+    last = out.whole("sub", count, 1)
+    with out.loop("filled", BLOCK) as m:
+        within = out.result(f"icmp slt i64 {m}, {last}").text
+        member = out.whole("add", begin, out.result(f"select i1 {within}, i64 {m}, i64 {last}").text)
+        out.store_whole(member, out.address(block.member, m))
+        out.store_whole(out.load_whole(out.address("%left", member)), out.address(block.rest, m))
+        source = out.address("%points", out.whole("mul", member, d))
+        for a in range(d):
+            out.store(out.load(out.address(source, a)), out.address(block.x[a], m))
+            out.store(number(0.0), out.address(block.w[a], m))
+
+
+def _write_places(out: Instructions, block: _Block, constants: Scope) -> None:
+    """Find cell and place in it of every lane; the first cell where the lane is outside of the table."""
+    axes = range(block.dimension)
+    lines = []
+    for a in axes:
+        lines += [
+            f"u{a} = (x{a} - origin{a}) * inverse{a}",
+            f"u{a} = u{a} - circle{a} * math.floor(u{a} * around{a})",
+            f"u{a} = u{a} if (circle{a} <= 0.0) | ((0.0 <= u{a}) & (u{a} < circle{a})) else 0.0",
+        ]
+    within = " & ".join(f"(0.0 <= u{a}) & (u{a} <= cells{a})" for a in axes)
+    lines.append(f"inside = 1.0 if {within} else 0.0")
+    for a in axes:
+        lines += [
+            f"u{a} = u{a} if inside > 0.0 else 0.0",
+            f"n{a} = min(math.floor(u{a}), last{a})",
+            f"f{a} = u{a} - n{a}",
+        ]
+    lines.append("first = " + " + ".join(f"n{a} * stride{a}" for a in axes))
+    lines.append("cell = " + functools.reduce(lambda flat, a: f"({flat}) * cells{a} + n{a}", axes[1:], "n0"))
+    with out.loop_over_lanes(BLOCK, "placed") as m:
+        scope = {**constants, **{f"x{a}": out.load(out.address(block.x[a], m), vector=True) for a in axes}}
+        translate(out, lines, scope)
+        for a in axes:
+            out.store(scope[f"f{a}"], out.address(block.f[a], m))
+        for name, base in (("first", block.first), ("cell", block.cell), ("inside", block.inside)):
+            out.store(scope[name], out.address(base, m))
+
+
+def _write_rows(out: Instructions, block: _Block, table: _Table, weights: list[str], order: int, made: str) -> None:
+    """Move each row on by the table that serves it.
+
+    A row that cannot go on is written back, and the last one takes its lane.
+    """
+    out.store_whole(0, block.row)
+    out.jump("rows")
+    out.label("rows")
+    m, count = out.load_whole(block.row), out.load_whole(block.count)
+    out.branch("slt", m, count, "row", "rows.done")
+    rest = out.load_whole(out.address(block.rest, m))
+    level = _level(out, block, m, rest)
+    out.branch("eq", level, 0, "stopped", "moves")
+    _write_back(out, block, m)
+    fewer = out.whole("sub", count, 1)
+    out.store_whole(fewer, block.count)
+    for base in block.arrays():
+        out.store_whole(out.load_whole(out.address(base, fewer)), out.address(base, m))
+    out.jump("rows")
+    out.label("moves")
+    table_number = out.whole("sub", level, 1)
+    out.store_whole(out.whole("add", out.load_whole(made), 1), made)
+    out.store_whole(out.whole("sub", rest, out.whole("shl", 1, table_number)), out.address(block.rest, m))
+    first = out.result(f"fptosi double {out.load(out.address(block.first, m)).text} to i64").text
+    offset = out.whole("add", first, out.whole("mul", table_number, table.strides[-1]))
+    _write_sum(out, block, table, weights, order, offset, m)
+    out.store_whole(out.whole("add", m, 1), block.row)
+    out.jump("rows")
+    out.label("rows.done")
+
+
+def _level(out: Instructions, block: _Block, m: str, rest: str) -> str:
+    """Return the number of the table that a row takes, counted from 1; 0 where it cannot go on.
+
+    Table k makes 2^(k - 1) periods: it serves as long as k is at most the number of binary digits of what is left.
+    """
+    out.declared |= {"declare i64 @llvm.ctlz.i64(i64, i1)", "declare i64 @llvm.smin.i64(i64, i64)"}
+    cell = out.result(f"fptosi double {out.load(out.address(block.cell, m)).text} to i64").text
+    several = out.result("icmp ne i64 %levels, 0").text
+    place = out.result(f"select i1 {several}, i64 {cell}, i64 0").text
+    reach = out.result(f"load i8, ptr {out.result(f'getelementptr i8, ptr %reach, i64 {place}').text}").text
+    reached = out.result(f"zext i8 {reach} to i64").text
+    digits = out.whole("sub", 64, out.result(f"call i64 @llvm.ctlz.i64(i64 {rest}, i1 false)").text)
+    level = out.result(f"call i64 @llvm.smin.i64(i64 {reached}, i64 {digits})").text
+    inside = out.result(f"fcmp ogt double {out.load(out.address(block.inside, m)).text}, 0.0").text
+    return out.result(f"select i1 {inside}, i64 {level}, i64 0").text
+
+
+def _write_sum(
+    out: Instructions, block: _Block, table: _Table, weights: list[str], order: int, offset: str, m: str
+) -> None:
+    """Add the displacement to the state of a row.
+
+    The last two axes are summed in vectors; those before, if there are any, by loops.
+    """
+    d, outer = block.dimension, len(weights)
+    places = [out.load(out.address(block.f[a], m)) for a in range(d)]
+    for a, base in enumerate(weights):
+        for k, row in enumerate(basis_polynomials(order)):
+            total = number(row[order])
+            for power in range(order - 1, -1, -1):
+                total = out.binary("fadd", out.binary("fmul", total, places[a]), number(row[power]))
+            out.store(total, out.address(base, k))
+
+    def add(factor: Value | None, start: str) -> None:
+        stride = table.strides[outer] if d > 1 else "0"
+        moved = spline_sum(out, "%table", start, stride, places[outer:], order, d)
+        for a in range(d):
+            term = moved[a] if factor is None else out.binary("fmul", factor, moved[a])
+            x = out.address(block.x[a], m)
+            out.store(out.binary("fadd", out.load(x), term), x)
+
+    def over_axes(a: int, factor: Value | None, start: str) -> None:
+        if a == outer:
+            add(factor, start)
+            return
+        with out.loop(f"axis{a}", order + 1) as k:
+            weight = out.load(out.address(weights[a], k))
+            product = weight if factor is None else out.binary("fmul", factor, weight)
+            over_axes(a + 1, product, out.whole("add", start, out.whole("mul", k, table.strides[a])))
+
+    over_axes(0, None, offset)
+
+
+def _write_turns(out: Instructions, block: _Block, constants: Scope) -> None:
+    """Bring the angles of every lane back into their period and count."""
+    axes = range(block.dimension)
+    lines = []
+    for a in axes:
+        lines += [
+            f"whole{a} = math.floor((x{a} - cut{a}) * inverse_turn{a})",
+            f"y{a} = x{a} - whole{a} * turn{a}",
+            f"y{a} = lower{a} if y{a} < lower{a} else y{a}",
+            f"w{a} = w{a} + whole{a}",
+        ]
+    with out.loop_over_lanes(BLOCK, "wrapped") as m:
+        loaded = {f"{name}{a}": base[a] for name, base in (("x", block.x), ("w", block.w)) for a in axes}
+        scope = {**constants, **{name: out.load(out.address(b, m), vector=True) for name, b in loaded.items()}}
+        translate(out, lines, scope)
+        for a in axes:
+            out.store(scope[f"y{a}"], out.address(block.x[a], m))
+            out.store(scope[f"w{a}"], out.address(block.w[a], m))
+
+
+def _write_back_all(out: Instructions, block: _Block) -> None:
+    """Write all rows back where none has a period left: mostly all are through together."""
+    out.store_whole(0, block.row)
+    count = out.load_whole(block.count)
+    with out.loop("pending", count) as m:
+        some = out.whole("or", out.load_whole(block.row), out.load_whole(out.address(block.rest, m)))
+        out.store_whole(some, block.row)
+    out.branch("eq", out.load_whole(block.row), 0, "finished", "unfinished")
+    with out.loop("back", count) as m:
+        _write_back(out, block, m)
+    out.store_whole(0, block.count)
+    out.jump("unfinished")
+    out.label("unfinished")
+
+
+def _write_back(out: Instructions, block: _Block, m: str) -> None:
+    """Return the state of a lane to its row."""
+    d, member = block.dimension, out.load_whole(out.address(block.member, m))
+    out.store_whole(out.load_whole(out.address(block.rest, m)), out.address("%left", member))
+    first = out.whole("mul", member, d)
+    points, turns = out.address("%points", first), out.address("%turns", first)
+    for a in range(d):
+        out.store(out.load(out.address(block.x[a], m)), out.address(points, a))
+        made = out.result(f"fptosi double {out.load(out.address(block.w[a], m)).text} to i64").text
+        place = out.address(turns, a)
+        out.store_whole(out.whole("add", out.load_whole(place), made), place)

@@ -1,0 +1,194 @@
+"""Functions of a discontinuous right-hand side, as LLVM instructions.
+
+They belong to one system, and :mod:`cellmap._compiled.kernels.switching_period` calls them by address:
+
+    free_step(lanes, series, p, end, rate)      one step of the lanes in which nothing slides
+    general_step(lanes, series, p, end, rate)   one step of the others
+    begin(lanes, series, p, start)              the mode in which each lane begins
+    surfaces(t, x, p, values, rates, gains, jumps, normals)     all that decides about its mode
+
+A step is a Taylor step that also expands the event functions, and sets a flag where a bound from their coefficients
+leaves room for an event.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..kernels import switching_period
+from ..kernels.options import LANES
+from .emit import assignment, input_name
+from .expression import Expression, in_order
+from .filippov import SwitchingTrace
+from .instructions import Instructions, Value
+from .machine_code import machine_code, module_text, vector_width
+from .period import CompiledPeriod, parameter_scope
+from .statements import Scope, translate
+from .taylor import Series
+from .trace import CONSTANT, STATEFUL
+
+_STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate"
+_OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
+
+
+def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> CompiledPeriod:
+    """Compile ``advance`` of :mod:`cellmap._compiled.codegen.lanes` for Taylor steps.
+
+    With `one_step` there is no lighter step for lanes in which nothing slides.
+    """
+    loaded = machine_code(switching_text(traced, order, parameters, vector_width(), one_step))
+    names = ("general_step" if one_step else "free_step", "general_step", "begin", "surfaces")
+    addresses = [loaded.address(name) for name in names]
+    if one_step:
+        addresses[switching_period.FREE] = 0
+    dimension, count = len(traced.normals[0]), len(traced.surfaces)
+    aligned = all(surface.operation == "state" for surface in traced.surfaces)
+    context = np.array([*addresses, len(traced.motion.states), dimension, count, order, not aligned], dtype=np.int64)
+    move = switching_period.period(count == 1)
+    return CompiledPeriod(move.address, loaded, context)
+
+
+def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: int, one_step: bool = False) -> str:
+    """Return the text of a module with the functions described above."""
+    count = len(traced.surfaces)
+    steps = {"general_step": Series(traced.motion, order, extra=traced.events, one_clock=False)}
+    if not one_step:
+        steps["free_step"] = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
+    functions, bodies = [], []
+    for name, series in steps.items():
+        out = Instructions(width)
+        _write_step(out, series, parameters, count, None if one_step else name == "general_step")
+        functions.append(out.function(name, _STEP_ARGUMENTS))
+        bodies.append(out)
+    begin, surfaces = Instructions(width), Instructions(1)
+    _write_begin(begin, traced, order, parameters)
+    _write_surfaces(surfaces, traced, parameters)
+    functions.append(begin.function("begin", "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %start"))
+    arrays = ", ".join(f"ptr noalias %{output}" for output in _OUTPUTS)
+    functions.append(surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, {arrays}"))
+    return module_text("\n".join(functions), begin, surfaces, *bodies)
+
+
+def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, parameters: int) -> None:
+    """Write the function that puts each lane on its side of each surface; the flag says where that is open."""
+    size, count = len(traced.motion.states), len(traced.surfaces)
+    flag = (size + count) * (order + 1) + size + 2
+    once = {**parameter_scope(out, parameters), "t": Value("%start")}
+    with out.loop_over_lanes(LANES) as lane:
+        address = functools.partial(_place, out, lane)
+        scope = {**once, **{f"x{j}": out.load(address("%lanes", j), vector=True) for j in range(size)}}
+        lines, sides = _evaluated(traced.surfaces)
+        lines += [f"side{e} = 1.0 if {side} > 0.0 else -1.0" for e, side in enumerate(sides)]
+        lines += [f"open{e} = 1.0 if {side} == 0.0 else 0.0" for e, side in enumerate(sides)]
+        lines += [f"flag = {' + '.join(f'open{e}' for e in range(count))}", "free = 0.0"]
+        translate(out, lines, scope)
+        out.store(out.as_vector(scope["t"]), address("%lanes", size))
+        for e in range(count):
+            out.store(out.as_vector(scope[f"side{e}"]), address("%lanes", size + 1 + e))
+            out.store(out.as_vector(scope["free"]), address("%lanes", size + 1 + count + e))
+        out.store(out.as_vector(scope["flag"]), address("%series", flag))
+
+
+def _place(out: Instructions, lane: str, base: str, row: int) -> str:
+    """Return the address of lanes in a row of an array."""
+    return out.address(base, out.whole("add", lane, row * LANES))
+
+
+def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) -> None:
+    """Write the function of one lane that stores all that decides about its mode in arrays."""
+
+    def flat(rows: Sequence[Sequence[Expression]]) -> list[Expression]:
+        return [e for row in rows for e in row]
+
+    outputs = (traced.surfaces, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
+    lines, names = _evaluated(flat(outputs))
+    scope = {**parameter_scope(out, parameters), "t": Value("%t")}
+    scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(len(traced.normals[0]))}
+    places = [(array, i) for array, expressions in zip(_OUTPUTS, outputs, strict=True) for i in range(len(expressions))]
+    translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
+    for array, i in places:
+        out.store(scope[f"{array}_{i}"], out.address(f"%{array}", i))
+
+
+def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]:
+    """Return statements that evaluate expressions of time t, state x0, x1, ... and parameters, and their names."""
+    nodes = in_order(expressions)
+    numbers = {node: i for i, node in enumerate(nodes)}
+    inputs = {"state": lambda i: f"x{i}", "time": lambda _: "t", "parameter": lambda i: f"p{i}"}
+
+    def name(node: Expression) -> str:
+        return input_name(node, inputs) or f"v{numbers[node]}"
+
+    return [assignment(n, name, STATEFUL) for n in nodes if n.arguments], [name(e) for e in expressions]
+
+
+def _write_step(out: Instructions, series: Series, parameters: int, count: int, sliding: bool | None) -> None:
+    """Write the function that takes one step with the lanes that slide, with those that do not, or (None) with all."""
+    size = len(series.trace.states)
+    length, errors = series.order + 1, size + 1 + 2 * count
+    local = (size + count) * length
+    once = {**parameter_scope(out, parameters), "end": Value("%end"), "rate": Value("%rate")}
+    translate(out, series.at_order(CONSTANT, 0, of_lanes=False), once)
+    rows = [*(f"s{j}_0" for j in range(size)), "t0", *(f"g{e}" for e in range(count)), *(f"u{e}" for e in range(count))]
+    rows += [*(f"sum{j}" for j in range(size)), *(f"begun{e}" for e in range(count))]
+    with out.loop_over_lanes(LANES) as lane:
+        address = functools.partial(_place, out, lane)
+        scope: Scope = {**once}
+        scope |= {name: out.load(address("%lanes", row), vector=True) for row, name in enumerate(rows)}
+        mine = ">" if sliding else "=="
+        if sliding is not None:
+            translate(out, [f"mine = {' + '.join(f'u{e}' for e in range(count))} {mine} 0.0"], scope)
+        translate(out, _lane_step(series, size, count), scope)
+
+        def store(base: str, row: int, name: str) -> None:
+            place, value = address(base, row), out.as_vector(scope[name])
+            if sliding is not None:
+                value = out.select(scope["mine"], value, out.load(place, vector=True))
+            out.store(value, place)
+
+        for j in range(size):
+            store("%lanes", j, f"y{j}")
+            store("%lanes", errors + j, f"sum{j}")
+            store("%series", local + j, f"e{j}")
+            for k in range(length):
+                store("%series", j * length + k, f"s{j}_{k}")
+        store("%lanes", size, "t1")
+        for e in range(count):
+            for k in range(length):
+                store("%series", (size + e) * length + k, f"event{e}_{k}")
+        for row, name in enumerate(("h", "t0", "flag"), local + size):
+            store("%series", row, name)
+
+
+def _lane_step(series: Series, size: int, count: int) -> Iterable[str]:
+    """Write one step of one lane."""
+    order, length = series.order, series.order + 1
+    # What is left is cut into equal steps, so that none of them is a sliver.
+    yield "left = simd_math.fmax(math.ceil((end - t0) * rate - 1e-6), 1.0)"
+    yield "h = (end - t0) / left"
+    yield from (f"h{k} = h * {1.0 / k!r}" for k in range(1, order + 1))
+    yield from series.at_order(CONSTANT, 0, of_lanes=True)
+    for k in range(order):
+        yield from series.at_order(STATEFUL, k)
+        yield from series.next_of_states(k)
+    yield from series.at_order(STATEFUL, order, only=series.extra)
+    for j in range(size):
+        yield f"y{j} = s{j}_0 + {series.change(j)}"
+        yield f"e{j} = {series.local_error(j)}"
+        yield f"sum{j} = sum{j} + e{j}"
+    yield "t1 = t0 + h if left > 1.0 else end"
+    for e, event in enumerate(series.extra):
+        yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
+        # Smallest value of the first three terms in the step, less all the others.
+        yield f"a{e} = event{e}_0; b{e} = event{e}_1; c{e} = event{e}_2"
+        yield f"rest{e} = {' + '.join(f'abs(event{e}_{k})' for k in range(3, length))}"
+        yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"
+        yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
+        yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"
+    yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
+    # A lane whose mode has just begun is looked at in any case, which ends its beginning.
+    begun = " + ".join(f"begun{e}" for e in range(count))
+    yield f"flag = 0.0 if quiet > 0.0 and {begun} == 0.0 else 1.0"

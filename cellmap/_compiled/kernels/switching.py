@@ -1,0 +1,322 @@
+"""Events of piecewise-smooth flows: where a step leaves its mode, and the mode that follows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .options import INLINE, LANES
+
+NEVER = 2.0
+"""Root returned where a polynomial has none in the step."""
+NO_EVENT = -1e300  # a time before all others
+
+_NOTHING = 1e-300  # coefficients that hold no digits
+_NARROW = 0.05  # interval from which on all coefficients are looked at
+_NARROWEST = 1e-9  # interval in which a minimum that all but touches zero is taken not to
+_TIE = 1e-13  # share of the friction limit by which a force may pass it and still be held
+_STALLS = 50  # events without progress after which a lane is given up
+_ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
+
+
+@njit(**INLINE)
+def first_root(a, degree):
+    """Return the first time in (0, 1] at which the polynomial of coefficients a becomes negative, else NEVER.
+
+    Intervals are passed over where a bound from value, slope and largest curvature keeps them positive, and halved
+    until they are, or the polynomial falls throughout and Halley's method finds its root.  A zero at time 0 does not
+    count, and a polynomial that vanishes or is none is never negative.  The coefficients are changed.
+    """
+    first, total = 0, 0.0
+    while first < degree and a[first] == 0.0:
+        first += 1
+    for k in range(first, degree + 1):
+        a[k - first] = a[k]
+        total += abs(a[k])
+    if not _NOTHING < total < np.inf:
+        return NEVER
+    degree -= first
+    if a[0] < 0.0:
+        return 0.0
+    # What the last coefficients add is bounded, so that most intervals are judged by the first few.
+    last, tail, tail_slope = degree, 0.0, 0.0
+    while last > 3 and tail + abs(a[last]) <= 1e-3 * a[0]:
+        tail += abs(a[last])
+        tail_slope += last * abs(a[last])
+        last -= 1
+    low, width = 0.0, 1.0
+    while low < 1.0:
+        high = min(low + width, 1.0)
+        middle, reach = 0.5 * (low + high), 0.5 * (high - low)
+        value, slope, bend = a[last], 0.0, 0.0
+        for k in range(last - 1, -1, -1):
+            if k > 0:
+                bend = bend * high + (k + 1.0) * k * abs(a[k + 1])
+            slope = slope * middle + value
+            value = value * middle + a[k]
+        if value - reach * abs(slope) - 0.5 * reach * reach * bend - tail > 0.0:
+            low, width = high, 2.0 * width
+        elif slope + reach * bend + tail_slope < 0.0:
+            if _value(a, degree, high) < 0.0:
+                return _root_between(a, degree, low, high, middle - value / slope)
+            low, width = high, 2.0 * width
+        elif width > _NARROW:
+            width *= 0.5
+        elif last < degree:
+            last, tail, tail_slope = degree, 0.0, 0.0
+        elif width > _NARROWEST:
+            width *= 0.5
+        elif _value(a, degree, high) < 0.0:
+            return high
+        else:
+            low = high
+    return NEVER
+
+
+@njit(**INLINE)
+def _value(a, degree, x):
+    value = a[degree]
+    for k in range(degree - 1, -1, -1):
+        value = value * x + a[k]
+    return value
+
+
+@njit(**INLINE)
+def _root_between(a, degree, low, high, x):
+    """Halley's method for a polynomial that falls from low to high, kept between them."""
+    x = min(max(x, low), high)
+    for _ in range(100):
+        value, slope, bend = a[degree], 0.0, 0.0  # of the bend, half
+        for k in range(degree - 1, -1, -1):
+            bend = bend * x + slope
+            slope = slope * x + value
+            value = value * x + a[k]
+        if value > 0.0:
+            low = x
+        else:
+            high = x
+        step = value * slope / (slope * slope - value * bend)
+        if not low <= x - step <= high:
+            step = x - 0.5 * (low + high)
+        x -= step
+        # Convergence is cubic: what is left is of the order of the cube of the last step.
+        if abs(step) <= 1e-6:
+            break
+    return x
+
+
+@njit(**INLINE)
+def equivalent_control(rates, gains, slides, signs, held):
+    """Fill in the sign of each switch: as it is where free, else the value that holds it on its surface."""
+    count = rates.size
+    if count == 1:
+        held[0] = -rates[0] / gains[0, 0] if slides[0] else signs[0]
+        return
+    matrix, right = np.empty((count, count)), np.empty(count)
+    for i in range(count):
+        for j in range(count):
+            matrix[i, j] = gains[i, j] if slides[i] else (1.0 if i == j else 0.0)
+        right[i] = -rates[i] if slides[i] else signs[i]
+    for i in range(count):
+        for k in range(i + 1, count):
+            if matrix[k, i] != 0.0:
+                factor = matrix[k, i] / matrix[i, i]
+                for j in range(i, count):
+                    matrix[k, j] -= factor * matrix[i, j]
+                right[k] -= factor * right[i]
+    for i in range(count - 1, -1, -1):
+        known = right[i]
+        for j in range(i + 1, count):
+            known -= matrix[i, j] * held[j]
+        held[i] = known / matrix[i, i]
+
+
+@njit(**INLINE)
+def choose_mode(rates, gains, on_surface, signs, slides, held):
+    """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
+
+    On return a switch slides, or it is free with the sign of the side that it moves to.  The values l of switches that
+    are on their surfaces meet, each: l = 1 and dh/dt >= 0, or l = -1 and dh/dt <= 0, or -1 < l < 1 and dh/dt = 0.
+    Gauss-Seidel relaxation finds them; for friction, whose gains are those of an inverse inertia, it converges always.
+    """
+    count = rates.size
+    for i in range(count):
+        held[i] = 0.0 if on_surface[i] else signs[i]
+    for _ in range(_ROUNDS):
+        change = 0.0
+        for i in range(count):
+            if on_surface[i]:
+                rest = rates[i]
+                for j in range(count):
+                    if j != i:
+                        rest += gains[i, j] * held[j]
+                own = gains[i, i]
+                if own < 0.0 and abs(rest) <= -own * (1.0 + _TIE):
+                    value = min(max(-rest / own, -1.0), 1.0)
+                    slides[i] = 1.0
+                else:
+                    value = 1.0 if rest >= 0.0 else -1.0
+                    slides[i] = 0.0
+                change = max(change, abs(value - held[i]))
+                held[i] = value
+        if change <= 1e-15 or count == 1:
+            break
+    for i in range(count):
+        if on_surface[i]:
+            signs[i] = 0.0 if slides[i] else held[i]
+
+
+@njit(**INLINE)
+def begin_on_surface(
+    surfaces, rates, gains, jumps, normals, signs, slides, fresh, state, zeros, on_surface, speeds, held
+):
+    """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event.
+
+    Where it slides, neighbours on either side are drawn in along the jump, and with them the tangent vectors.
+    """
+    for e in range(surfaces.size):
+        on_surface[e] = 1.0 if surfaces[e] == 0.0 else 0.0
+    choose_mode(rates, gains, on_surface, signs, slides, held)
+    for e in range(surfaces.size):
+        fresh[e] = on_surface[e] - slides[e]
+    dimension = normals.shape[1]
+    zeros[:] = 0.0
+    for first in range(dimension, state.size, dimension):
+        for e in range(surfaces.size):
+            speeds[e] = 0.0
+            for j in range(dimension):
+                speeds[e] += normals[e, j] * state[first + j]
+        equivalent_control(speeds, gains, slides, zeros, held)
+        for e in range(surfaces.size):
+            for j in range(dimension):
+                state[first + j] += held[e] * jumps[e, j]
+
+
+@njit(**INLINE)
+def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, order, end):
+    """Take a lane back to the first event in its last step; return its time then, NO_EVENT if there is none.
+
+    Rows of ``series`` hold coefficients of states and events, then estimates of the local errors, step, and time before
+    the step; see :mod:`cellmap._compiled.codegen.switching`.  ``fresh[e]`` is the order of the zero that event e has
+    at the
+    beginning of the step because the mode began there; the last entry counts events without progress.
+    """
+    size, count = state.size, signs.size
+    length = order + 1
+    local = (size + count) * length
+    step, begun = series[(local + size) * LANES], series[(local + size + 1) * LANES]
+    if step == 0.0:
+        return NO_EVENT
+    for j in range(size):
+        if not abs(state[j]) < np.inf:
+            return NO_EVENT
+    first = NEVER
+    for e in range(count):
+        shift, total = int(fresh[e]), 0.0
+        for k in range(length - shift):
+            a[k] = series[((size + e) * length + k + shift) * LANES]
+            total += abs(a[k])
+        if not total < np.inf:
+            errors[:] = 1e300  # a mode that cannot be told is no mode
+            return NO_EVENT
+        if slides[e] > 0.0 and -10.0 * _TIE < a[0] < 0.0:
+            a[0] = 0.0
+        roots[e] = first_root(a, order - shift)
+        first = min(first, roots[e])
+    if first > 1e-9:
+        fresh[:] = 0.0
+    if first == NEVER:
+        return NO_EVENT
+    fresh[count] += 1.0
+    if fresh[count] > _STALLS:
+        errors[:] = 1e300
+        return NO_EVENT
+    for j in range(size):
+        value = series[(j * length + order) * LANES]
+        for k in range(order - 1, -1, -1):
+            value = value * first + series[(j * length + k) * LANES]
+        state[j] = value
+        errors[j] -= series[(local + j) * LANES] * (1.0 - first)
+    for e in range(count):
+        hits[e] = 1.0 if roots[e] <= first + 1e-13 else 0.0
+    return min(begun + first * step, end)
+
+
+@njit(**INLINE)
+def project(state, surfaces, normals, hits, slides, active, shifts):
+    """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them."""
+    count, dimension = normals.shape
+    if count == 1:
+        square = 0.0
+        for j in range(dimension):
+            square += normals[0, j] * normals[0, j]
+        if hits[0] + slides[0] > 0.0 and square > 0.0:
+            for j in range(dimension):
+                state[j] -= normals[0, j] * (surfaces[0] / square)
+        return
+    products, alone = np.empty((count, count)), 0.0
+    for e in range(count):
+        for k in range(count):
+            products[e, k] = 0.0
+            for j in range(dimension):
+                products[e, k] += normals[e, j] * normals[k, j]
+        active[e] = 1.0 if hits[e] + slides[e] > 0.0 and products[e, e] > 0.0 else 0.0
+        alone += abs(surfaces[e]) / products[e, e] if active[e] else 0.0
+        shifts[e] = 0.0
+    equivalent_control(surfaces, products, active, shifts, shifts)
+    for e in range(count):
+        # Surfaces that all but coincide have no point of intersection nearby.
+        if active[e] and abs(shifts[e]) <= 1e3 * alone:
+            for j in range(dimension):
+                state[j] += normals[e, j] * shifts[e]
+
+
+@njit(**INLINE)
+def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors, on_surface, before, after):
+    """Go over to the mode that follows an event.
+
+    Errors, and tangent vectors if there are any, pass the event as its time depends on the state: by the saltation
+    matrix I + (f_after - f_before) grad h / (dh/dt before).
+    """
+    count, dimension = normals.shape
+    equivalent_control(rates, gains, slides, signs, before)
+    entered = -1
+    for e in range(count):
+        on_surface[e] = slides[e]
+        if hits[e] and slides[e]:
+            signs[e] = before[e] = 1.0 if before[e] > 0.0 else -1.0
+            slides[e] = 0.0
+            fresh[e] = 2.0
+            on_surface[e] = 0.0
+        elif hits[e]:
+            on_surface[e] = 1.0
+            entered = e
+    if entered < 0:
+        return
+    choose_mode(rates, gains, on_surface, signs, slides, after)
+    for e in range(count):
+        if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0:
+            # It came back at once: it only touches the surface here, and the second derivative tells the side.
+            signs[e] = -before[e]
+            fresh[e] = 2.0
+        elif on_surface[e]:
+            fresh[e] = 1.0 - slides[e]
+    equivalent_control(rates, gains, slides, signs, after)
+    speed = rates[entered]
+    for e in range(count):
+        speed += gains[entered, e] * before[e]
+    if speed == 0.0:
+        return
+    for first in range(0, state.size, dimension):
+        # The state's own errors first, then each tangent vector.
+        shift = 0.0
+        for j in range(dimension):
+            shift += abs(normals[entered, j]) * errors[j] if first == 0 else normals[entered, j] * state[first + j]
+        for j in range(dimension):
+            jump = 0.0
+            for e in range(count):
+                jump += (after[e] - before[e]) * jumps[e, j]
+            if first == 0:
+                errors[j] += abs(jump * shift / speed)
+            else:
+                state[first + j] += jump * shift / speed

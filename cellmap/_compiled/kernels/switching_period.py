@@ -1,0 +1,189 @@
+"""One period of a discontinuous right-hand side, for many initial conditions in SIMD lanes.
+
+What belongs to a system is generated and called by address, see :mod:`cellmap._compiled.codegen.switching`; everything
+else is
+here and compiled once for all systems.  Each lane has its own time and its own mode, and all lanes of a block take a
+Taylor step together.  The step also says in which lanes an event may lie.  Only these are looked at one by one: the
+first root of the event's polynomial is found, the lane is taken back to it, its mode changes, and it goes on from there
+with the next step of its block.  So every step lies in one mode, events are located to the accuracy of the series, and
+the order of the method holds across them.
+
+Rows of ``lanes``, LANES numbers each: states, time, signs, slides, sums of local errors, and the entries of ``fresh``.
+Rows of ``series``: coefficients of states and of events, local errors, step, time before the step, and the flag of an
+event.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numba import carray, cfunc, njit  # type: ignore[attr-defined]
+
+from .borrow import borrowed
+from .calls import PERIOD, call_begin, call_step, call_surfaces
+from .options import INLINE, KERNEL, LANES
+from .switching import NO_EVENT, begin_on_surface, land, project, switch
+
+FREE, GENERAL, BEGIN, SURFACES = range(4)
+"""Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
+
+CONTEXT = 9  # numbers
+
+
+@njit(**INLINE)
+def _piece(whole, begin, size):
+    return whole[begin : begin + size], begin + size
+
+
+@njit(**INLINE)
+def _step(addresses, lanes, series, p, end, rate, size, count):
+    """Take a step; which one a lane takes is its own affair: an image must not depend on its neighbours."""
+    if addresses[FREE] == 0:
+        call_step(addresses[GENERAL], lanes, series, p, end, rate)
+        return
+    sliding = 0
+    for i in range(LANES):
+        slides = 0.0
+        for e in range(count):
+            slides += lanes[(size + 1 + count + e) * LANES + i]
+        sliding += slides > 0.0
+    if sliding < LANES:
+        call_step(addresses[FREE], lanes, series, p, end, rate)
+    if sliding > 0:
+        call_step(addresses[GENERAL], lanes, series, p, end, rate)
+
+
+@njit(**INLINE)
+def _load(lanes, i, state, signs, slides, errors, fresh):
+    """Copy a lane to arrays of its own; return its time."""
+    size, count = state.size, signs.size
+    for j in range(size):
+        state[j] = lanes[j * LANES + i]
+        errors[j] = lanes[(size + 1 + 2 * count + j) * LANES + i]
+    for e in range(count):
+        signs[e] = lanes[(size + 1 + e) * LANES + i]
+        slides[e] = lanes[(size + 1 + count + e) * LANES + i]
+    for e in range(count + 1):
+        fresh[e] = lanes[(2 * size + 1 + 2 * count + e) * LANES + i]
+    return lanes[size * LANES + i]
+
+
+@njit(**INLINE)
+def _store(lanes, i, t, state, signs, slides, errors, fresh):
+    """Copy the arrays of a lane back."""
+    size, count = state.size, signs.size
+    for j in range(size):
+        lanes[j * LANES + i] = state[j]
+        lanes[(size + 1 + 2 * count + j) * LANES + i] = errors[j]
+    lanes[size * LANES + i] = t
+    for e in range(count):
+        lanes[(size + 1 + e) * LANES + i] = signs[e]
+        lanes[(size + 1 + count + e) * LANES + i] = slides[e]
+    for e in range(count + 1):
+        lanes[(2 * size + 1 + 2 * count + e) * LANES + i] = fresh[e]
+
+
+@functools.cache
+def period(single):
+    """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
+
+    @cfunc(PERIOD, **KERNEL)
+    def advance(context, blocks_of_states, steps, start, period, p, blocks_of_errors, blocks):
+        """Move blocks of states on by a period; no steps at all stand for a trial step, in which events do not count.
+
+        The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
+        coordinates and of surfaces, the order, and whether lanes that slide are brought back at the end.
+        """
+        addresses = carray(context, CONTEXT)
+        size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
+        count = 1 if single else addresses[6]
+        x, error = carray(blocks_of_states, (blocks, size, LANES)), carray(blocks_of_errors, (blocks, size, LANES))
+        length = order + 1
+        local = (size + count) * length
+        flag = (local + size + 2) * LANES
+        errors_row = size + 1 + 2 * count
+        end = start + period
+        shared = (2 * size + 3 * count + 2) * LANES
+        rows = ((size + count) * length + size + 3) * LANES
+        memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + count * (count + 2 * dimension))
+        # Views that count no references: counting would cost more than all else that is done at an event.
+        whole = borrowed(memory)
+        place = 0
+        lanes, place = _piece(whole, place, shared)
+        series, place = _piece(whole, place, rows)
+        state, place = _piece(whole, place, size)
+        errors, place = _piece(whole, place, size)
+        values, place = _piece(whole, place, count)
+        rates, place = _piece(whole, place, count)
+        signs, place = _piece(whole, place, count)
+        slides, place = _piece(whole, place, count)
+        hits, place = _piece(whole, place, count)
+        on_surface, place = _piece(whole, place, count)
+        held, place = _piece(whole, place, count)
+        after, place = _piece(whole, place, count)
+        fresh, place = _piece(whole, place, count + 1)
+        a, place = _piece(whole, place, length)
+        flat, place = _piece(whole, place, count * count)
+        gains = flat.reshape((count, count))
+        flat, place = _piece(whole, place, count * dimension)
+        jumps = flat.reshape((count, dimension))
+        flat, place = _piece(whole, place, count * dimension)
+        normals = flat.reshape((count, dimension))
+        for b in range(blocks):
+            lanes[errors_row * LANES :] = 0.0
+            rate = max(steps[b], 1) / period
+            for j in range(size):
+                for i in range(LANES):
+                    lanes[j * LANES + i] = x[b, j, i]
+            call_begin(addresses[BEGIN], lanes, series, p, start)
+            for i in range(LANES):
+                if series[flag + i] > 0.0:
+                    t = _load(lanes, i, state, signs, slides, errors, fresh)
+                    call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                    begin_on_surface(
+                        values, rates, gains, jumps, normals, signs, slides, fresh, state, hits, on_surface, held, after
+                    )
+                    _store(lanes, i, t, state, signs, slides, errors, fresh)
+            rounds = 8 * steps[b] + 1024
+            moving = 1
+            while moving and rounds:
+                rounds -= 1
+                _step(addresses, lanes, series, p, end, rate, size, count)
+                # No steps at all: one is tried, for its error alone, and no event is looked for.
+                if steps[b] == 0:
+                    break
+                moving = 0
+                for i in range(LANES):
+                    if series[flag + i] > 0.0:
+                        t = _load(lanes, i, state, signs, slides, errors, fresh)
+                        landed = land(series[i:], state, signs, slides, errors, fresh, hits, a, held, t, order, end)
+                        if landed > NO_EVENT:
+                            t = landed
+                            call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                            project(state, values, normals, hits, slides, on_surface, held)
+                            switch(
+                                rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors,
+                                on_surface, held, after,
+                            )  # fmt: skip
+                        _store(lanes, i, t, state, signs, slides, errors, fresh)
+                    moving += lanes[size * LANES + i] < end
+            if project_at_end:
+                # Lanes that slide are brought back onto their surfaces, where rounding has led away.
+                for i in range(LANES):
+                    t = _load(lanes, i, state, signs, slides, errors, fresh)
+                    if slides.max() > 0.0:
+                        hits[:] = 0.0
+                        call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                        project(state, values, normals, hits, slides, on_surface, held)
+                        for j in range(size):
+                            lanes[j * LANES + i] = state[j]
+            for j in range(size):
+                for i in range(LANES):
+                    through = lanes[size * LANES + i] >= end
+                    x[b, j, i] = lanes[j * LANES + i]
+                    error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
+        # The views do not keep their memory alive.
+        memory[0] = 0.0
+
+    return advance

@@ -1,0 +1,245 @@
+"""Checks of arguments, with errors that name the argument, the value and the remedy."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import shutil
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from keyword import iskeyword
+from math import isfinite, nan
+from pathlib import Path
+from reprlib import Repr
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .memory import memory_available
+
+_PACKAGE = str(Path(__file__).parents[1]) + os.sep
+_ALWAYS_FREE = 2**24  # bytes
+
+
+class _Shown(Repr):
+    """Representations of values in messages: short, whatever they are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = self.maxlong = 80
+        self.maxtuple = self.maxlist = self.maxdict = 8
+
+
+_shown = _Shown()
+
+
+def shown(value: Any) -> str:
+    """Write a value for a message: on one line, and a long one in part."""
+    try:
+        return " ".join(_shown.repr(value).split())
+    except Exception:  # of a foreign class, or an int of more digits than Python writes
+        return f"<{type(value).__name__}>"
+
+
+def real_number(name: str, value: Any) -> float:
+    """Return a float, which need not be finite."""
+    if isinstance(value, float):
+        return value
+    unlike = isinstance(value, str | bytes | complex | np.complexfloating)
+    try:
+        if unlike or (isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "fiub")):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}={shown(value)}: give one real number") from None
+    except OverflowError:
+        raise ValueError(f"{name}={shown(value)}: give a number that floating point can hold") from None
+
+
+def finite_number(
+    name: str, value: Any, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
+) -> float:
+    """Return a finite float, within bounds."""
+    number = real_number(name, value)
+    if not isfinite(number):
+        raise ValueError(f"{name}={shown(value)}: give a finite number")
+    if above is not None and not number > above:
+        raise ValueError(f"{name}={shown(value)}: give a number above {above:g}")
+    if at_least is not None and not number >= at_least:
+        raise ValueError(f"{name}={shown(value)}: give a number of at least {at_least:g}")
+    if at_most is not None and not number <= at_most:
+        raise ValueError(f"{name}={shown(value)}: give a number of at most {at_most:g}")
+    return number + 0.0  # generators of random numbers take -0.0 for a negative number
+
+
+def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62) -> int:
+    """Return an int, within bounds."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name}={shown(value)}: give a whole number")
+    if value < at_least:
+        raise ValueError(f"{name}={shown(value)}: give a whole number of at least {at_least}")
+    if value > at_most:
+        raise ValueError(f"{name}={shown(value)}: give a whole number of at most {at_most}")
+    return int(value)
+
+
+def text(name: str, value: Any) -> str:
+    """Return a string."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name}={shown(value)}: give a string")
+    return value
+
+
+def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
+    """Return a value that is among the choices."""
+    if not np.isscalar(value) or value not in choices:
+        raise ValueError(f"{name}={shown(value)}: choose one of {', '.join(map(repr, choices))}")
+    return value
+
+
+def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> NDArray[np.float64]:
+    """Return a new C-contiguous array of floats, which need not be finite; what is masked is NaN."""
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind == "O":
+            return np.array([real_number(name, v) for v in array.flat]).reshape(array.shape)
+        if array.dtype.kind not in "biuf":
+            raise TypeError
+        array = np.array(array, dtype=np.float64, order="C")
+        if np.ma.isMaskedArray(given):
+            array[np.ma.getmaskarray(given)] = nan
+        return array
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name}={shown(given)}: give {what}") from None
+
+
+def is_sequence(value: Any) -> bool:
+    """Whether a value has entries in an order, and is no text."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray | memoryview)
+
+
+def listed(name: str, value: Any) -> tuple[Any, ...]:
+    """Return the entries of what can be gone through."""
+    try:
+        return tuple(value)
+    except TypeError:
+        raise TypeError(f"{name}={shown(value)}: give a sequence") from None
+
+
+def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns that was given as an argument; where it fails, say which one it was."""
+    try:
+        return function(*arguments)
+    except Exception as error:
+        raise ValueError(f"{name}={shown(function)} fails, {type(error).__name__}: {error}") from error
+
+
+def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> NDArray[np.int64]:
+    """Return an array of whole numbers; a new one, unless they are int64 already."""
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "biu" and array.size:
+        raise TypeError(f"{name}={shown(given)}: give {what}")
+    if array.dtype.kind == "u" and array.size and array.max() > 2**62:
+        raise ValueError(f"{name}={shown(given)}: give whole numbers of at most 2**62")
+    return array.astype(np.int64, copy=False)
+
+
+def random_numbers(seed: int) -> np.random.Generator:
+    """Return the generator that belongs to a seed."""
+    return np.random.default_rng(whole_number("seed", seed))
+
+
+def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.float64]:
+    """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
+    array = real_array(name, points, f"real numbers in an array of shape (..., {dimension})")
+    if array.ndim == 0 or array.shape[-1] != dimension:
+        raise ValueError(f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove starts that are not finite")
+    return array
+
+
+def known_parameter(argument: str, name: Any, params: Mapping[str, float]) -> str:
+    """Return the name of a parameter that is there."""
+    if not isinstance(name, str) or name not in params:
+        raise ValueError(f"{argument}={shown(name)}: this map has the parameters {sorted(params)}")
+    return name
+
+
+def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
+    """Return values of a parameter as a new array (n,) of floats: finite, strictly increasing or decreasing."""
+    values = real_array(name, given, "real numbers, one for each step")
+    if values.ndim != 1 or not values.size:
+        raise ValueError(f"{name}={shown(given)}: give a list of at least one value")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} has the value {values[~np.isfinite(values)][0]}: give finite numbers")
+    steps = np.diff(values)
+    if not ((steps > 0.0).all() or (steps < 0.0).all()):
+        raise ValueError(f"{name} goes up and down, or repeats a value: sort it, and give each value once")
+    return values
+
+
+def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
+    """Return parameters as floats, in the order given."""
+    if not isinstance(params, Mapping):
+        raise TypeError(f"params={shown(params)}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
+    for name in params:
+        if not isinstance(name, str) or not name.isidentifier() or iskeyword(name) or name.startswith("_"):
+            raise ValueError(
+                f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
+            )
+    return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
+
+
+def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line outside of this package that called into it."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level - 1)
+
+
+def affordable_number(name: str, value: Any, each: int, at_least: int = 0) -> int:
+    """Return an int of which there is memory for: `each` bytes times it."""
+    number = whole_number(name, value, at_least)
+    claim_memory(f"{name}={value!r}", each * number, "give a smaller number")
+    return number
+
+
+def claim_memory(what: str, needed: int, remedy: str) -> None:
+    """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free.
+
+    What is free is asked of the system, which takes a millisecond: not for less than any process has.
+    """
+    logging.getLogger("cellmap").info("%s: %s of memory", what, in_bytes(needed))
+    if needed <= _ALWAYS_FREE:
+        return
+    free = memory_available()
+    if needed > free:
+        raise MemoryError(f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
+
+
+def claim_disk(what: str, needed: int, path: Path, remedy: str) -> None:
+    """Say on the logger "cellmap" what a file will need; raise OSError where that is more than is free on its disk."""
+    logging.getLogger("cellmap").info("%s: %s on the disk", what, in_bytes(needed))
+    free = shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise OSError(errno.ENOSPC, f"{what} needs {in_bytes(needed)} and {in_bytes(free)} are free: {remedy}")
+
+
+def in_bytes(count: float) -> str:
+    """Write a number of bytes with a unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"

@@ -1,0 +1,212 @@
+"""Work in tiles: on the threads of this process or on a cluster.  The tiles are the same, and so are the results."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from .checks import warn_caller
+from .threads import progress_bar, run_over
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_LARGEST_GROUP = 16  # tiles that travel together
+_GROUPS_A_THREAD = 8  # at least, so that all threads are busy to the end
+_UNDER_WAY = 2  # groups that a thread of the cluster has before it, so that it never waits
+_RETRIES = 2  # of a group that fails for a reason of its worker's, such as memory
+_LOOK = 0.01  # seconds between looks for what is completed,
+_SELDOM = 1.0  # and between looks for workers
+_WARNED = 30.0  # seconds without workers after which that is said,
+_GIVEN_UP = 600.0  # and after which the call ends
+_KEPT_WORK = 4  # pieces of work that a worker keeps unpacked
+
+
+def run_tiles(
+    numbers: Sequence[int],
+    task: Callable[[int], Task],
+    work: Callable[[Task], Result],
+    deliver: Callable[[int, Result], None],
+    client: Any = None,
+    progress: str | None = None,
+) -> None:
+    """Do the tiles of some numbers: ``deliver(number, work(task(number)))`` for each.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Tiles to do.
+    task : callable
+        What a tile begins from; called here, when its turn comes.
+    work : callable
+        What is done to it: pure, and picklable where there is a client.  A tile that is lost is done again.
+    deliver : callable
+        What becomes of the result; called here, without a client from several threads at once.
+    client : distributed.Client, optional
+        Cluster that works; by default the threads of this process do.
+    progress : str, optional
+        Text beside a bar.
+
+    Raises
+    ------
+    TimeoutError
+        Where the cluster has no workers for ten minutes.
+    """
+    if client is None:
+        run_over(numbers, lambda number: deliver(number, work(task(number))), progress)
+    elif len(numbers):
+        _run_on_cluster(numbers, task, work, deliver, client, progress)
+
+
+def check_client(client: Any) -> None:
+    """Refuse what is not a client of a Dask cluster."""
+    if client is None:
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise TypeError(
+            f"client={client!r}: pip install 'cellmap-dynamics[cluster]', and give a distributed.Client"
+        ) from None
+    if not isinstance(client, Client) or client.asynchronous:
+        raise TypeError(f"client={client!r}: give a distributed.Client that is not asynchronous")
+
+
+def _run_on_cluster(
+    numbers: Sequence[int],
+    task: Callable[[int], Any],
+    work: Callable[[Any], Any],
+    deliver: Callable[[int, Any], None],
+    client: Any,
+    progress: str | None,
+) -> None:
+    """Keep all threads of a cluster busy, and no more than that under way; Dask repeats what a lost worker had."""
+    import dask
+    from distributed import as_completed
+
+    # Tables may be large, and travel to each worker once.
+    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
+        packed = _Packed(client, work)
+        groups = _groups(numbers, _threads(client))
+        members: dict[str, tuple[Any, list[int]]] = {}
+
+        def begin(group: list[int]) -> Any:
+            future = packed.submit([task(number) for number in group])
+            members[future.key] = future, group
+            return future
+
+        def next_ones(wanted: int) -> list[Any]:
+            return [begin(group) for _, group in zip(range(wanted), groups, strict=False)]
+
+        with progress_bar(len(numbers), progress) as advance:
+            try:
+                under_way: Any = as_completed(next_ones(_UNDER_WAY * _threads(client)))
+                waited = _Waiting(client)
+                for future in _completed(under_way, waited):
+                    results = waited.result(future)
+                    _, group = members.pop(future.key)
+                    for number, result in zip(group, results, strict=True):
+                        deliver(number, result)
+                    advance(len(group))
+                    # Workers come and go.
+                    under_way.update(next_ones(_UNDER_WAY * _threads(client) - len(members)))
+            finally:
+                client.cancel([future for future, _ in members.values()])
+
+
+def _completed(under_way: Any, waited: _Waiting) -> Iterator[Any]:
+    """Yield futures as they are completed, as long as there is somebody to complete them."""
+    while not under_way.is_empty():
+        while not under_way.has_ready():
+            waited.look()
+            time.sleep(_LOOK)
+        yield next(under_way)
+
+
+class _Waiting:
+    """Waiting for a cluster: an error ends it where that has no workers for long, and a warning comes first."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._told = client, False
+        self._seen = self._looked = time.monotonic()
+
+    def result(self, future: Any) -> Any:
+        """Return what a future has come to; where that was lost with its worker, another one makes it again."""
+        while True:
+            try:
+                return future.result(timeout=_SELDOM)
+            except TimeoutError:
+                if future.status == "error":
+                    raise
+                self.look()
+
+    def look(self) -> None:
+        """Look for workers, from time to time."""
+        now = time.monotonic()
+        if now - self._looked < _SELDOM:
+            return
+        self._looked = now
+        if self._client.nthreads():
+            self._seen, self._told = now, False
+        elif now - self._seen > _GIVEN_UP:
+            raise TimeoutError(
+                f"client={self._client!r}: the cluster has had no workers for {_GIVEN_UP:g} s; start some and call "
+                "again: with a checkpoint the call goes on with what is done"
+            )
+        elif now - self._seen > _WARNED and not self._told:
+            self._told = True
+            warn_caller(
+                f"client={self._client!r}: the cluster has had no workers for {_WARNED:g} s; start some, for without "
+                f"them the call ends after {_GIVEN_UP:g} s"
+            )
+
+
+def _threads(client: Any) -> int:
+    return max(1, sum(client.nthreads().values()))
+
+
+def _groups(numbers: Sequence[int], threads: int) -> Iterator[list[int]]:
+    """Cut tiles into groups, large for few messages and yet many for each thread."""
+    size = min(max(len(numbers) // (threads * _GROUPS_A_THREAD), 1), _LARGEST_GROUP)
+    return (list(numbers[i : i + size]) for i in range(0, len(numbers), size))
+
+
+class _Packed:
+    """Work as bytes that a worker fetches once and unpacks once.
+
+    They are the result of a task of the cluster's own: where the only worker that has them dies, the scheduler makes
+    them again, as it does not with data that were merely put there.
+    """
+
+    def __init__(self, client: Any, work: Callable[[Any], Any]) -> None:
+        import cloudpickle
+
+        content = cloudpickle.dumps(work)
+        self._client, self._digest = client, hashlib.sha256(content).hexdigest()
+        self._content = client.submit(bytes, content, key=f"cellmap-work-{self._digest}")
+
+    def submit(self, tasks: list[Any]) -> Any:
+        """Begin a group."""
+        return self._client.submit(_work_on, self._content, self._digest, tasks, pure=False, retries=_RETRIES)
+
+
+_unpacked: OrderedDict[str, Callable[[Any], Any]] = OrderedDict()
+_unpacking = threading.Lock()
+
+
+def _work_on(content: bytes, digest: str, tasks: list[Any]) -> list[Any]:
+    """Do a group of tiles on a worker."""
+    import pickle
+
+    with _unpacking:  # threads of a worker share what it has compiled
+        if digest not in _unpacked:
+            _unpacked[digest] = pickle.loads(content)
+        _unpacked.move_to_end(digest)
+        work = _unpacked[digest]
+        while len(_unpacked) > _KEPT_WORK:
+            _unpacked.popitem(last=False)
+    return [work(task) for task in tasks]

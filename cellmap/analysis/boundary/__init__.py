@@ -1,0 +1,5 @@
+"""What bounds basins: edge states, saddles, their manifolds, distances, escape."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

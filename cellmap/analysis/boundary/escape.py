@@ -1,0 +1,251 @@
+"""Escape from a region without an attractor: lifetimes and the escape rate."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._lib.checks import affordable_number, finite_number, random_numbers
+from ..._lib.fit import Fit, fit_line
+from ..._lib.signatures import checked
+from ..._lib.threads import run_over, slices
+from ...attractors.search import check_attractors
+from ...attractors.settling import Catalogue, inside_cover
+from ...maps.coordinates import Coordinate, wrap
+from ...maps.grid import CellGrid
+from ...maps.orbit_batch import CHUNK, Orbits
+from ...maps.point_map import PointMap
+from ...orbits.attractor import Attractor
+
+_RESAMPLES = 200
+_FEWEST = 400  # survivors, below which chance bends the line by more than its window allows
+
+Region = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class Restraint:
+    """A region in which orbits are transient: a window, without neighbourhoods of attractors.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    window : CellGrid
+        The window; its cells do not matter, and along axes of a whole turn it has no ends.
+    attractors : tuple of Attractor
+        Attractors whose verified neighbourhoods, or boxes, are no part of the region.
+    catalogue : Catalogue
+        These neighbourhoods.
+    """
+
+    point_map: PointMap
+    window: CellGrid
+    attractors: tuple[Attractor, ...]
+    catalogue: Catalogue
+
+    def __repr__(self) -> str:
+        return f"Restraint({self.point_map.name}, {self.window}, {len(self.attractors)} attractors left out)"
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points (n, dimension), with angles in their turn, are in the region."""
+        lower, upper, wraps = self._edges
+        with np.errstate(invalid="ignore"):
+            within = (points >= lower) & (points <= upper)
+        if wraps.any():
+            within |= wraps & np.isfinite(points)
+        inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
+        if self.attractors and inside.any():
+            rows = np.flatnonzero(inside)
+            caught = self.catalogue.owners_of(np.ascontiguousarray(points[rows])) >= 0
+            for _, cover, keys in self.catalogue.covers:
+                caught |= inside_cover(cover, points[rows], self.point_map, keys)
+            inside[rows[caught]] = False
+        return inside
+
+    @functools.cached_property
+    def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        return np.array(self.window.lower), np.array(self.window.upper), np.array(self.window.wraps)
+
+    def lifetimes(self, points: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+        """Return for points (n, dimension) how many points of their orbits are in the region before the first outside.
+
+        0 for a point that is outside itself, at most `most`.
+        """
+        times = np.empty(len(points), np.int64)
+
+        def work(part: slice) -> None:
+            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
+            rows = np.arange(len(orbits))
+            found = np.full(len(orbits), most, np.int64)
+            for k in range(most):
+                inside = self(orbits.points)
+                if not inside.all():
+                    found[rows[~inside]] = k
+                    rows, orbits = rows[inside], orbits[inside]
+                    if not len(rows):
+                        break
+                self.point_map.advance(orbits, 1)
+            times[part] = found
+
+        run_over(slices(len(points), CHUNK), work)
+        return times
+
+
+def restraint(point_map: PointMap, window: CellGrid, attractors: Sequence[Attractor] = ()) -> Restraint:
+    """Return the region of a window outside the neighbourhoods of some attractors."""
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if not isinstance(window, CellGrid):
+        raise TypeError(f"window={window!r}: give a CellGrid")
+    check_attractors(attractors, point_map, "attractors")
+    return Restraint(
+        point_map, window.on(point_map.coordinates, "window"), tuple(attractors), Catalogue.of(attractors, point_map)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class EscapeRate:
+    """Exponential decay of the number of orbits that are still in a region.
+
+    Parameters
+    ----------
+    fit : Fit
+        Logarithm of the share of survivors against the step, from step 0 on.
+    rate : float
+        Escape rate per step: minus the slope.
+    standard_error : float
+        Of the rate: by drawing the starts anew, or by the fit, whichever is larger.
+    survivors : ndarray of int, shape (n,)
+        Orbits in the region after 0, 1, ... steps.
+    window : CellGrid
+        Where the starts were drawn.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    fit: Fit
+    rate: float
+    standard_error: float
+    survivors: NDArray[np.int64]
+    window: CellGrid
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        return f"EscapeRate({self.rate:.6g} +- {self.standard_error:.2g} per step, {self.survivors[0]} orbits)"
+
+    @property
+    def mean_lifetime(self) -> float:
+        """Mean lifetime of orbits near the saddle, in steps: the inverse of the rate."""
+        return 1.0 / self.rate if self.rate > 0.0 else np.inf
+
+
+@checked
+def escape_rate(
+    point_map: PointMap,
+    window: CellGrid,
+    attractors: Sequence[Attractor] = (),
+    n: int = 100_000,
+    most: int = 1000,
+    seed: int = 0,
+    fit_window: tuple[int, int] | None = None,
+    tolerance: float = 0.05,
+) -> EscapeRate:
+    """Measure how fast orbits leave a region.
+
+    Random starts, uniform in the window, are iterated until they leave.  The line is fitted by :func:`fit_line` in the
+    largest window of steps in which it is straight, among those after which at least 400 orbits are left.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    window : CellGrid
+        The region.
+    attractors : sequence of Attractor, optional
+        Attractors in the window, whose neighbourhoods are left out of the region.
+    n : int, optional
+        Starts.
+    most : int, optional
+        Steps after which what is left is given up.
+    seed : int, optional
+        Seed of the starts, and of drawing them anew.
+    fit_window : tuple of int, optional
+        First and last step of the fit.
+    tolerance : float, optional
+        See :func:`scaling_window`.
+
+    Returns
+    -------
+    EscapeRate
+        The rate with its fit.
+
+    Raises
+    ------
+    ValueError
+        Where fewer than 3 steps are left by at least 400 orbits, or none leaves.
+
+    References
+    ----------
+    Kantz, Grassberger, Physica D 17 (1985) 75; Lai, Tel, *Transient Chaos* (2011), section 1.2.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
+    >>> escape_rate(tent, CellGrid((0,), (1,), (1,)), n=20_000).rate
+    0.41
+    """
+    region = restraint(point_map, window, attractors)
+    number = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
+    last = affordable_number("most", most, 8 * 12, at_least=3)
+    allowed = finite_number("tolerance", tolerance, above=0.0)
+    rng = random_numbers(seed)
+    grid = region.window
+    starts = rng.uniform(grid.lower, grid.upper, (number, grid.dimension))
+    times = region.lifetimes(starts, last)
+    times = times[times > 0]
+    if not len(times):
+        raise ValueError(f"window={window!r}: no start is in the region; the attractors' neighbourhoods fill it")
+    survivors = _survivors(times, last)
+    if survivors[-1] == survivors[0]:
+        raise ValueError(f"window={window!r}: no orbit leaves it within {last} steps; it has no escape rate")
+    usable = np.flatnonzero(survivors >= _FEWEST)
+    if len(usable) < 3 and fit_window is None:
+        raise ValueError(
+            f"n={n!r}: only {len(usable)} steps are survived by {_FEWEST} orbits or more; take more starts"
+        )
+    survivors = survivors[: int(np.count_nonzero(survivors))]
+    steps = np.arange(len(survivors))
+    share = survivors / survivors[0]
+    height = np.log(share)
+    # At the first step nothing is left to chance; its weight must stay finite.
+    errors = np.maximum(np.sqrt((1.0 - share) / survivors), 1.0 / survivors[0])
+    within = fit_window
+    if within is None:
+        within = fit_line(steps[usable], height[usable], tolerance=allowed).window
+    fit = fit_line(steps, height, within, errors, labels=("step", "ln share of orbits left"))
+    part = slice(within[0], within[1] + 1)
+    slopes = []
+    counts = np.bincount(times, minlength=last + 1)
+    for _ in range(_RESAMPLES):
+        drawn = rng.multinomial(len(times), counts / len(times))
+        left = drawn.sum() - np.cumsum(drawn)[:last]
+        if left[within[1]] > 0:
+            again = fit_line(steps[part], np.log(left[part] / left[0]), (0, len(steps[part]) - 1), errors[part])
+            slopes.append(again.slope)
+    spread = float(np.std(slopes, ddof=1)) if len(slopes) > 1 else np.nan
+    # Shares of survivors at different steps are those of the same orbits, which a fit takes for independent.
+    error = float(np.nanmax([spread, fit.standard_error]))
+    fit = replace(fit, standard_error=error)
+    return EscapeRate(fit, -fit.slope, error, survivors, grid, point_map.coordinates)
+
+
+def _survivors(times: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+    """Return how many orbits are in the region after 0, 1, ..., last - 1 steps."""
+    counts = np.bincount(times, minlength=last + 1)
+    return np.asarray(len(times) - np.cumsum(counts)[:last])

@@ -1,0 +1,162 @@
+"""Stable and unstable manifolds of saddles of planar maps, as curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._lib.checks import finite_number, one_of
+from ..._lib.signatures import checked
+from ...maps.coordinates import Coordinate, wrap
+from ...maps.grid import CellGrid
+from ...maps.point_map import PointMap
+from ...maps.tangent import jacobian
+from ...orbits.periodic_orbit import PeriodicOrbit
+from .curve_growth import GrowingCurve, ManifoldBranch, growth_of
+
+
+@dataclass(frozen=True, eq=False)
+class Manifold:
+    """Stable or unstable manifold of a saddle of a planar map.
+
+    Parameters
+    ----------
+    kind : str
+        ``"stable"`` or ``"unstable"``.
+    orbit : PeriodicOrbit
+        The saddle.
+    multiplier : float
+        Its multiplier on the manifold.
+    branches : tuple of ManifoldBranch
+        Two for each point of the saddle.
+    spacing : float
+        Largest distance of neighbours on the curves, in units of `scale`.
+    scale : ndarray, shape (2,)
+        Unit of length along each coordinate.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    kind: str
+    orbit: PeriodicOrbit
+    multiplier: float
+    branches: tuple[ManifoldBranch, ...]
+    spacing: float
+    scale: NDArray[np.float64]
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        lengths = ", ".join(f"{b.length:.3g}" for b in self.branches)
+        return f"Manifold({self.kind}, multiplier {self.multiplier:.6g}, lengths {lengths})"
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """All points, shape (n, 2), angles in their turn, without order and interruptions."""
+        every = np.concatenate([b.points for b in self.branches])
+        return wrap(every[np.isfinite(every).all(axis=1)], self.coordinates)
+
+
+@checked
+def saddle_manifold(
+    point_map: PointMap,
+    orbit: PeriodicOrbit,
+    kind: str,
+    window: CellGrid,
+    length: float = 10.0,
+    spacing: float = 0.01,
+    inverse: PointMap | None = None,
+    reach: float = 0.1,
+) -> Manifold:
+    """Grow the stable or the unstable manifold of a saddle.
+
+    A fundamental segment on the eigenvector, from a place close to the saddle to its image, is iterated.  Where its
+    image is bent or stretched too much, points are put in on the segment itself and iterated from there, so that the
+    curve is nowhere interpolated.  The stable manifold is the unstable one of the inverse map; without `inverse` each
+    preimage is found by Newton's method with the exact derivative, from the one before it on the curve.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        A map of two coordinates.
+    orbit : PeriodicOrbit
+        A saddle of it, with one multiplier outside and one inside the unit circle.
+    kind : {"stable", "unstable"}
+        Which manifold.
+    window : CellGrid
+        Where the curves are followed; its sizes are the units of `length` and `spacing`, its cells do not matter.
+    length : float, optional
+        Length of each branch, as far as it is followed.
+    spacing : float, optional
+        Largest distance of neighbours; where the curve is bent by more than 0.2 radians from one to the next, they are
+        closer, down to a thousandth of it.
+    inverse : PointMap, optional
+        Inverse of the map, such as :func:`inverse_stroboscopic_map` makes; several times faster than Newton's method.
+    reach : float, optional
+        How far outside the window curves are still followed, in sizes of the window.  Take more for a curve that comes
+        back from far away, as those of Henon's map do.
+
+    Returns
+    -------
+    Manifold
+        Its branches.  What of a curve lies farther outside is left out, and so is a part that comes back between two
+        neighbours out there.
+
+    Raises
+    ------
+    ValueError
+        For a map that is not planar, or an orbit that is no saddle.
+
+    References
+    ----------
+    Hobson, Journal of Computational Physics 104 (1993) 14; You, Kostelich, Yorke, International Journal of Bifurcation
+    and Chaos 1 (1991) 605.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> bent = discrete_map(lambda x, p: (2 * x[0], x[1] / 2 + 3.5 * x[0] ** 2), {}, ("x", "y"))
+    >>> saddle = periodic_orbit(bent, [0.1, 0.1])
+    >>> curve = saddle_manifold(bent, saddle, "unstable", CellGrid((-1, -1), (1, 1), (1, 1))).branches[0].points
+    >>> bool(abs(curve[:, 1] - curve[:, 0] ** 2).max() < 1e-9)
+    True
+    """
+    one_of("kind", kind, ("stable", "unstable"))
+    if point_map.dimension != 2:
+        raise ValueError(f"point_map has {point_map.dimension} coordinates: manifolds are grown as curves in a plane")
+    moduli = np.abs(orbit.multipliers)
+    if orbit.points.shape[-1] != 2 or not (moduli[0] > 1.0 > moduli[1] > 0.0):
+        raise ValueError(f"orbit={orbit!r}: give a saddle, with one multiplier outside the unit circle and one inside")
+    grid = window.on(point_map.coordinates, "window")
+    longest = finite_number("length", length, above=0.0)
+    apart = finite_number("spacing", spacing, above=0.0, at_most=0.5)
+    beyond = finite_number("reach", reach, at_least=0.0)
+    unit = np.array(grid.upper) - np.array(grid.lower)
+    which = 0 if kind == "unstable" else 1
+    multiplier = float(orbit.multipliers[which].real)
+    rounds = 2 if multiplier < 0.0 else 1
+    factor = multiplier**rounds if kind == "unstable" else multiplier**-rounds
+    branches = []
+    for row, saddle in enumerate(orbit.points):
+        direction = _direction(point_map, orbit, row, multiplier)
+        direction = direction / np.linalg.norm(direction / unit)
+        growth = growth_of(point_map, orbit, row, kind, rounds, inverse)
+        begun = (
+            GrowingCurve(growth, saddle, sign * direction, factor, unit, grid, apart, beyond) for sign in (1.0, -1.0)
+        )
+        branches += [curve.grow(longest) for curve in begun]
+    return Manifold(kind, orbit, multiplier, tuple(branches), apart, unit, point_map.coordinates)
+
+
+def _direction(point_map: PointMap, orbit: PeriodicOrbit, row: int, multiplier: float) -> NDArray[np.float64]:
+    """Eigenvector of a round of the orbit that begins at one of its points, of a fixed sense."""
+    steps = jacobian(point_map, orbit.points)
+    matrix = np.eye(2)
+    for k in range(orbit.period):
+        matrix = steps[(row + k) % orbit.period] @ matrix
+    rest = matrix - multiplier * np.eye(2)
+    # The kernel of a matrix of rank one is orthogonal to its longer row.
+    a, b = rest[int(np.argmax(np.linalg.norm(rest, axis=1)))]
+    vector = np.array([-b, a]) / np.hypot(a, b)
+    return vector if (vector[0], vector[1]) > (0.0, 0.0) else -vector

@@ -1,0 +1,195 @@
+"""Box counting of the boundaries of basins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import affordable_number, random_numbers, whole_number
+from ..._lib.signatures import checked
+from ...basins.record import Basins
+from .box_counting import BoxCount, averaged, checked_sizes, fitted
+from .label_boxes import LabelImage, count_boxes
+from .specks import are_noise, isolated_shares, without_specks
+
+_FEWEST_BOXES = 10
+_MISSED = 0.1
+_LEAST_SHOWN = 1e-3
+_FULL = 0.95
+_FEWEST_ACROSS = 4
+_MOST_OFFSETS = 64
+
+
+@checked
+def boundary_dimension(
+    basins: Basins | NDArray[np.integer],
+    sizes: ArrayLike | None = None,
+    *,
+    samples: int | None = None,
+    codes: Sequence[int] = (),
+    wraps: Sequence[bool] | None = None,
+    offsets: int = 4,
+    seed: int = 0,
+    window: tuple[float, float] | None = None,
+) -> BoxCount:
+    """Count the boxes that hold boundary between basins, and fit their power law.
+
+    A box of s cells a side holds boundary if the cell centres in it, those on its border included, carry more than one
+    label.  So a box is s steps from cell to cell, borders between neighbouring boxes belong to both, and a boundary on
+    the line between two boxes is not lost.  Boxes that the edge of the window cuts count by the share that is inside.
+
+    A size is usable if 10 boxes or more hold boundary, there are four or more along each axis, no more than 95 % of
+    them hold boundary (unless this is so at all sizes), and boxes that the cells miss are 10 % at most.  How many these
+    are follows from the boxes that every other cell along each axis would miss, and the counts are corrected for them
+    before they are fitted.  Among the usable sizes the window is that of :func:`~cellmap._lib.fit.steady_window`.
+
+    Isolated labels, in specks of at most four cells, come from structure below a cell, or they are wrong.  The former
+    lie next to other boundary, so that the larger the boxes, the fewer hold nothing else; :attr:`BoxCount.isolated` is
+    their share.  Where it grows with the size of boxes and comes above 5 %, the specks are noise and are left out.
+    This holds for up to some percent of wrong labels, as long as there is other boundary.
+
+    Parameters
+    ----------
+    basins : Basins, or ndarray of int
+        Basins on a grid, or labels of the cells of one, of any dimension and shape.  Axes of one cell are left out.
+    sizes : array_like of int, optional
+        Sides of boxes in cells; by default 1, 2, 4, ...
+    samples : int, optional
+        Look at every box of every size through a lattice of ``samples + 1`` cells along each axis, in place of all of
+        its cells.  The chance to miss a thin strand is then the same at all sizes, and the resolution of the image does
+        not bend the line; use it where the boundary has structure below one cell.  Sizes are multiples of it.
+    codes : sequence of int, optional
+        Negative labels that count as a basin, such as -2 (diverged) where infinity attracts.  All other negative labels
+        are no basins: they make no boundary, neither with each other nor with a basin.
+    wraps : sequence of bool, optional
+        Which axes are circles; by default as in the grid.
+    offsets : int, optional
+        Grids over which the counts are averaged: the first begins at the first cell, the others at random places.
+    seed : int, optional
+        Seed of these places.
+    window : tuple of float, optional
+        Smallest and largest size for the fit, in the place of the automatic window.
+
+    Returns
+    -------
+    BoxCount
+        Counts, window, dimension and its error; sizes are in cells.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For labels that are no whole numbers, without a boundary, or too few cells for three usable sizes.
+
+    References
+    ----------
+    McDonald, Grebogi, Ott, Yorke, Physica D 17 (1985) 125.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, 400)] * 2)
+    >>> disc = (x**2 + y**2 < 0.5).astype(int)
+    >>> found = boundary_dimension(disc)
+    >>> round(found.dimension, 1), found.fractal
+    (1.0, False)
+    """
+    image = LabelImage.of(basins, codes, wraps)
+    boundary = image.boundary()
+    if not boundary.any():
+        raise ValueError("labels: no two basins meet, so that there is no boundary; choose another window, or codes=")
+    steps = 1 if samples is None else whole_number("samples", samples, at_least=1)
+    chosen = _sizes(sizes, min(boundary.shape), steps)
+    lengths = np.array(chosen, dtype=float)
+    cleaned = without_specks(image)
+    rest = cleaned.boundary()
+    isolated = isolated_shares(boundary, rest, image.wraps, chosen)
+    if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
+        image, boundary = cleaned, rest
+    offsets = affordable_number("offsets", offsets, 8 * (3 * len(chosen) + 2 * boundary.ndim), at_least=1)
+    rng = random_numbers(seed)
+    if samples is None:
+        places = rng.integers(0, chosen[-1], (offsets, boundary.ndim))
+        places[0] = 0
+        found = np.array([count_boxes(boundary, image.wraps, chosen, place) for place in places])
+        counts, errors = averaged(found)
+        missed = _missed(image, boundary, chosen, dict(zip(chosen, found[0], strict=True)))
+    else:
+        measured = [sampled(image, boundary.size, size, steps, offsets, rng) for size in chosen]
+        counts, errors = (np.array(v) for v in zip(*measured, strict=True))
+        missed = np.zeros(len(chosen))
+    share = counts * lengths**boundary.ndim / boundary.size
+    usable = (counts >= _FEWEST_BOXES) & (lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1) & (missed <= _MISSED)
+    if usable.any() and share[np.argmax(usable)] <= _FULL:
+        usable &= share <= _FULL
+    lengths, counts, errors, missed = (v[::-1] for v in (lengths, counts, errors, missed))
+    correction = -np.log1p(-missed)
+    return fitted(
+        *("labels", lengths, counts, errors, missed, usable[::-1], correction, window),
+        topological=boundary.ndim - 1,
+        ignored=image.ignored,
+        isolated=isolated[::-1],
+    )
+
+
+def _sizes(sizes: ArrayLike | None, most: int, step: int) -> list[int]:
+    """Return sizes in rising order, of at most half of the shortest side."""
+    if sizes is None:
+        chosen = [step * 2**k for k in range(max(1, most).bit_length()) if step * 2**k <= max(most // 2, step)]
+    else:
+        checked = checked_sizes(sizes)[::-1]
+        chosen = [whole_number("sizes", int(s), at_least=1) for s in checked]
+        if (np.array(chosen) != checked).any() or any(s % step for s in chosen):
+            raise ValueError(f"sizes={sizes!r}: give whole numbers of cells, multiples of samples={step}")
+        if chosen[-1] > most:
+            raise ValueError(f"sizes: a box of {chosen[-1]} cells is larger than the image; give sizes up to {most}")
+    return chosen
+
+
+def _missed(
+    image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int], known: dict[int, float]
+) -> NDArray[np.float64]:
+    """Return the estimated share of boxes with boundary in which the cells do not show it.
+
+    With every other cell along each axis, a share of the boxes of twice a size is lost.  To a boundary that is similar
+    to itself as many boxes of this size are lost by the cells, as compared with cells of half their width; and so on.
+    The losses at all larger sizes, taken together, are therefore what is missed at one.
+
+    Parameters
+    ----------
+    known : dict
+        Numbers of boxes of some sizes on the grid that begins at the first cell.
+    """
+    none = [0] * boundary.ndim
+    half = image.every(2, none)
+    coarse = half.boundary()
+    twice = [2 << k for k in range(max(min(boundary.shape).bit_length() - 2, 0))]
+    if not coarse.size or not twice:
+        return np.zeros(len(sizes))
+    unknown = [s for s in twice if s not in known]
+    known = known | dict(zip(unknown, count_boxes(boundary, image.wraps, unknown, none), strict=True))
+    found = np.array([known[s] for s in twice]) / boundary.size
+    seen = count_boxes(coarse, half.wraps, [s // 2 for s in twice], none) / (coarse.size * 2.0**boundary.ndim)
+    kept = np.clip(seen / np.maximum(found, 1e-300), _LEAST_SHOWN, 1.0)
+    shown = np.append(np.cumprod(kept[::-1])[::-1], 1.0).clip(_LEAST_SHOWN)  # at the sizes 1, 2, 4, ...
+    return np.asarray(1.0 - np.interp(np.log2(sizes), np.arange(len(shown)), shown))
+
+
+def sampled(
+    image: LabelImage, cells: int, size: int, samples: int, offsets: int, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Count the boxes of one size that show more than one label through a lattice of cells; mean and its error.
+
+    The larger the boxes, the fewer there are, and the more lattices lie beside one another: as many more are looked at.
+    """
+    step = size // samples
+    found = []
+    for _ in range(min(offsets * step, _MOST_OFFSETS)):
+        part = image.every(step, rng.integers(0, step, image.labels.ndim).tolist())
+        bits = part.boundary()
+        inside = rng.integers(0, samples, bits.ndim)
+        found.append(
+            count_boxes(bits, part.wraps, [samples], inside.tolist())[0] * cells / (step**bits.ndim * bits.size)
+        )
+    mean, error = averaged(np.array(found))
+    return float(mean), float(error)

@@ -1,0 +1,294 @@
+"""Box counting: the capacity dimension of sets of points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
+
+from ..._lib.checks import finite_number, real_array
+from ..._lib.fit import Fit, fit_line, steady_window, window_spread, with_drift
+from ..._lib.signatures import checked
+from ...maps.coordinates import Coordinate
+from .partitions import Partition, Space, distinct, dyadic_sizes, over_offsets
+
+_FEWEST_BOXES = 10
+_MISSED = 0.03
+_MARGIN = 0.02  # counts of straight lines on oblique grids come as close to whole numbers as this
+_LAST = 6
+_AHEAD = 100.0
+_EDGES = np.linspace(0.0, 4.0, 201)
+
+
+@dataclass(frozen=True, eq=False)
+class BoxCount:
+    """Numbers of boxes that a set meets, by their size, and the dimension that follows.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n,)
+        Sides of boxes, the largest first: in cells for a boundary, in units of the scales for points.
+    counts : ndarray, shape (n,)
+        Boxes that meet the set, mean over the offsets of the grid.
+    errors : ndarray, shape (n,)
+        Standard errors of these means; 0 for one grid.
+    missed : ndarray, shape (n,)
+        Estimated share of the boxes that meet the set unseen: the set is known at some places only.
+    usable : ndarray of bool, shape (n,)
+        Sizes between both ends at which counts saturate.
+    fit : Fit
+        Of ln counts against ln 1/size; its slope is the dimension, and its error counts the drift of the slope and the
+        choice of the window as well.
+    topological : int or None
+        Dimension of the set if it is smooth, where that is known: one less than that of the space for a boundary.
+    ignored : float
+        Share of the cells that belong to no basin; 0 for points.
+    isolated : ndarray, shape (n,), or None
+        Share of the boxes with boundary that hold that of isolated labels alone, before these are left out; None for
+        points.
+    """
+
+    sizes: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    missed: NDArray[np.float64]
+    usable: NDArray[np.bool_]
+    fit: Fit
+    topological: int | None = None
+    ignored: float = 0.0
+    isolated: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        first, last = self.sizes[self.fit.inside][[0, -1]]
+        return f"BoxCount(dimension {self.dimension:.4g} +- {self.standard_error:.2g}, sizes {last:.3g} to {first:.3g})"
+
+    @property
+    def dimension(self) -> float:
+        """The slope in the window."""
+        return self.fit.slope
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the dimension: scatter and drift of the slope, and the choice of the window."""
+        return self.fit.standard_error
+
+    @property
+    def fractal(self) -> bool:
+        """Whether the counts tell the set from a smooth one.
+
+        True if the 95 % interval of the dimension lies above that of a smooth boundary, by 0.02 at least; for points,
+        if it is as far from any whole number.  A claim about ever smaller sizes has to bear two more tests.  The
+        interval is widened to the slope that the smallest usable sizes would lead to, two decades on: the counts of a
+        smooth boundary that is wound up tightly come to their law at small sizes only.  And it is widened to the
+        95 % interval for the slope of one more octave, by the scatter of all usable ones: near the onset of a fractal
+        boundary slopes wander, and those of a smooth one are at 1 beyond the picture.  False does not say that a set
+        is smooth.
+        """
+        low, high = self.fit.interval(0.95)
+        beyond = [self._ahead(), *self._next_octave()]
+        low, high = min(low, *beyond) - _MARGIN, max(high, *beyond) + _MARGIN
+        if self.topological is not None:
+            return bool(low > self.topological)
+        return bool(np.floor(low) == np.floor(high) and low > np.floor(low))
+
+    def _ahead(self) -> float:
+        """Slope that the smallest usable sizes lead to, if it goes on to change as it does there."""
+        x, slopes = self._local_slopes()
+        if len(slopes) < 3:
+            return self.dimension
+        x, slopes = x[1 - _LAST :], slopes[1 - _LAST :]
+        return float(fit_line(x, slopes, (0, len(slopes) - 1))(x[-1] + np.log(_AHEAD)))
+
+    def _next_octave(self) -> tuple[float, float]:
+        """Interval in which the slope of a further size is expected, from the scatter of those of usable sizes."""
+        slopes = self._local_slopes()[1]
+        n = len(slopes)
+        if n < 2:
+            return self.dimension, self.dimension
+        reach = float(stdtrit(n - 1, 0.975) * slopes.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
+        return float(slopes.mean()) - reach, float(slopes.mean()) + reach
+
+    def _local_slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Middles between neighbouring usable sizes, and slopes there."""
+        x, y = self.fit.x[self.usable], self.fit.y[self.usable]
+        return 0.5 * (x[1:] + x[:-1]), np.diff(y) / np.diff(x)
+
+
+@checked
+def box_dimension(
+    points: ArrayLike,
+    sizes: ArrayLike | None = None,
+    *,
+    coordinates: Sequence[str | Coordinate] | None = None,
+    scales: ArrayLike | None = None,
+    origin: ArrayLike | None = None,
+    offsets: int = 8,
+    seed: int = 0,
+    window: tuple[float, float] | None = None,
+) -> BoxCount:
+    """Count the boxes that a set of points meets, and fit their power law.
+
+    All dyadic sizes come from one sort of the points, and each other size from a sort of its own.  A size is usable
+    if the set meets 10 boxes or more, and if the boxes that the points miss, by Chao's estimate from those that hold
+    one and two points, are 2 % of them at most.  Among the usable sizes the window is that of
+    :func:`~cellmap._lib.fit.steady_window`.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, d)
+        The set, such as an attractor's orbit.
+    sizes : array_like, optional
+        Sides of boxes in units of the scales; by default the extent of the set and its halves, quarters, ...
+    coordinates : sequence of str or Coordinate, optional
+        What the columns are; an angle is a circle, of which whole boxes make up a turn.
+    scales : array_like, shape (d,), optional
+        Lengths that count as one.  By default 1 for all where all have the same unit and none is an angle; else a turn,
+        or the extent of the set.
+    origin : array_like, shape (d,), optional
+        A corner of a box, for one grid in a given place (on the line; a circle's boxes begin where it is cut).
+    offsets : int, optional
+        Grids at random places over which the counts are averaged.
+    seed : int, optional
+        Seed of these places.
+    window : tuple of float, optional
+        Smallest and largest size for the fit, in the place of the automatic window.
+
+    Returns
+    -------
+    BoxCount
+        Counts, window, dimension and its error.
+
+    Raises
+    ------
+    ValueError
+        For points or sizes that leave fewer than three usable sizes, and for arguments out of bounds.
+
+    References
+    ----------
+    Liebovitch, Toth, Physics Letters A 141 (1989) 386 (one sort); Chao, Scandinavian Journal of Statistics 11 (1984)
+    265 (unseen boxes).
+
+    Examples
+    --------
+    >>> line = np.linspace(0.0, 1.0, 100_001)[:, None] * [1.0, 0.3]
+    >>> round(box_dimension(line).dimension, 2)
+    1.0
+    """
+    space = distinct(Space.of(points, coordinates, scales))
+    chosen = None if sizes is None else checked_sizes(sizes)
+    counts = over_offsets(space, chosen, origin, offsets, seed, Partition.occupancy)  # offset, size, kind
+    tried = dyadic_sizes(space) if chosen is None else chosen
+    if chosen is None:
+        tried, counts = _without_tail(tried, counts)
+    mean, errors = averaged(counts[..., 0])
+    missed = unseen(counts)
+    usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
+    # A grid in a given place has no mean over places, of which alone Steiner's formula speaks.
+    raised = edge_boxes(tried, mean, usable, space) if origin is None else np.zeros(len(tried))
+    return fitted("points", tried, mean, errors, missed, usable, -raised, window)
+
+
+def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> NDArray[np.float64]:
+    """Return sizes in falling order, at least three different ones."""
+    chosen = np.unique(real_array(name, sizes).ravel())[::-1]
+    if len(chosen) < 3 or not (np.isfinite(chosen).all() and (chosen > 0.0).all()):
+        raise ValueError(f"{name}={sizes!r}: give at least three different positive sizes")
+    return chosen
+
+
+def averaged(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return means over the first axis and their standard errors, 0 for one entry."""
+    n = len(counts)
+    return counts.mean(axis=0), counts.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.zeros(counts.shape[1:])
+
+
+def unseen(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the estimated share of boxes that points miss (Chao 1984), from counts (offset, size, any | 1 | 2)."""
+    boxes, ones, twos = counts.mean(axis=0).T
+    lost = ones * np.maximum(ones - 1.0, 0.0) / (2.0 * (twos + 1.0))
+    return np.asarray(lost / (boxes + lost))
+
+
+def edge_boxes(
+    sizes: NDArray[np.float64], counts: NDArray[np.float64], usable: NDArray[np.bool_], space: Space
+) -> NDArray[np.float64]:
+    """Return by how much boxes that only touch the edges of a set raise the logarithms of counts.
+
+    On grids at random places a brick with the sides a, b, ... meets (1 + a/s) (1 + b/s) ... boxes of the size s on
+    average (Steiner's formula): more than a b .../s**d by factors like 1 + s/a, and other sets have ends and edges too.
+    Of the factors (1 + c s)**d, with c from 0 to four over the extent, that one is taken with which the counts of the
+    usable sizes are closest to a line.  It does not matter at small sizes, and bends the line at large ones.
+    """
+    parts, d = sizes / space.extent, space.dimension
+    if np.count_nonzero(usable) < 4:
+        return np.zeros(len(sizes))
+    x = -np.log(parts[usable])
+    raised = d * np.log1p(_EDGES[:, None] * parts)
+    trials = np.log(counts[usable]) - raised[:, usable]
+    design = np.stack([np.ones_like(x), x], axis=1)
+    rest = np.linalg.lstsq(design, trials.T, rcond=None)[1]
+    freedom = max(len(x) - 3, 1)
+    needed = rest[0] > rest.min() * (1.0 + stdtrit(freedom, 0.975) ** 2 / freedom)
+    return np.asarray(raised[np.argmin(rest)] if needed else raised[0])
+
+
+def fitted(
+    subject: str,
+    sizes: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    missed: NDArray[np.float64],
+    usable: NDArray[np.bool_],
+    correction: NDArray[np.float64],
+    window: tuple[float, float] | None,
+    **more: Any,
+) -> BoxCount:
+    """Fit the counts of boxes, with what is added to their logarithms."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y, sigma = -np.log(sizes), np.log(counts) + correction, errors / counts
+    labels = (f"ln 1/size{' (cells)' if 'topological' in more else ''}", "ln boxes")
+    fit = fit_sizes(subject, x, y, sizes, usable, window, labels, to_the_end="topological" in more)
+    return BoxCount(sizes, counts, errors, missed, usable, replace(fit, errors=sigma), **more)
+
+
+def fit_sizes(
+    subject: str,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    usable: NDArray[np.bool_],
+    window: tuple[float, float] | None,
+    labels: tuple[str, str],
+    to_the_end: bool = False,
+) -> Fit:
+    """Fit a line among usable sizes, or between two given ones."""
+    if window is None:
+        if np.count_nonzero(usable) < 3:
+            remedy = "cells, or samples=1" if subject == "labels" else "points"
+            raise ValueError(
+                f"{subject}: {np.count_nonzero(usable)} sizes of boxes lie between those that saturate at either end, "
+                f"and a window needs 3; give more {remedy}, or choose sizes= and window="
+            )
+        inside = np.where(usable, y, np.nan)
+        fit = with_drift(fit_line(x, y, steady_window(x, inside, to_the_end=to_the_end), labels=labels))
+        spread = window_spread(x, inside, fit.slope, to_the_end)
+        return replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
+    low, high = (finite_number(f"window[{k}]", v, above=0.0) for k, v in enumerate(window))
+    chosen = np.flatnonzero((sizes >= low * (1 - 1e-9)) & (sizes <= high * (1 + 1e-9)) & np.isfinite(y))
+    if len(chosen) < 3:
+        raise ValueError(f"window={window!r} holds {len(chosen)} sizes with boxes: give a window with 3 or more")
+    return with_drift(fit_line(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels))
+
+
+def _without_tail(
+    sizes: NDArray[np.float64], counts: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Leave out small sizes at which nearly each point has a box of its own, all but one."""
+    boxes = counts[..., 0].mean(axis=0)
+    last = int(np.argmax(boxes >= 0.98 * boxes[-1]))
+    kept = slice(0, max(min(last + 2, len(sizes)), 3))
+    return sizes[kept], counts[:, kept]

@@ -1,0 +1,191 @@
+"""The correlation dimension of attractors, by pairs of points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import one_of, whole_number
+from ..._lib.fit import Fit, fit_line
+from ..._lib.signatures import checked
+from ..._lib.threads import run_over
+from ...maps.coordinates import Coordinate
+from .box_counting import checked_sizes, fit_sizes
+from .partitions import Space
+
+_BLOCKS = 8
+_FEWEST_PAIRS = 500
+_LARGEST = 0.25  # of the extent
+_RADII = 25
+_DECADES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CorrelationSum:
+    """Shares of pairs of points that are close, by distance, and the dimension that follows.
+
+    Parameters
+    ----------
+    radii : ndarray, shape (n,)
+        Distances in units of the scales, the largest first.
+    shares : ndarray, shape (n,)
+        Correlation sums C(r): pairs that are closer than r, among all that are farther apart in time than `theiler`.
+    errors : ndarray, shape (n,)
+        Their standard errors, from the spread over stretches of the orbit.
+    pairs : int
+        Number of all pairs.
+    theiler : int
+        Steps in time up to which pairs are left out.
+    usable : ndarray of bool, shape (n,)
+        Distances up to a quarter of the set's extent that 500 pairs or more are below.
+    fit : Fit
+        Of -ln C against ln 1/r; its slope is the dimension.  The standard error counts scatter, drift of the slope in
+        the window, the choice of the window, and the spread of the slope over stretches of the orbit.
+    """
+
+    radii: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    pairs: int
+    theiler: int
+    usable: NDArray[np.bool_]
+    fit: Fit
+
+    def __repr__(self) -> str:
+        first, last = self.radii[self.fit.inside][[0, -1]]
+        return (
+            f"CorrelationSum(dimension {self.dimension:.4g} +- {self.standard_error:.2g}, "
+            f"distances {last:.3g} to {first:.3g})"
+        )
+
+    @property
+    def dimension(self) -> float:
+        """The correlation dimension."""
+        return self.fit.slope
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the dimension."""
+        return self.fit.standard_error
+
+
+@checked
+def correlation_dimension(
+    points: ArrayLike,
+    radii: ArrayLike | None = None,
+    *,
+    theiler: int = 10,
+    norm: float = 2.0,
+    coordinates: Sequence[str | Coordinate] | None = None,
+    scales: ArrayLike | None = None,
+    window: tuple[float, float] | None = None,
+) -> CorrelationSum:
+    """Measure the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
+
+    Pairs are counted with a tree of the points; those that are close because they follow one another in time are left
+    out (Theiler 1986).  The window among usable distances is that of :func:`~cellmap._lib.fit.steady_window`.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, d)
+        Consecutive points of one orbit, at least 1000.
+    radii : array_like, optional
+        Distances; by default 25 over up to five decades.
+    theiler : int, optional
+        Pairs up to so many steps apart in time do not count; at least the time over which an orbit forgets itself.
+    norm : float, optional
+        2 for Euclidean distances, ``inf`` for the largest difference.
+    coordinates, scales : optional
+        As in :func:`box_dimension`; angles are compared the shorter way round.
+    window : tuple of float, optional
+        Smallest and largest distance for the fit, in the place of the automatic window.
+
+    Returns
+    -------
+    CorrelationSum
+        Shares of pairs, window, dimension and its error.
+
+    Raises
+    ------
+    ValueError
+        For too few points, or arguments out of bounds.
+
+    References
+    ----------
+    Grassberger, Procaccia, Physica D 9 (1983) 189; Theiler, Physical Review A 34 (1986) 2427.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).random((4000, 1))
+    >>> round(correlation_dimension(x).dimension, 1)
+    1.0
+    """
+    space = Space.of(points, coordinates, scales)
+    n = len(space.points)
+    if n < 1000:
+        raise ValueError(f"points: {n} are too few for pairs at all distances; give at least 1000")
+    theiler = whole_number("theiler", theiler, at_most=n // 4)
+    one_of("norm", norm, (1.0, 2.0, np.inf))
+    distances = _radii(space, n) if radii is None else checked_sizes(radii, "radii")
+    counts = _pairs(space, distances[::-1], theiler, norm)[:, ::-1]  # stretch of the orbit, distance
+    edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
+    time = np.arange(n)
+    partners = n - 1 - np.minimum(time, theiler) - np.minimum(n - 1 - time, theiler)
+    each = np.add.reduceat(partners, edges[:-1])
+    shares = counts.sum(axis=0) / each.sum()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.log(counts / each[:, None])
+        y, errors = -np.log(shares), logs.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
+    usable = (counts.sum(axis=0) >= 2 * _FEWEST_PAIRS) & (distances <= _LARGEST * space.extent)
+    x = -np.log(distances)
+    fit = fit_sizes("points", x, y, distances, usable, window, ("ln 1/distance", "ln 1/share of pairs"))
+    inside = logs[:, fit.inside]
+    if np.isfinite(inside).all():
+        slopes = [fit_line(x[fit.inside], -row, (0, inside.shape[1] - 1)).slope for row in inside]
+        spread = float(np.std(slopes, ddof=1) / np.sqrt(_BLOCKS))
+        fit = replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
+    errors = np.where(np.isfinite(errors), errors, 0.0)
+    return CorrelationSum(
+        distances, shares, errors * shares, int(each.sum()) // 2, theiler, usable, replace(fit, errors=errors)
+    )
+
+
+def _radii(space: Space, n: int) -> NDArray[np.float64]:
+    """Distances from a quarter of the extent down, in equal ratios."""
+    return np.asarray(_LARGEST * space.extent * np.geomspace(1.0, 10.0**-_DECADES, _RADII))
+
+
+def _pairs(space: Space, rising: NDArray[np.float64], theiler: int, norm: float) -> NDArray[np.int64]:
+    """Ordered pairs that are closer than each distance, by the stretch of the orbit that holds the first of them."""
+    from scipy.spatial import cKDTree
+
+    circle = space.turns if space.turns.any() else None
+    points = space.points
+    if circle is not None:
+        # Rounding may put an angle on the end of its turn, which is the beginning.
+        points = np.where((circle > 0.0) & (points >= circle), 0.0, points)
+    tree = cKDTree(points, boxsize=circle)
+    edges = np.linspace(0, len(points), _BLOCKS + 1).astype(int)
+    counts = np.zeros((_BLOCKS, len(rising)), np.int64)
+
+    def work(block: int) -> None:
+        first, last = edges[block], edges[block + 1]
+        mine = cKDTree(points[first:last], boxsize=circle)
+        counts[block] = mine.count_neighbors(tree, rising, p=norm)
+        counts[block] -= last - first  # each with itself
+
+    run_over(range(_BLOCKS), work)
+    for lag in range(1, theiler + 1):
+        apart = np.abs(points[lag:] - points[:-lag])
+        if circle is not None:
+            apart = np.where(circle > 0.0, np.minimum(apart, np.abs(circle - apart)), apart)
+        distance = np.linalg.norm(apart, ord=norm, axis=1)
+        for shift in (0, lag):  # the pair belongs to the stretch of either point
+            owner = np.searchsorted(edges, np.arange(len(distance)) + shift, side="right") - 1
+            for block in range(_BLOCKS):
+                close = np.searchsorted(np.sort(distance[owner == block]), rising, side="right")
+                counts[block] -= close
+    return counts

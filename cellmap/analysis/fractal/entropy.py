@@ -1,0 +1,240 @@
+"""Basin entropy and boundary basin entropy (Daza et al. 2016)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, prod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import affordable_number, random_numbers, whole_number
+from ..._lib.signatures import checked
+from ...basins.record import Basins
+from .image_uncertainty import finest_exponent, is_rough
+from .labels import LabelImage, label_image
+
+_SIGNIFICANT = 2.0  # standard errors above ln 2
+_FEW = 30  # boxes on the boundary below which nothing is concluded
+_COMPLETE = 0.5  # of a box's cells that need a basin
+
+
+@dataclass(frozen=True, eq=False)
+class BasinEntropy:
+    """Entropy of the basins in the boxes of a picture.
+
+    Parameters
+    ----------
+    entropy, standard_error : float
+        Mean over all boxes, which is the basin entropy, and its standard error over boxes.
+    boundary_entropy, boundary_error : float
+        Mean over the boxes with more than one basin, which is the boundary basin entropy; NaN without such boxes.
+    box : tuple of int
+        Sides of a box in cells.
+    boxes : ndarray, shape (n,) or that of the tiling
+        Entropy of each box, NaN for boxes that were left out.
+    basins : int
+        Number of basins in the picture.
+    positions : str
+        "tiling" or "random".
+    finest : tuple of float
+        Uncertainty exponent between distances of two cells and of one, and its standard error.
+    name : str
+        Name of the system.
+    """
+
+    entropy: float
+    standard_error: float
+    boundary_entropy: float
+    boundary_error: float
+    box: tuple[int, ...]
+    boxes: NDArray[np.float64]
+    basins: int
+    positions: str
+    finest: tuple[float, float]
+    name: str = ""
+
+    def __repr__(self) -> str:
+        sides = " x ".join(map(str, self.box))
+        return (
+            f"BasinEntropy({self.entropy:.4g} +- {self.standard_error:.2g}, on the boundary "
+            f"{self.boundary_entropy:.4g} +- {self.boundary_error:.2g}, {self.count} boxes of {sides} cells)"
+        )
+
+    @property
+    def count(self) -> int:
+        """Boxes that count."""
+        return int(np.isfinite(self.boxes).sum())
+
+    @property
+    def boundary_count(self) -> int:
+        """Boxes with more than one basin."""
+        return int((self.boxes > 0.0).sum())
+
+    @property
+    def above_ln2(self) -> bool:
+        """Whether the boundary basin entropy is above ln 2 by two standard errors, in 30 boxes or more.
+
+        A box on a smooth boundary sees two basins, and its entropy is ln 2 at most; only around points where more
+        basins meet it is larger, and there are few of them.  Basins of which there are two never come above ln 2.
+        """
+        return (
+            self.boundary_count >= _FEW
+            and self.boundary_entropy - _SIGNIFICANT * self.boundary_error > log(2.0) + 1e-12
+        )
+
+    @property
+    def fractal(self) -> bool:
+        """Whether the ln 2 criterion proves the boundary fractal, at the scales of the picture.
+
+        It does where the entropy is above ln 2 and the cells themselves find no smooth boundary.  (Boxes that are wider
+        than smooth basins see several of them too, but next to such a boundary the share of pairs of cells that differ
+        doubles with their distance.)  The converse does not hold: False says nothing.
+        """
+        return self.above_ln2 and is_rough(self.finest)
+
+
+@checked
+def basin_entropy(
+    basins: Basins | ArrayLike,
+    box: int | Sequence[int] = 5,
+    positions: int | None = None,
+    also: Sequence[int] = (),
+    wraps: Sequence[bool] = (),
+    seed: int = 0,
+) -> BasinEntropy:
+    """Measure the basin entropy of a picture.
+
+    In each box the entropy of the shares of the basins is taken, with natural logarithms.  The mean over all boxes is
+    the basin entropy, that over boxes with several basins the boundary basin entropy.
+
+    Parameters
+    ----------
+    basins : Basins or array_like of int
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
+        diverged, undecided), or of a missing one, do not count; a box of which less than half has a basin is left out.
+    box : int or sequence of int, optional
+        Side of a box in cells, one for all axes or one for each (axes of one cell are not counted).
+    positions : int, optional
+        Boxes at so many random positions, in the place of a tiling from the first corner on.  (What a tiling leaves
+        over at the other ends does not count.)
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.
+    wraps : sequence of bool, optional
+        Which axes of an array are circles; for basins the grid knows.  Random boxes reach round them.
+    seed : int, optional
+        Seed of random positions.
+
+    Returns
+    -------
+    BasinEntropy
+        Both entropies with standard errors, and the entropy of each box.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no picture of basins, or boxes that do not fit into it.
+
+    Notes
+    -----
+    Boxes of random positions overlap, and neighbouring boxes of a tiling share pieces of boundary: standard errors over
+    boxes are too small where there are more random boxes than a tiling has.  They tell nothing of the dependence on the
+    size of the box, which is why only entropies for boxes of equal size should be compared.
+
+    References
+    ----------
+    Daza, Wagemakers, Georgeot, Guery-Odelin, Sanjuan, Scientific Reports 6 (2016) 31416.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> stripes = np.repeat([[0, 1]], 4, axis=0).repeat(2, axis=1)
+    >>> found = basin_entropy(stripes, box=4)
+    >>> round(found.entropy, 6), found.above_ln2
+    (0.693147, False)
+    """
+    image = label_image(basins, also, wraps)
+    sides = _sides(image, box)
+    if positions is None:
+        counts = _tiled(image, sides)
+    else:
+        counts = _random(image, sides, affordable_number("positions", positions, 8 * 8, at_least=2), seed)
+    entropies = box_entropies(counts, prod(sides))
+    valid = entropies[np.isfinite(entropies)]
+    if not len(valid):
+        raise ValueError(f"box={box!r}: no box has basins in half of its cells; take smaller boxes or another window")
+    mean, error = mean_and_error(valid)
+    edge, edge_error = mean_and_error(valid[valid > 0.0])
+    return BasinEntropy(
+        mean,
+        error,
+        edge,
+        edge_error,
+        sides,
+        entropies,
+        len(image.names),
+        "tiling" if positions is None else "random",
+        finest_exponent(image),
+        basins.name if isinstance(basins, Basins) else "",
+    )
+
+
+def box_entropies(counts: NDArray[np.int64], cells: int) -> NDArray[np.float64]:
+    """Return the entropy of boxes from the counts of their basins (basins, ...); NaN where too few cells have one."""
+    total = counts.sum(axis=0)
+    share = counts / np.maximum(total, 1)
+    entropy = -(share * np.log(np.where(share > 0.0, share, 1.0))).sum(axis=0)
+    return np.where(total >= _COMPLETE * cells, np.maximum(entropy, 0.0), np.nan)
+
+
+def mean_and_error(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return mean and standard error, NaN for what too few values do not tell."""
+    n = len(values)
+    return float(values.mean()) if n else np.nan, float(values.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+
+
+def _sides(image: LabelImage, box: int | Sequence[int]) -> tuple[int, ...]:
+    shape = image.numbers.shape
+    given = (box,) * len(shape) if isinstance(box, int | np.integer) else tuple(box)
+    if len(given) != len(shape):
+        raise ValueError(f"box={box!r}: the picture has {len(shape)} axes of more than one cell; give a side for each")
+    sides = tuple(whole_number("box", side, at_least=1) for side in given)
+    if prod(sides) < 2 or any(side > n for side, n in zip(sides, shape, strict=True)):
+        raise ValueError(f"box={box!r}: give sides of two cells or more, that fit into {shape} cells")
+    return sides
+
+
+def _tiled(image: LabelImage, sides: tuple[int, ...]) -> NDArray[np.int64]:
+    """Count the basins in boxes side by side, shape (basins, boxes along each axis)."""
+    tiles = [n // side for n, side in zip(image.numbers.shape, sides, strict=True)]
+    used = image.numbers[tuple(slice(0, t * side) for t, side in zip(tiles, sides, strict=True))]
+    split = used.reshape([m for pair in zip(tiles, sides, strict=True) for m in pair])
+    inner = tuple(range(1, 2 * len(sides), 2))
+    return np.array([np.count_nonzero(split == k, axis=inner) for k in range(len(image.names))])
+
+
+def _random(image: LabelImage, sides: tuple[int, ...], positions: int, seed: int) -> NDArray[np.int64]:
+    """Count the basins in boxes at random positions, shape (basins, boxes)."""
+    offsets = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, len(sides))
+    rng = random_numbers(seed)
+    corners = [
+        rng.integers(0, n if wraps else n - side + 1, positions)
+        for n, side, wraps in zip(image.numbers.shape, sides, image.wraps, strict=True)
+    ]
+    return count_at(image, np.stack(corners, axis=-1), offsets)
+
+
+def count_at(image: LabelImage, places: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the basins among the cells at some offsets from places, shape (basins, places)."""
+    counts = np.empty((len(image.names), len(places)), np.int64)
+    size = max(1, 4_000_000 // len(offsets))
+    for begin in range(0, len(places), size):
+        cells = np.zeros((1, 1), np.int64)
+        for j, (n, wraps) in enumerate(zip(image.numbers.shape, image.wraps, strict=True)):
+            along = places[begin : begin + size, j, None] + offsets[:, j]
+            cells = cells * n + (along % n if wraps else along)
+        numbers = image.numbers.ravel()[cells]
+        for k in range(len(image.names)):
+            counts[k, begin : begin + size] = np.count_nonzero(numbers == k, axis=1)
+    return counts

@@ -1,0 +1,198 @@
+"""Boxes of an image of labels that hold the boundary between basins, by their size."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compiled.kernels.boxes import NO_BASIN, halve, mixed_boxes
+from ..._lib.checks import is_sequence, shown, whole_number
+from ..._lib.threads import run_over, slices
+from ...basins.record import Basins
+
+_ROWS = 1 << 20  # cells in a slice of work
+
+
+@dataclass(frozen=True, eq=False)
+class LabelImage:
+    """Labels of cells, ready to be compared.
+
+    Parameters
+    ----------
+    labels : ndarray of int16, shape of the image without axes of one cell
+        Labels; `NO_BASIN` for cells that belong to none.
+    wraps : tuple of bool
+        Which axes are circles.
+    """
+
+    labels: NDArray[np.int16]
+    wraps: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, basins: Basins | NDArray[np.integer], codes: Sequence[int], wraps: Sequence[bool] | None) -> LabelImage:
+        """Check labels; negative ones are no basins, except those in `codes`."""
+        if isinstance(basins, Basins):
+            if basins.grid is None:
+                raise ValueError(
+                    f"basins of {basins.name}: boxes need the cells of a grid, and these are single starts"
+                )
+            labels: NDArray[np.integer] = basins.labels
+            circles = basins.grid.wraps if wraps is None else tuple(map(bool, wraps))
+        else:
+            # What is masked gets a negative label that no code names: it is no basin.
+            if np.ma.isMA(basins) and basins.dtype.kind in "biu":
+                labels = np.ma.filled(basins.astype(np.int64), min((0, *codes)) - 1)
+            else:
+                labels = np.asarray(basins) if is_sequence(basins) else np.array(basins)
+            if labels.dtype.kind == "b":
+                labels = labels.astype(np.int16)
+            if labels.dtype.kind not in "iu":
+                raise TypeError(f"basins={shown(basins)}: give whole numbers as labels, or Basins")
+            circles = (False,) * labels.ndim if wraps is None else tuple(map(bool, wraps))
+        if len(circles) != labels.ndim:
+            raise ValueError(f"wraps={wraps!r}: give one entry for each of the {labels.ndim} axes")
+        if labels.size < 2:
+            raise ValueError(f"basins have the shape {labels.shape}: a boundary needs two cells at least")
+        chosen = tuple(whole_number(f"codes[{k}]", c, at_least=-(2**31)) for k, c in enumerate(codes))
+        nowhere = (labels < 0) & ~np.isin(labels, chosen) if labels.min() < 0 else None
+        if nowhere is not None and not nowhere.any():
+            nowhere = None
+        small = labels
+        if labels.dtype != np.int16:
+            if labels.min() <= NO_BASIN or labels.max() >= -int(NO_BASIN) - 1:
+                numbers = np.unique(labels, return_inverse=True)[1].reshape(labels.shape)
+                if numbers.max() > 32000:
+                    raise ValueError(f"labels: {numbers.max() + 1:,} different labels are no basins; give fewer")
+                small = numbers
+            small = small.astype(np.int16)
+        if nowhere is not None:
+            small = np.where(nowhere, NO_BASIN, small)
+        wide = [j for j, n in enumerate(labels.shape) if n > 1]
+        image = np.ascontiguousarray(small.reshape([labels.shape[j] for j in wide]))
+        return cls(image, tuple(circles[j] for j in wide))
+
+    @property
+    def ignored(self) -> float:
+        """Share of the cells that belong to no basin."""
+        return float(np.count_nonzero(self.labels == NO_BASIN) / self.labels.size)
+
+    def every(self, step: int, first: Sequence[int]) -> LabelImage:
+        """Return every so many cells along each axis; circles stay circles where the step goes into them."""
+        index = tuple(slice(a, None, step) for a in first)
+        wraps = tuple(w and n % step == 0 for w, n in zip(self.wraps, self.labels.shape, strict=True))
+        return LabelImage(np.ascontiguousarray(self.labels[index]), wraps)
+
+    def boundary(self) -> NDArray[np.uint8]:
+        """Return which of the smallest boxes, between neighbouring cell centres, have corners of different labels."""
+        shape = tuple(n - (not w) for n, w in zip(self.labels.shape, self.wraps, strict=True))
+        rows = _corner_rows(self.labels.shape[:-1], shape[:-1])
+        flat = self.labels.reshape(-1, self.labels.shape[-1])
+        out = np.empty((len(rows), shape[-1]), np.uint8)
+
+        def work(part: slice) -> None:
+            mixed_boxes(flat, rows, part.start, part.stop, out)
+
+        run_over(slices(len(rows), max(1, _ROWS // shape[-1])), work)
+        return out.reshape(shape)
+
+
+def count_boxes(
+    boundary: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int], offset: Sequence[int]
+) -> NDArray[np.float64]:
+    """Return the numbers of boxes of some sizes that hold boundary, on a grid with a given offset.
+
+    Boxes that the edge of the image cuts count by the share of them that is inside.
+
+    Parameters
+    ----------
+    boundary : ndarray of uint8
+        Smallest boxes that hold boundary.
+    wraps : sequence of bool
+        Which axes are circles.
+    sizes : sequence of int
+        Sides of boxes, in rising order; powers of 2 are built one upon the other.
+    offset : sequence of int
+        Shift of the grid along each axis, in the smallest boxes.
+    """
+    moved = [-int(o) if w else 0 for o, w in zip(offset, wraps, strict=True)]
+    start = np.roll(boundary, moved, tuple(range(boundary.ndim))) if any(moved) else boundary
+    shifts = [0 if w else int(o) for o, w in zip(offset, wraps, strict=True)]
+    counts = []
+    level, side = start, 1
+    for size in sizes:
+        if size & (size - 1) == 0:
+            while side < size:
+                # Bit number log2(side) of the offset tells whether the first box of twice the side is half outside.
+                level = _halved(level, [(o // side) & 1 for o in shifts])
+                side *= 2
+            boxes = level
+        else:
+            boxes = _joined(start, size, shifts)
+        counts.append(_weighted(boxes, boundary.shape, size, shifts))
+    return np.array(counts)
+
+
+def _corner_rows(rows: tuple[int, ...], boxes: tuple[int, ...]) -> NDArray[np.int64]:
+    """Numbers of the rows at the corners of boxes, shape (boxes, corners)."""
+    place = np.indices(boxes).reshape(len(boxes), int(np.prod(boxes)))
+    corners = []
+    for corner in itertools.product((0, 1), repeat=len(boxes)):
+        at = tuple((p + c) % n for p, c, n in zip(place, corner, rows, strict=True))
+        corners.append(np.ravel_multi_index(at, rows) if rows else np.zeros(1, np.int64))
+    return np.ascontiguousarray(np.stack(corners, axis=-1))
+
+
+def _halved(bits: NDArray[np.uint8], shifts: Sequence[int]) -> NDArray[np.uint8]:
+    """Boxes of twice the side, the first of which begin `shifts` boxes before the first box of these."""
+    shape = tuple((n + b + 1) // 2 for n, b in zip(bits.shape, shifts, strict=True))
+    leading = bits.shape[:-1]
+    place = np.indices(shape[:-1]).reshape(len(leading), int(np.prod(shape[:-1])))
+    parts = []
+    for half in itertools.product((0, 1), repeat=len(leading)):
+        at = [2 * p + h - b for p, h, b in zip(place, half, shifts[:-1], strict=True)]
+        inside = np.ones(place.shape[1] if leading else 1, bool)
+        for a, n in zip(at, leading, strict=True):
+            inside &= (a >= 0) & (a < n)
+        clipped = tuple(np.clip(a, 0, n - 1) for a, n in zip(at, leading, strict=True))
+        number = np.ravel_multi_index(clipped, leading) if leading else np.zeros(1, np.int64)
+        parts.append(np.where(inside, number, -1))
+    rows = np.ascontiguousarray(np.stack(parts, axis=-1))
+    flat = bits.reshape(-1, bits.shape[-1])
+    out = np.empty((len(rows), shape[-1]), np.uint8)
+
+    def work(part: slice) -> None:
+        halve(flat, rows, shifts[-1], part.start, part.stop, out)
+
+    run_over(slices(len(rows), max(1, _ROWS // bits.shape[-1])), work)
+    return out.reshape(shape)
+
+
+def _joined(bits: NDArray[np.uint8], size: int, shifts: Sequence[int]) -> NDArray[np.uint8]:
+    """Boxes of any side."""
+    boxes = bits
+    for axis, (n, shift) in enumerate(zip(bits.shape, shifts, strict=True)):
+        starts = np.maximum(np.arange(-(shift % size), n, size), 0)
+        boxes = np.bitwise_or.reduceat(boxes, starts, axis=axis)
+    return np.asarray(boxes)
+
+
+def _weighted(boxes: NDArray[np.uint8], shape: tuple[int, ...], size: int, shifts: Sequence[int]) -> float:
+    """Sum of boxes, those at the edges weighted by the share that is inside."""
+    pieces = []
+    for m, n, shift in zip(boxes.shape, shape, shifts, strict=True):
+        before = shift % size
+        if m == 1:
+            pieces.append([(slice(0, 1), n / size)])
+            continue
+        last = n + before - (m - 1) * size
+        pieces.append([(slice(0, 1), 1.0 - before / size), (slice(1, m - 1), 1.0), (slice(m - 1, m), last / size)])
+    occupied = boxes.view(bool)
+    total = 0.0
+    for piece in itertools.product(*pieces):
+        weight = float(np.prod([w for _, w in piece]))
+        total += weight * float(np.count_nonzero(occupied[tuple(s for s, _ in piece)]))
+    return total

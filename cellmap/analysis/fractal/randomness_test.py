@@ -1,0 +1,225 @@
+"""Is a basin boundary fractal at some scale?  A test by the entropy of random discs (Puy et al. 2021)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import floor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import affordable_number, finite_number, random_numbers
+from ..._lib.signatures import checked
+from ...basins.record import Basins
+from .entropy import box_entropies, count_at
+from .exponent import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
+from .image_uncertainty import finest_exponent, is_rough
+from .labels import LabelImage, label_image
+from .smooth_limit import ball, straight_cuts
+
+_BATCH = 4096  # discs that are drawn together
+_PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most
+_FEWEST = 100  # discs on the boundary below which nothing is concluded
+_TILES = 16  # along each axis: parts of the picture that count as independent
+_SIGNIFICANT = 3.0  # standard errors
+
+
+@dataclass(frozen=True, eq=False)
+class FractalTest:
+    """Entropy of random discs on a boundary, beside that of a smooth one.
+
+    Parameters
+    ----------
+    entropy, standard_error : float
+        Mean over discs with several basins.  The standard error counts discs in one part of the picture, a sixteenth of
+        each side, as dependent.
+    smooth : float
+        What a straight boundary gives in discs of the same cells, mean over its directions.
+    smooth_range : tuple of float
+        Least and most over the directions, which the cells make differ.
+    radius : float
+        Of the discs, in cells.
+    cells : int
+        Cells in a disc.
+    discs, drawn : int
+        Discs on the boundary, and discs drawn.
+    entropies : ndarray, shape (discs,)
+        Entropy of each disc on the boundary.
+    finest : tuple of float
+        Uncertainty exponent between distances of two cells and of one, and its standard error.
+    name : str
+        Name of the system.
+    """
+
+    entropy: float
+    standard_error: float
+    smooth: float
+    smooth_range: tuple[float, float]
+    radius: float
+    cells: int
+    discs: int
+    drawn: int
+    entropies: NDArray[np.float64]
+    finest: tuple[float, float]
+    name: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"FractalTest({self.entropy:.4g} +- {self.standard_error:.2g}, smooth {self.smooth:.4g}, "
+            f"{self.discs} discs of radius {self.radius:g} cells: {self.verdict})"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is "fractal" at this scale, "consistent with smooth", "undetermined", or there is "no boundary".
+
+        Fractal: the mean is more than three standard errors above the range of a straight boundary, and the cells
+        themselves find no smooth one: next to a smooth boundary the share of pairs of cells that differ doubles with
+        their distance, even where it is too curved for the discs or its basins are narrower than these.  Consistent
+        with smooth: the mean is within the range, or no more than two standard errors away.  In between, and with fewer
+        than 100 discs on the boundary, it is undetermined; and so it is far below the range, where discs see little of
+        a second basin: thin strands of a fractal do that, and so do a few wrong labels beside a smooth boundary.
+        """
+        if not self.discs:
+            return NO_BOUNDARY
+        if self.discs < _FEWEST or not np.isfinite(self.standard_error):
+            return UNDETERMINED
+        away = max(self.smooth_range[0] - self.entropy, self.entropy - self.smooth_range[1], 0.0)
+        if away > _SIGNIFICANT * self.standard_error + 1e-9:
+            mixed = self.entropy > self.smooth_range[1]
+            return FRACTAL if mixed and is_rough(self.finest) else UNDETERMINED
+        return SMOOTH if away <= 2.0 * self.standard_error else UNDETERMINED
+
+
+@checked
+def fractal_boundary_test(
+    basins: Basins | ArrayLike,
+    radius: float | None = None,
+    discs: int = 2000,
+    also: Sequence[int] = (),
+    wraps: Sequence[bool] = (),
+    seed: int = 0,
+) -> FractalTest:
+    """Test whether a basin boundary looks smooth in discs of some radius.
+
+    Discs (balls) around random cells are drawn, and the entropy of the basins in those that see more than one is
+    compared with that of discs cut by a straight boundary, see
+    :func:`~cellmap.analysis.fractal.smooth_boundary_entropy`.
+
+    Parameters
+    ----------
+    basins : Basins or array_like of int
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
+        diverged, undecided), or of a missing one, do not count; a disc of which less than half has a basin is left out.
+    radius : float, optional
+        In cells, by default a fiftieth of the shorter side, and 4 at least.
+    discs : int, optional
+        Discs wanted on the boundary.
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.
+    wraps : sequence of bool, optional
+        Which axes of an array are circles; for basins the grid knows.  Discs reach round them, and nowhere else beyond
+        the picture.
+    seed : int, optional
+        Seed of the discs.
+
+    Returns
+    -------
+    FractalTest
+        Entropy with standard error, that of a smooth boundary, and a verdict for this radius.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no picture of basins, or discs that do not fit into it.
+
+    Notes
+    -----
+    The verdict is one on the scale of the disc: a fractal boundary whose structure is sparse there looks smooth.  A
+    corner or a point where three basins meet changes
+    the entropy of the few discs around it.  Take the largest picture there is, and several radii.
+
+    References
+    ----------
+    Puy, Daza, Wagemakers, Sanjuan, Communications in Nonlinear Science and Numerical Simulation 95 (2021) 105588.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> halves = np.add.outer(np.arange(300), np.arange(200)) > 250
+    >>> fractal_boundary_test(halves).verdict
+    'consistent with smooth'
+    """
+    image = label_image(basins, also, wraps)
+    shape = image.numbers.shape
+    wanted = affordable_number("discs", discs, 8 * (4 * len(shape) + 6), at_least=_FEWEST)
+    r = max(4.0, min(shape) / 50) if radius is None else finite_number("radius", radius, at_least=1.0)
+    if any(2 * floor(r) + 1 > n for n in shape):
+        raise ValueError(f"radius={r:g}: discs are wider than the picture of {shape} cells; give a smaller radius")
+    offsets = ball(len(shape), r)
+    places, entropies, drawn = _draw(image, offsets, floor(r), wanted, seed)
+    mean = float(entropies.mean()) if len(entropies) else np.nan
+    smooth, low, high = straight_cuts(offsets)
+    return FractalTest(
+        entropy=mean,
+        standard_error=_clustered_error(places, entropies, shape, r),
+        smooth=smooth,
+        smooth_range=(low, high),
+        radius=r,
+        cells=len(offsets),
+        discs=len(entropies),
+        drawn=drawn,
+        entropies=entropies,
+        finest=finest_exponent(image),
+        name=basins.name if isinstance(basins, Basins) else "",
+    )
+
+
+def _draw(
+    image: LabelImage, offsets: NDArray[np.int64], reach: int, wanted: int, seed: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+    """Draw discs until enough of them are on the boundary; return places and entropies of these, and how many all."""
+    rng = random_numbers(seed)
+    places: list[NDArray[np.int64]] = []
+    entropies: list[NDArray[np.float64]] = []
+    found = drawn = 0
+    while found < wanted and drawn < _PATIENCE * wanted:
+        batch = np.stack(
+            [
+                rng.integers(0, n, _BATCH) if wraps else rng.integers(reach, n - reach, _BATCH)
+                for n, wraps in zip(image.numbers.shape, image.wraps, strict=True)
+            ],
+            axis=-1,
+        )
+        entropy = box_entropies(count_at(image, batch, offsets), len(offsets))
+        hit = np.flatnonzero(entropy > 0.0)[: wanted - found]
+        places.append(batch[hit])
+        entropies.append(entropy[hit])
+        found += len(hit)
+        drawn += _BATCH
+    return np.concatenate(places), np.concatenate(entropies), drawn
+
+
+def _clustered_error(
+    places: NDArray[np.int64], values: NDArray[np.float64], shape: tuple[int, ...], radius: float
+) -> float:
+    """Return the standard error of a mean of values that depend on each other within a part of the picture.
+
+    Parts are wider than discs.  The error is that of a ratio of sums over parts, none smaller than that of independent
+    values.
+    """
+    n = len(values)
+    if n < 2:
+        return np.nan
+    parts = [max(1, min(_TILES, floor(m / (2.0 * radius)))) for m in shape]
+    keys = np.ravel_multi_index(
+        tuple(places[:, j] * p // m for j, (p, m) in enumerate(zip(parts, shape, strict=True))), tuple(parts)
+    )
+    number = np.bincount(keys)
+    sums = np.bincount(keys, values - values.mean())
+    occupied = int(np.count_nonzero(number))
+    independent = float(values.std(ddof=1) / np.sqrt(n))
+    if occupied < 2:
+        return np.nan
+    return max(independent, float(np.sqrt((sums**2).sum() * occupied / (occupied - 1)) / n))

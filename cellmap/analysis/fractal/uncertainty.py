@@ -1,0 +1,236 @@
+"""Uncertainty exponent of a basin boundary, by Monte Carlo with the map (Grebogi, McDonald, Ott, Yorke 1983)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from math import ceil, log2
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import finite_number, real_array, whole_number
+from ..._lib.signatures import checked
+from ..._lib.threads import progress_bar, run_over, slices
+from ...attractors.settling import UNDECIDED
+from ...basins.final_states import FinalStates, Outcome, final_states
+from ...basins.record import Basins
+from ...maps.grid import CellGrid
+from ...maps.orbit_batch import CHUNK, Cost
+from ...maps.point_map import PointMap
+from ...orbits.attractor import Attractor
+from .exponent import UncertaintyExponent, fit_exponent
+from .labels import also_labels
+
+_LARGEST = 2.0**-6  # distance, as a share of the window
+_SAFETY = 10.0  # times the error of the map: the smallest distance
+_FIRST = 4096  # pairs from which the share of uncertain ones is first estimated
+_HALF = CHUNK // 2  # pairs in a slice
+_AT_ONCE = 2**30  # pairs that are drawn before they are counted, at most
+_SMOOTH_COST = 31.0  # pairs for five distances, in those for the first one, where the boundary is smooth
+_SPARSE = 50  # uncertain pairs that are wanted at least
+_POOR = 0.25  # of the uncertain pairs that are wanted: too few to begin another distance
+
+
+@checked
+def uncertainty_exponent(
+    source: Basins | PointMap,
+    region: CellGrid | None = None,
+    attractors: Sequence[Attractor] = (),
+    outcome: Outcome | None = None,
+    also: Sequence[int] = (),
+    distances: ArrayLike | None = None,
+    pairs: int = 1_000_000,
+    uncertain: int = 1000,
+    max_periods: int = 2000,
+    window: tuple[int, int] | None = None,
+    seed: int = 0,
+    progress: bool = False,
+) -> UncertaintyExponent:
+    """Measure the uncertainty exponent of a basin boundary with the map itself.
+
+    Two starts at a small distance are an uncertain pair if they end on different attractors.  The share of uncertain
+    pairs falls as distance^exponent; with the dimension D of the region the box-counting dimension of the boundary is
+    D - exponent.  An exponent of 1 means a smooth boundary, 0 one that is everywhere.
+
+    Starts are uniform in the region, their partners lie in random directions; distances are shares of the region along
+    each axis.  They are halved, from 1/64 on, until they come within ten times the error of the map (its tolerance, and
+    for an interpolated map the 99th percentile of its measured error), or until the pairs are used up.  At each
+    distance as many pairs are drawn as give the number of uncertain ones that is asked for, or fewer of them where the
+    boundary is so short that the budget would not do for five distances.
+
+    Parameters
+    ----------
+    source : Basins or PointMap
+        Basins, with whose map, grid and attractors pairs are drawn and labelled; or a map.
+    region : CellGrid, optional
+        Window of the starts; the number of its cells does not matter, but an axis of one cell is held at its centre, so
+        that lines and slices can be examined.  By default the grid of the basins.
+    attractors : sequence of Attractor, optional
+        Known attractors; those of the basins by default, else they are searched for first.
+    outcome : callable, optional
+        Final states in the place of attractors: ``outcome(points)`` returns for each of the points (n, d) the number of
+        the final state in which it is, or -1 as long as it is in none.
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.  Pairs with a start of any other negative
+        label (left the table, diverged, undecided, did not return) are left out.
+    distances : array_like, optional
+        Distances in the place of the rule above, as shares of the region, decreasing.
+    pairs : int, optional
+        Budget of pairs for all distances together.
+    uncertain : int, optional
+        Uncertain pairs wanted at each distance.
+    max_periods : int, optional
+        Periods after which a start is undecided.
+    window : tuple of int, optional
+        Numbers of the first and last distance of the fit; by default see
+        :func:`~cellmap.analysis.fractal.exponent.fit_window`.
+    seed : int, optional
+        Seed of the pairs; the same seed gives the same result for any number of threads.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    UncertaintyExponent
+        Counts at each distance, the fitted exponent and what it says of the boundary.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a region without attractors.
+
+    References
+    ----------
+    Grebogi, McDonald, Ott, Yorke, Physics Letters A 99 (1983) 415; McDonald, Grebogi, Ott, Yorke, Physica D 17 (1985)
+    125.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
+    >>> uncertainty_exponent(signs, CellGrid((-3, -1), (3, 1), (10, 10)), pairs=300_000).verdict
+    'consistent with smooth'
+    """
+    began = time.perf_counter()
+    counted = also_labels(also)
+    pairs = whole_number("pairs", pairs, at_least=_FIRST)
+    uncertain = whole_number("uncertain", uncertain, at_least=1)
+    seed = whole_number("seed", seed)
+    states = final_states(source, region, attractors, outcome, max_periods)
+    floor = smallest_distance(states)
+    wanted = None if distances is None else _decreasing(distances, floor)
+    levels = max(1, int(log2(_LARGEST / floor)) + 1) if wanted is None else len(wanted)
+    scales = np.asarray(_LARGEST * 0.5 ** np.arange(levels) if wanted is None else wanted, np.float64)
+    rows: list[NDArray[np.int64]] = []
+    with progress_bar(pairs, "uncertain pairs" if progress else None) as tick:
+        left = pairs
+        for level, distance in enumerate(scales):
+            known = np.zeros(4, np.int64)
+            planned = _expected(rows, scales, uncertain)
+            if planned * _POOR > left:
+                break
+            while known[1] < uncertain and left > 0:
+                number = int(min(max(planned, _FIRST), left, _AT_ONCE))
+                known += _count(states, float(distance), number, counted, (seed, level, int(known[0])))
+                left -= number
+                tick(number)
+                if not rows and known[0] == number:
+                    uncertain = min(uncertain, max(_SPARSE, int(known[1] / number * pairs / _SMOOTH_COST)))
+                planned = ceil(1.05 * (uncertain - known[1]) * known[0] / max(int(known[1]), 1))
+                if planned * _POOR > left:
+                    break
+            rows.append(known)
+            if not known[1]:
+                break  # there will be none at smaller distances either
+    table = np.array(rows).reshape(-1, 4)
+    drawn, hits, without, undecided = table.T
+    return fit_exponent(
+        distances=scales[: len(table)],
+        pairs=drawn - without,
+        uncertain=hits,
+        left_out=without,
+        undecided=undecided,
+        dimension=sum(n > 1 for n in states.region.shape),
+        floor=floor,
+        unit="share of the window",
+        window=window,
+        attractors=states.attractors,
+        cost=Cost(time.perf_counter() - began, 2 * int(drawn.sum())),
+        name=states.point_map.name,
+    )
+
+
+def smallest_distance(states: FinalStates) -> float:
+    """Return the smallest distance that the accuracy of a map allows, as a share of the region.
+
+    An error in the first period moves a start by as much, later ones by less, since what lies across a boundary is
+    stretched from period to period; ten times the error of one period is therefore safe.
+    """
+    point_map, region = states.point_map, states.region
+    lower, upper = np.array(region.lower), np.array(region.upper)
+    wide = np.array(region.shape) > 1
+    size = np.maximum(np.abs(lower), np.abs(upper))
+    rtol, atol = point_map.tolerance
+    error = atol + rtol * size + np.spacing(size)
+    if point_map.table is not None:
+        measured = point_map.error().percentile_99
+        error = error + (measured if np.isfinite(measured) else 0.0)
+    return float((_SAFETY * error / (upper - lower))[wide].max())
+
+
+def _decreasing(distances: ArrayLike, floor: float) -> NDArray[np.float64]:
+    values = real_array("distances", distances)
+    if values.ndim != 1 or not len(values) or not (np.diff(values) < 0.0).all():
+        raise ValueError(f"distances={distances!r}: give a decreasing list of distances")
+    for v in values:
+        finite_number("distances", v, at_least=floor, at_most=0.5)
+    return values
+
+
+def _expected(rows: list[NDArray[np.int64]], scales: NDArray[np.float64], uncertain: int) -> int:
+    """Return how many pairs the next distance needs, as far as the last two tell."""
+    if not rows:
+        return _FIRST
+    shares = [max(int(r[1]), 1) / int(r[0]) for r in rows[-2:]]
+    ratio = scales[len(rows)] / scales[len(rows) - 1]
+    fall = 0.5
+    if len(shares) == 2:
+        before = scales[len(rows) - 1] / scales[len(rows) - 2]
+        fall = float(np.clip(np.log(shares[1] / shares[0]) / np.log(before), 0.0, 1.0))
+    return ceil(uncertain / (shares[-1] * ratio**fall))
+
+
+def _count(
+    states: FinalStates, distance: float, number: int, counted: tuple[int, ...], seed: tuple[int, int, int]
+) -> NDArray[np.int64]:
+    """Draw pairs; return how many there are, are uncertain, are left out, and hold an undecided start."""
+    parts = slices(number, _HALF)
+    counts = np.zeros((len(parts), 4), np.int64)
+
+    def draw(k: int) -> None:
+        n = parts[k].stop - parts[k].start
+        labels = states.labels(_pairs(states.region, distance, n, np.random.default_rng((*seed, k)))).reshape(2, n)
+        valid = ((labels >= 0) | np.isin(labels, counted)).all(axis=0)
+        undecided = (labels == UNDECIDED).any(axis=0) & ~valid
+        counts[k] = n, np.count_nonzero(valid & (labels[0] != labels[1])), n - valid.sum(), undecided.sum()
+
+    run_over(range(len(parts)), draw)
+    return np.asarray(counts.sum(axis=0))
+
+
+def _pairs(region: CellGrid, distance: float, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return n starts and after them their partners, shape (2 n, d)."""
+    wide = np.flatnonzero(np.array(region.shape) > 1)
+    first = rng.random((n, len(wide)))
+    direction = rng.standard_normal((n, len(wide)))
+    step = distance * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    second = first + step
+    straight = ~np.array(region.wraps)[wide]
+    turned = straight & ((second < 0.0) | (second > 1.0))
+    second = np.where(turned, first - step, second)
+    lower, upper = np.array(region.lower), np.array(region.upper)
+    points = np.empty((2 * n, len(lower)))
+    points[:] = 0.5 * (lower + upper)
+    points[:, wide] = lower[wide] + np.concatenate([first, second]) * (upper - lower)[wide]
+    return points

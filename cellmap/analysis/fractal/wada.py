@@ -1,0 +1,196 @@
+"""Wada basins in a picture: merging basins leaves the boundary as it is (Daza et al. 2018)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import distance_transform_edt
+
+from ..._lib.checks import finite_number
+from ..._lib.signatures import checked
+from ...basins.record import Basins
+from .labels import NO_BASIN, LabelImage, label_image
+
+WADA, PARTIALLY, NOT = "Wada", "partially", "not"
+"""What is said of basins."""
+
+PART = 0.1
+"""Share of the boundary next to three basins from which basins are called partially Wada.
+
+Points where smooth basins meet make some of any picture's boundary look as if it had three sides."""
+
+
+@dataclass(frozen=True, eq=False)
+class MergingTest:
+    """Distances between the boundaries that remain when all basins but one are merged.
+
+    Parameters
+    ----------
+    basins : tuple of int
+        Labels of the basins.
+    radius : float
+        Distance in cells within which boundaries count as one.
+    tolerance : float
+        Share of a boundary that may lie farther away.
+    largest : ndarray, shape (k, k)
+        Largest distance of the boundary of basin i (row) from that of basin j, in cells; inf where j has none.
+    median : ndarray, shape (k, k)
+        Median of that distance.
+    apart : ndarray, shape (k, k)
+        Share of the boundary of basin i that is farther than `radius` from that of basin j.
+    sides : ndarray, shape (k + 1,)
+        Share of the whole boundary that is within `radius` of the boundaries of so many basins.
+    cells : int
+        Cells on the boundary.
+    name : str
+        Name of the system.
+    """
+
+    basins: tuple[int, ...]
+    radius: float
+    tolerance: float
+    largest: NDArray[np.float64]
+    median: NDArray[np.float64]
+    apart: NDArray[np.float64]
+    sides: NDArray[np.float64]
+    cells: int
+    name: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"MergingTest({self.verdict}: {len(self.basins)} basins, at most {100 * self.apart.max(initial=0.0):.3g} % "
+            f"of a boundary farther than {self.radius:g} cells from another)"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """Whether the basins are "Wada", "partially" so, or "not".
+
+        Wada: three basins or more, and no more of any boundary than the tolerance is farther than `radius` from any
+        other.  Partially: at least a tenth of the whole boundary is that of three basins or more.  Two basins have one
+        boundary always, and are not Wada.
+        """
+        if len(self.basins) < 3 or not self.cells:
+            return NOT
+        if self.apart.max() <= self.tolerance:
+            return WADA
+        return PARTIALLY if self.sides[3:].sum() >= PART else NOT
+
+
+@checked
+def wada_merging(
+    basins: Basins | ArrayLike,
+    radius: float | None = None,
+    tolerance: float = 0.001,
+    also: Sequence[int] = (),
+    wraps: Sequence[bool] = (),
+) -> MergingTest:
+    """Test by merging basins whether all of them share one boundary.
+
+    For each basin all others are merged, and the cells next to the boundary between the two are collected.  Wada basins
+    give the same boundary whichever one is left out; in a picture, the same up to the distance between cells on it.
+
+    Parameters
+    ----------
+    basins : Basins or array_like of int
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
+        diverged, undecided), or of a missing one, belong to no basin, and bound none.
+    radius : float, optional
+        Distance in cells within which boundaries count as one, by default a hundredth of the shorter side, and 2 at
+        least; in pictures of fewer than 16 cells along a side, an eighth of these, and 1 at least.
+    tolerance : float, optional
+        Share of a boundary that may lie farther away all the same, for labels that are wrong.
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.
+    wraps : sequence of bool, optional
+        Which axes of an array are circles; for basins the grid knows.
+
+    Returns
+    -------
+    MergingTest
+        Distances between all pairs of boundaries, and what they say.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no picture of basins, or a radius above an eighth of its shorter side, within which any picture is
+        Wada.
+
+    Notes
+    -----
+    The verdict is one on the scale of the radius: basins that alternate in stripes narrower than it are Wada to it.
+
+    References
+    ----------
+    Daza, Wagemakers, Sanjuan, Scientific Reports 8 (2018) 9954.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> wada_merging(np.arange(90)[:, None] % 3 + np.zeros((90, 60), int)).verdict
+    'Wada'
+    >>> wada_merging(np.arange(90)[:, None] // 30 + np.zeros((90, 60), int)).verdict
+    'not'
+    """
+    image = label_image(basins, also, wraps)
+    shortest = min(image.numbers.shape)
+    widest = max(shortest / 8, 1.0)
+    reach = finite_number("radius", min(max(2.0, shortest / 100), widest) if radius is None else radius, at_least=1.0)
+    if reach > widest:
+        raise ValueError(
+            f"radius={reach:g}: within an eighth of {shortest} cells any boundaries count as one; give a smaller "
+            "radius or a larger picture"
+        )
+    share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
+    edges = [_merged_boundary(image, k) for k in range(len(image.names))]
+    whole = np.logical_or.reduce(edges)
+    distances = [_distance(edge, image.wraps) for edge in edges]
+    n = len(edges)
+    largest, median, apart = (np.zeros((n, n)) for _ in range(3))
+    for i, edge in enumerate(edges):
+        for j in range(n):
+            if i != j and edge.any():
+                far = distances[j][edge]
+                largest[i, j], median[i, j], apart[i, j] = far.max(), np.median(far), (far > reach).mean()
+    near = np.sum([d[whole] <= reach for d in distances], axis=0)
+    cells = int(np.count_nonzero(whole))
+    return MergingTest(
+        image.names,
+        reach,
+        share,
+        largest,
+        median,
+        apart,
+        np.bincount(near, minlength=n + 1) / max(cells, 1),
+        cells,
+        basins.name if isinstance(basins, Basins) else "",
+    )
+
+
+def _merged_boundary(image: LabelImage, basin: int) -> NDArray[np.bool_]:
+    """Mark cells next to the boundary between one basin and all others together."""
+    own = image.numbers == basin
+    known = image.numbers != NO_BASIN
+    edge = np.zeros(own.shape, bool)
+    for axis, n in enumerate(own.shape):
+        last = n if image.wraps[axis] and n > 2 else n - 1
+        here, there = np.arange(last), np.arange(1, last + 1) % n
+        crossing = np.take(own, here, axis) != np.take(own, there, axis)
+        crossing &= np.take(known, here, axis) & np.take(known, there, axis)
+        marked = np.moveaxis(edge, axis, 0)
+        marked[here] |= np.moveaxis(crossing, axis, 0)
+        marked[there] |= np.moveaxis(crossing, axis, 0)
+    return edge
+
+
+def _distance(edge: NDArray[np.bool_], wraps: tuple[bool, ...]) -> NDArray[np.float64]:
+    """Return the distance of each cell from the nearest marked one, also round circles; inf if there is none."""
+    if not edge.any():
+        return np.full(edge.shape, np.inf)
+    pads = [(n // 2, n // 2) if wrap else (0, 0) for n, wrap in zip(edge.shape, wraps, strict=True)]
+    distance = distance_transform_edt(~np.pad(edge, pads, mode="wrap"))
+    inner = tuple(slice(a, a + n) for (a, _), n in zip(pads, edge.shape, strict=True))
+    return np.asarray(distance[inner], dtype=float)

@@ -1,0 +1,313 @@
+"""Wada basins by the grid method: whether there is a third colour between two others (Daza et al. 2015)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._lib.checks import finite_number, whole_number
+from ..._lib.signatures import checked
+from ..._lib.threads import run_over, slices
+from ...basins.final_states import FinalStates, Outcome, final_states
+from ...basins.finding import find_basins
+from ...basins.record import Basins
+from ...maps.grid import CellGrid, grid_points
+from ...maps.orbit_batch import CHUNK, Cost
+from ...maps.point_map import PointMap
+from ...orbits.attractor import Attractor
+from .labels import NO_BASIN, also_labels, label_image
+from .neighbourhoods import neighbourhoods, steps_to_neighbours
+from .wada import NOT, PART, PARTIALLY, WADA
+
+_FEWEST = 50  # boxes on the boundary below which basins are not called Wada
+_CLOSER = 8  # halvings of a segment before it is looked at again
+_SAMPLE = 400  # boxes that are looked at again
+_AGREEING = 0.9  # share of these that have to find all basins again
+
+
+@dataclass(frozen=True, eq=False)
+class WadaGrid:
+    """Boxes on the boundary by the number of basins that were found around them, step by step.
+
+    Parameters
+    ----------
+    basins : tuple of int
+        Labels of the basins.
+    boxes : ndarray of int, shape (steps + 1, k + 1)
+        Boxes with m basins in column m, before the first step and after each.
+    points : ndarray of int, shape (steps + 1,)
+        Starts that each step has labelled.
+    colours : ndarray of int8, shape of the grid
+        Number of basins found around each box; 1 inside a basin, 0 for boxes without one.
+    closer : ndarray of int, shape (k + 1,)
+        Boxes with m basins in column m, of a sample that was looked at again on segments 256 times shorter.
+    tolerance : float
+        Share of the boundary that may lack a basin.
+    region : CellGrid
+        The boxes.
+    attractors : tuple of Attractor
+        Attractors whose basins were told apart.
+    cost : Cost
+        Wall time and number of starts.
+    name : str
+        Name of the system.
+    """
+
+    basins: tuple[int, ...]
+    boxes: NDArray[np.int64]
+    points: NDArray[np.int64]
+    colours: NDArray[np.int8]
+    closer: NDArray[np.int64]
+    tolerance: float
+    region: CellGrid
+    attractors: tuple[Attractor, ...] = ()
+    cost: Cost = Cost()
+    name: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"WadaGrid({self.verdict}: {len(self.basins)} basins, {self.boundary} boxes on the boundary, "
+            f"{100 * self.shares[-1, -1]:.4g} % with all after {len(self.points) - 1} steps)"
+        )
+
+    @property
+    def boundary(self) -> int:
+        """Boxes on the boundary."""
+        return int(self.boxes[-1, 2:].sum())
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Share of the boundary's boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
+        shares = self.boxes / max(self.boundary, 1)
+        shares[:, :2] = 0.0
+        return np.asarray(shares)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the basins are "Wada", "partially" so, or "not".
+
+        Wada: three basins or more, and all of them were found around each box on the boundary, but for the tolerance;
+        with fewer than 50 such boxes nothing is called Wada.  Partially: at least a tenth of these boxes have three
+        basins or more.  Both have to hold also for what is seen on segments that are 256 times shorter (of all basins,
+        for nine in ten): smooth basins as narrow as the boxes lie around each of them, but not there.  Two basins are
+        not Wada.
+        """
+        if len(self.basins) < 3 or self.boundary < _FEWEST:
+            return NOT
+        again = self.closer / max(self.closer.sum(), 1)
+        if self.shares[-1, -1] >= 1.0 - self.tolerance and again[-1] >= _AGREEING:
+            return WADA
+        return PARTIALLY if min(self.shares[-1, 3:].sum(), again[3:].sum()) >= PART else NOT
+
+
+@checked
+def wada_grid(
+    source: Basins | PointMap,
+    region: CellGrid | None = None,
+    attractors: Sequence[Attractor] = (),
+    outcome: Outcome | None = None,
+    also: Sequence[int] = (),
+    steps: int = 10,
+    tolerance: float = 0.01,
+    points: int = 2_000_000,
+    max_periods: int = 2000,
+) -> WadaGrid:
+    """Test with the map whether each box on the boundary of basins has all of them around it.
+
+    The colour of a box is the basin of its centre.  A box on the boundary is one that has a neighbour (sides and
+    corners) of another colour; it knows the colours of all its neighbours.  As long as it lacks some, the segment from
+    its centre to the nearest neighbour of another colour is looked at in ever finer steps: its middle, then its
+    quarters, and so on.  A Wada boundary shows all the other colours there sooner or later.  In the end, a sample of
+    these segments is halved towards the boundary eight times, and looked at in the same way.
+
+    Parameters
+    ----------
+    source : Basins or PointMap
+        Basins on a grid with their map, or a map.
+    region : CellGrid, optional
+        Boxes; by default the grid of the basins, whose labels are used.
+    attractors : sequence of Attractor, optional
+        Known attractors; those of the basins by default, else they are searched for first.
+    outcome : callable, optional
+        Final states in the place of attractors, see :func:`uncertainty_exponent`.
+    also : sequence of int, optional
+        Negative labels that count as basins: (-2,) for starts that diverge.  Starts of any other negative label (left
+        the table, diverged, undecided) have no colour, boxes around them are not on the boundary because of them.
+    steps : int, optional
+        Most steps; the last one looks at 2**(steps - 1) new points for each box that still lacks a colour.
+    tolerance : float, optional
+        Share of the boundary that may lack a basin in the end.
+    points : int, optional
+        Budget of starts besides the centres, and once more for the closer look.
+    max_periods : int, optional
+        Periods after which a start is undecided.
+
+    Returns
+    -------
+    WadaGrid
+        Boxes by number of basins for each step, and what they say.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a region without basins.
+
+    References
+    ----------
+    Daza, Wagemakers, Sanjuan, Yorke, Scientific Reports 5 (2015) 16579.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
+    >>> wada_grid(signs, CellGrid((-3, -1), (3, 1), (60, 60))).verdict
+    'not'
+    """
+    began = time.perf_counter()
+    counted = also_labels(also)
+    steps = whole_number("steps", steps, at_most=24)
+    points = whole_number("points", points)
+    share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
+    states, labels = _centres(source, region, attractors, outcome, max_periods)
+    image = label_image(labels, counted, states.region.wraps)
+    look = _Look(states, image.names)
+    seen, partner = neighbourhoods(image)
+    edge = np.flatnonzero(partner >= 0)
+    inside = _tally(np.delete(seen, edge, axis=0))
+    segments = _segments(states.region, edge, partner[edge])
+    around = seen[edge]
+    boxes, used = look.refine(around, *segments, steps, points)
+    seen[edge] = around
+    sample = np.unique(np.linspace(0, len(edge) - 1, min(len(edge), _SAMPLE)).round().astype(np.int64))
+    begin, way = (a[sample] for a in segments)
+    begin, way, ends, halved = look.halve(begin, way, image.numbers.ravel()[edge[sample]])
+    closer, more = look.refine(ends, begin, way, steps, points)
+    return WadaGrid(
+        image.names,
+        np.array(boxes) + inside,
+        np.array([image.numbers.size, *used]),
+        seen.sum(axis=1).reshape(labels.shape).astype(np.int8),
+        closer[-1],
+        share,
+        states.region,
+        states.attractors,
+        Cost(time.perf_counter() - began, image.numbers.size + sum(used) + halved + sum(more)),
+        states.point_map.name,
+    )
+
+
+def _centres(
+    source: Basins | PointMap,
+    region: CellGrid | None,
+    attractors: Sequence[Attractor],
+    outcome: Outcome | None,
+    max_periods: int,
+) -> tuple[FinalStates, NDArray[Any]]:
+    """Return what labels starts, and the labels of the centres of all boxes."""
+    if isinstance(source, Basins) and region is None and outcome is None and source.grid is not None:
+        return final_states(source, None, (), None, max_periods), source.labels
+    states = final_states(source, region, attractors, outcome, max_periods)
+    if outcome is not None:
+        return states, _by_states(states)
+    # All centres may find attractors that a coarser search has missed.
+    basins = find_basins(states.point_map, states.region, max_periods, attractors=states.attractors)
+    return final_states(basins, None, (), None, max_periods), basins.labels
+
+
+def _by_states(states: FinalStates) -> NDArray[np.int64]:
+    """Label the centres of all boxes."""
+    region = states.region
+    axes = [region.axis(j) for j in range(region.dimension)]
+    labels = np.empty(region.size, np.int64)
+
+    def label(part: slice) -> None:
+        labels[part] = states.labels(grid_points(axes, part))
+
+    run_over(slices(region.size, CHUNK), label)
+    return labels.reshape(region.shape)
+
+
+def _segments(
+    region: CellGrid, boxes: NDArray[np.int64], partner: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the centres of boxes, and the ways from there to their neighbours."""
+    wide = [j for j, n in enumerate(region.shape) if n > 1]
+    ways = np.zeros((len(boxes), region.dimension))
+    ways[:, wide] = steps_to_neighbours(len(wide))[partner] * region.widths[wide]
+    return grid_points([region.axis(j) for j in range(region.dimension)], boxes), ways
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What sees the colours of points: what labels starts, and the labels of the basins."""
+
+    states: FinalStates
+    names: tuple[int, ...]
+
+    def colours(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the number of the basin of each point (n, d), -1 for one without."""
+        labels = np.empty(len(points), np.int64)
+
+        def label(part: slice) -> None:
+            labels[part] = self.states.labels(points[part])
+
+        run_over(slices(len(points), CHUNK), label)
+        names = np.array(self.names)
+        place = np.minimum(np.searchsorted(names, labels), len(names) - 1)
+        return np.where(names[place] == labels, place, NO_BASIN)
+
+    def refine(
+        self, seen: NDArray[np.bool_], begin: NDArray[np.float64], way: NDArray[np.float64], steps: int, points: int
+    ) -> tuple[list[NDArray[np.int64]], list[int]]:
+        """Look at segments in ever finer steps, and mark (segments, basins) what is seen.
+
+        Returns the numbers of segments by the number of their basins, before the first step and after each, and how
+        many points each step took.
+        """
+        tallies, used = [_tally(seen)], list[int]()
+        for step in range(1, steps + 1):
+            lacking = np.flatnonzero(~seen.all(axis=1))
+            fractions = np.arange(1, 2**step, 2) / 2**step
+            used.append(len(lacking) * len(fractions))
+            if not len(lacking) or sum(used) > points:
+                return tallies, used[:-1]
+            for part in slices(len(lacking), max(1, 64 * CHUNK // len(fractions))):
+                rows = np.repeat(lacking[part], len(fractions))
+                found = self.colours(begin[rows] + np.tile(fractions, len(lacking[part]))[:, None] * way[rows])
+                seen[rows[found >= 0], found[found >= 0]] = True
+            tallies.append(_tally(seen))
+        return tallies, used
+
+    def halve(
+        self, begin: NDArray[np.float64], way: NDArray[np.float64], colour: NDArray[np.int16]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], int]:
+        """Halve segments that begin with a colour and end with another one, so that they still do.
+
+        Returns the short segments, the colours of their ends, and the number of points looked at.  A segment with a
+        middle that has no colour is left out.
+        """
+        last = self.colours(begin + way)
+        kept = (last >= 0) & (last != colour)
+        looked = len(begin)
+        for _ in range(_CLOSER):
+            begin, way, colour, last = begin[kept], way[kept] / 2.0, colour[kept], last[kept]
+            middle = self.colours(begin + way)
+            looked += len(begin)
+            same = middle == colour
+            begin = np.where(same[:, None], begin + way, begin)
+            last = np.where(same, last, middle)
+            kept = middle >= 0
+        seen = np.zeros((len(begin), len(self.names)), bool)
+        seen[np.arange(len(begin)), colour] = True
+        seen[np.flatnonzero(kept), last[kept]] = True
+        return begin[kept], way[kept], seen[kept], looked
+
+
+def _tally(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Count rows (rows, basins) by the number of basins that they know."""
+    return np.bincount(seen.sum(axis=1), minlength=seen.shape[1] + 1)

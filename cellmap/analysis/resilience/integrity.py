@@ -1,0 +1,247 @@
+"""Integrity of basins: the largest balls that fit into them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.checks import whole_array, whole_number
+from ..._lib.signatures import checked
+from ...attractors.settling import UNDECIDED
+from ...basins.classification import own_label, places_of, scale_of, span_of
+from ...basins.record import Basins
+from ...maps.coordinates import Coordinate
+from ...maps.grid import CellGrid
+from ...maps.point_map import PointMap
+from .shock_search import nearest_foreign
+from .shocks import FatalShock, minimal_fatal_shock
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A ball inside a basin.
+
+    Parameters
+    ----------
+    label : int
+        The basin.
+    centre : ndarray, shape (dimension,)
+        In the units of the coordinates.
+    radius : float
+        In units of `scale`: from the map where `shock` is given, else `image_radius`.
+    image_radius : float
+        Distance from the centre to the nearest labelled start that is not in the basin.
+    resolution : float
+        Diagonal of a cell in units of `scale`, by which the image may be wrong even where the boundary is smooth; NaN
+        for starts without a grid.
+    scale : ndarray, shape (dimension,)
+        Unit of length along each coordinate.
+    meets_window : bool
+        Whether the window ends nearer than the basin does, as far as the labels tell: the basin may then hold a larger
+        ball.
+    shock : FatalShock or None
+        The shortest way out of the basin from the centre, found with the map.
+    """
+
+    label: int
+    centre: NDArray[np.float64]
+    radius: float
+    image_radius: float
+    resolution: float
+    scale: NDArray[np.float64]
+    meets_window: bool
+    shock: FatalShock | None
+
+    def __repr__(self) -> str:
+        place = ", ".join(f"{v:.6g}" for v in self.centre)
+        how = "map" if self.shock is not None else "image"
+        more = ", cut off by the window" if self.meets_window else ""
+        return f"Ball(basin {self.label}, radius {self.radius:.6g} by the {how}, about ({place}){more})"
+
+
+@checked
+def local_integrity(
+    basins: Basins,
+    label: int,
+    scale: ArrayLike | None = None,
+    refine: bool = True,
+    seed: int = 0,
+    point_map: PointMap | None = None,
+) -> Ball:
+    """Return the local integrity measure: the largest ball about an attractor that lies in its basin.
+
+    Of a periodic or chaotic attractor it is the smallest of the balls about its points.
+
+    Parameters
+    ----------
+    basins : Basins
+        Labels on a grid, or of starts.
+    label : int
+        The attractor.
+    scale : array_like, optional
+        Unit of length along each coordinate, by default the sizes of the window.
+    refine : bool, optional
+        Find the radius with the map, by :func:`minimal_fatal_shock`; else by the labels alone.
+    seed : int, optional
+        Seed of the refinement.
+    point_map : PointMap, optional
+        Map to use in the place of the exact one.
+
+    Returns
+    -------
+    Ball
+        Its centre is the point of the attractor that is nearest to the end of the basin.  Undecided starts are taken
+        neither for inside nor for outside.
+
+    Raises
+    ------
+    ValueError
+        For a label that is no basin, or where no start lies outside the basin.
+
+    References
+    ----------
+    Soliman, Thompson, Journal of Sound and Vibration 135 (1989) 453.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, find_basins
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> local_integrity(find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,))), 0, scale=1.0)
+    Ball(basin 0, radius 0.732051 by the map, about (1))
+    """
+    k = own_label(basins, label)
+    unit = scale_of(scale, basins.coordinates, span_of(basins))
+    labels = basins.labels.ravel()
+    outside = (labels != k) & (labels != UNDECIDED)
+    if not outside.any():
+        raise ValueError(f"basins: no start has another label than {k}; take a larger window, or a finer grid")
+    origins = basins.attractors[k].points
+    distance, _ = nearest_foreign(places_of(basins)[outside], origins, unit, basins.coordinates)
+    row = int(np.argmin(distance))
+    radius = float(distance[row])
+    shock = minimal_fatal_shock(basins, k, None, unit, seed=seed, point_map=point_map) if refine else None
+    centre = origins[row] if shock is None else shock.point
+    final = radius if shock is None else shock.size
+    meets = _meets_window(basins.grid, basins.coordinates, centre, final, unit)
+    return Ball(k, centre.copy(), final, radius, _resolution(basins.grid, unit), unit, meets and shock is None, shock)
+
+
+@checked
+def largest_ball(
+    basins: Basins | ArrayLike,
+    label: int,
+    scale: ArrayLike | None = None,
+    wraps: Sequence[bool] = (),
+    refine: bool = False,
+    seed: int = 0,
+    point_map: PointMap | None = None,
+) -> Ball:
+    """Return the largest ball that fits into a basin within its window, wherever its centre is.
+
+    Distances are those of Euclid's transform of the labels, on the circles of angles.
+
+    Parameters
+    ----------
+    basins : Basins or array_like of int
+        Labels on a grid; of an array the cells are unit squares, with the corner of the first at the origin.
+    label : int
+        The basin.
+    scale : array_like, optional
+        Unit of length along each coordinate, by default the sizes of the window; for an array, a cell.
+    wraps : sequence of bool, optional
+        Which axes of an array are circles; basins know theirs.
+    refine : bool, optional
+        Find the radius about this centre with the map; else by the labels alone.
+    seed : int, optional
+        Seed of the refinement.
+    point_map : PointMap, optional
+        Map to use in the place of the exact one.
+
+    Returns
+    -------
+    Ball
+        A ball whose cells all have the label; undecided ones are outside, and so is all beyond the window.
+
+    Raises
+    ------
+    ValueError
+        For basins without a grid, or a label that no cell has.
+
+    References
+    ----------
+    Rega, Lenci, Nonlinear Analysis 63 (2005) 902.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> stripes = np.repeat([0, 1, 1, 1, 0, 1], 2)
+    >>> largest_ball(stripes, 1), largest_ball(stripes, 0, wraps=[True])
+    (Ball(basin 1, radius 3 by the image, about (4.5)), Ball(basin 0, radius 1 by the image, about (0.5)))
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    labels: NDArray[np.integer]
+    if isinstance(basins, Basins):
+        k, grid = own_label(basins, label), basins.grid
+        if grid is None:
+            raise ValueError("basins of starts without a grid have no cells; find basins on a CellGrid")
+        labels, coordinates = basins.labels, basins.coordinates
+    else:
+        labels = whole_array("basins", basins, "Basins, or whole numbers as labels")
+        k = whole_number("label", label)
+        if not labels.size or not labels.ndim:
+            raise ValueError(f"basins has the shape {labels.shape}: give the labels of an image")
+        if refine:
+            raise ValueError("refine=True: an array of labels has no map; give Basins")
+        around = tuple(wraps) or (False,) * labels.ndim
+        grid = CellGrid((0.0,) * labels.ndim, labels.shape, labels.shape, around)
+        coordinates, scale = (), np.ones(labels.ndim) if scale is None else scale
+    inside = labels == k
+    if not inside.any():
+        raise ValueError(f"label={label!r}: no cell has it")
+    span = np.array(grid.upper) - np.array(grid.lower)
+    unit = scale_of(scale, coordinates or [Coordinate(f"x{j}") for j in range(grid.dimension)], span)
+    layers = [(n // 2, n // 2) if w else (1, 1) for n, w in zip(grid.shape, grid.wraps, strict=True)]
+    padded = inside
+    for axis, layer in enumerate(layers):
+        widths = [(0, 0)] * axis + [layer] + [(0, 0)] * (grid.dimension - axis - 1)
+        padded = np.pad(padded, widths, mode="wrap" if grid.wraps[axis] else "constant")
+    if padded.all():
+        raise ValueError(f"label={label!r} is that of all cells, all round: the basin has no end; take a larger window")
+    distance, ends = distance_transform_edt(padded, sampling=grid.widths / unit, return_indices=True)
+    own = tuple(slice(a, a + n) for (a, _), n in zip(layers, grid.shape, strict=True))
+    cell = np.unravel_index(int(np.argmax(distance[own])), grid.shape)
+    place = tuple(c + a for c, (a, _) in zip(cell, layers, strict=True))
+    radius = float(distance[place])
+    beyond = any(
+        not w and not a <= int(ends[(j, *place)]) < a + n
+        for j, ((a, _), n, w) in enumerate(zip(layers, grid.shape, grid.wraps, strict=True))
+    )
+    centre = np.array([grid.axis(j)[c] for j, c in enumerate(cell)])
+    shock = None
+    if refine and isinstance(basins, Basins):
+        shock = minimal_fatal_shock(basins, k, centre, unit, seed=seed, point_map=point_map)
+    final = radius if shock is None else shock.size
+    return Ball(k, centre, final, radius, _resolution(grid, unit), unit, beyond and shock is None, shock)
+
+
+def _resolution(grid: CellGrid | None, unit: NDArray[np.float64]) -> float:
+    return np.nan if grid is None else float(np.linalg.norm(grid.widths / unit))
+
+
+def _meets_window(
+    grid: CellGrid | None,
+    coordinates: Sequence[Coordinate],
+    centre: NDArray[np.float64],
+    radius: float,
+    unit: NDArray[np.float64],
+) -> bool:
+    """Tell whether a ball reaches beyond a window, where nothing is known."""
+    if grid is None:
+        return True
+    free = ~np.array(grid.wraps)
+    room = np.minimum(centre - np.array(grid.lower), np.array(grid.upper) - centre) / unit
+    return bool((room[free] < radius).any())

@@ -1,0 +1,132 @@
+"""The search for short shocks that are fatal: candidates from labels, then rays, random trials and a bracket."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...attractors.settling import UNDECIDED
+from ...basins.classification import places_of
+from ...basins.record import Basins
+from ...maps.coordinates import Coordinate, difference, turns_of, wrap
+
+_SHRINKING = 1.0 - 0.7 * 4.0 ** -np.arange(18)  # of the best size, on each ray
+_RAYS = 16
+_TURNS = 2000  # of rays, at most: a size that falls by 300 decades takes 600
+_WIDEST, COARSE, FINE = 0.5, 1e-2, 2e-6  # spread of the rays, in radians: at first, of all candidates, of the best
+_CANDIDATES = 4
+_CLOSE = 1.5  # times the distance of the nearest foreign cell, within which candidates are chosen
+
+Fatal = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+
+def nearest_foreign(
+    places: NDArray[np.float64],
+    origins: NDArray[np.float64],
+    unit: NDArray[np.float64],
+    coordinates: Sequence[Coordinate],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the scaled distance from each origin to the nearest of some places, angles as circles, and which it is."""
+    tree, scaled = circular_tree(places, unit, coordinates)
+    distance, nearest = tree.query(scaled(origins))
+    return np.asarray(distance), np.asarray(nearest)
+
+
+def circular_tree(
+    places: NDArray[np.float64], unit: NDArray[np.float64], coordinates: Sequence[Coordinate]
+) -> tuple[Any, Callable[[NDArray[np.float64]], NDArray[np.float64]]]:
+    """Return a k-d tree of places in units of length, angles as circles, and what scales points for queries to it."""
+    from scipy.spatial import cKDTree
+
+    cut, turn = turns_of(coordinates)
+    around = turn / unit
+
+    def scaled(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = (wrap(points, coordinates) - np.where(turn > 0.0, cut, 0.0)) / unit
+        return np.asarray(np.where((turn > 0.0) & (x >= around), 0.0, x))  # the tree takes no end of a circle
+
+    return cKDTree(scaled(places), boxsize=around), scaled
+
+
+def candidates_of(
+    basins: Basins, k: int, origins: NDArray[np.float64], unit: NDArray[np.float64], free: NDArray[np.int64]
+) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return an attractor's points with shocks to labelled starts outside the basin, in different directions."""
+    labels = basins.labels.ravel()
+    outside = places_of(basins)[(labels != k) & (labels != UNDECIDED)]
+    if not len(outside):
+        raise ValueError(f"basins: no start has another label than {k}; take a larger window, or a finer grid")
+    distance, _ = nearest_foreign(outside[:, free], origins[:, free], unit[free], [basins.coordinates[j] for j in free])
+    frozen = np.setdiff1d(np.arange(len(unit)), free)
+    found: list[tuple[float, int, NDArray[np.float64]]] = []
+    for row in np.argsort(distance, kind="stable")[:_CANDIDATES]:
+        shifts = difference(outside, origins[row], basins.coordinates) / unit
+        if len(frozen) and basins.grid is not None:
+            # Of starts that differ in what a shock cannot change, those of the nearest cells are looked at.
+            shifts = shifts[(np.abs(shifts[:, frozen]) <= 0.51 * basins.grid.widths[frozen] / unit[frozen]).all(axis=1)]
+            if not len(shifts):
+                continue
+        shifts = shifts[:, free]
+        sizes = np.linalg.norm(shifts, axis=1)
+        near = shifts[np.argsort(sizes, kind="stable")[: max(1, np.count_nonzero(sizes <= _CLOSE * sizes.min()))]]
+        chosen = [near[0]]
+        for _ in range(_CANDIDATES - 1):
+            apart = np.min([np.linalg.norm(near - c, axis=1) for c in chosen], axis=0)
+            if apart.max() <= 0.1 * np.linalg.norm(near[0]):
+                break
+            chosen.append(near[int(np.argmax(apart))])
+        # Rays through it at other lengths as well: a label of a cell is that of its centre alone.
+        found += [(float(np.linalg.norm(c)), int(row), c) for c in chosen]
+    if not found:
+        raise ValueError("along: no start outside the basin differs in these coordinates alone; give all of them")
+    found.sort(key=lambda f: f[0])
+    return [(row, shock) for _, row, shock in found]
+
+
+def shortened(fatal: Fatal, shock: NDArray[np.float64], finest: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Shorten a fatal shock by trying rays about it, ever closer ones."""
+    spread = _WIDEST
+    d = len(shock)
+    for _ in range(_TURNS):
+        if spread < finest:
+            break
+        size = float(np.linalg.norm(shock))
+        rays = shock / size + (spread * rng.standard_normal((_RAYS, d)) if d > 1 else np.zeros((1, 1)))
+        rays[0] = shock / size
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        tries = (size * _SHRINKING)[:, None, None] * rays
+        hit = fatal(tries.reshape(-1, d)).reshape(tries.shape[:2])
+        if hit.any():
+            rank, ray = np.unravel_index(int(np.argmax(hit)), hit.shape)
+            shock = tries[rank, ray]
+        gained = 1.0 - float(np.linalg.norm(shock)) / size
+        if gained <= 0.1 * spread**2:
+            spread *= 0.5
+    return shock
+
+
+def fatal_inside(fatal: Fatal, shock: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return those of some random shocks, uniform in the ball of a shock's size, that are fatal."""
+    d = len(shock)
+    rays = rng.standard_normal((count, d))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    shocks = rays * (float(np.linalg.norm(shock)) * (1.0 - 1e-6) * rng.uniform(size=(count, 1)) ** (1.0 / d))
+    return shocks[fatal(shocks)]
+
+
+def bracketed(fatal: Fatal, shock: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float, float]]:
+    """Return the shock shortened along its ray, with the sizes between which the basin ends on it."""
+    size = float(np.linalg.norm(shock))
+    factors = np.concatenate([[0.0], _SHRINKING, [1.0]])
+    for _ in range(12):
+        harmful = fatal(factors[:, None] * shock)
+        harmful[0], harmful[-1] = False, True
+        first = int(np.argmax(harmful))
+        low, high = factors[first - 1], factors[first]
+        if high - low <= 4e-16 * high:
+            break
+        factors = np.linspace(low, high, 33)
+    return shock * high, (float(size * low), float(size * high))

@@ -1,0 +1,243 @@
+"""Minimal fatal shocks: the smallest displacement after which a system does not come back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..._lib.binomial import binomial_interval
+from ..._lib.checks import affordable_number, listed, random_numbers, shown, whole_number
+from ..._lib.signatures import checked
+from ...attractors.settling import UNDECIDED
+from ...basins.classification import labeller, own_label, scale_of, span_of
+from ...basins.record import Basins
+from ...maps.coordinates import Coordinate, state_points, wrap
+from ...maps.point_map import PointMap
+from .shock_search import COARSE, FINE, Fatal, bracketed, candidates_of, fatal_inside, shortened
+
+_ROUNDS = 12  # of looking for smaller shocks elsewhere
+
+
+@dataclass(frozen=True, eq=False)
+class FatalShock:
+    """The smallest displacement found after which an attractor is not reached again.
+
+    The shock is fatal, so that its size is an upper bound of the least one; that none is smaller is a finding of a
+    search, not a proof.
+
+    Parameters
+    ----------
+    label : int
+        The attractor's.
+    point : ndarray, shape (dimension,)
+        Point of the attractor at which the shock hits.
+    shock : ndarray, shape (dimension,)
+        Displacement, in the units of the coordinates.
+    size : float
+        Its length, each coordinate in units of `scale`.
+    bracket : tuple of float
+        Sizes in its direction between which the basin ends: the shock of the first size comes back, that of the second
+        one does not.
+    reached : int
+        Label after the shock: another attractor, -1 or -2; never -3.
+    scale : ndarray, shape (dimension,)
+        Unit of length along each coordinate.
+    from_image : float
+        Distance from `point` to the nearest labelled start that does not come back.
+    tested, inside_fatal, inside_high : int, int, float
+        Random shocks that were tried inside the ball of this size, how many of these were fatal (0, unless the search
+        ended before it was done), and the upper end of the 95 % interval of their share.  A tongue thinner than that
+        may reach in.
+    undecided : int
+        How many of those tried did not settle; these count as harmless.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    label: int
+    point: NDArray[np.float64]
+    shock: NDArray[np.float64]
+    size: float
+    bracket: tuple[float, float]
+    reached: int
+    scale: NDArray[np.float64]
+    from_image: float
+    tested: int
+    inside_fatal: int
+    inside_high: float
+    undecided: int
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        kick = ", ".join(f"{v:.6g}" for v in self.shock)
+        return f"FatalShock(size {self.size:.8g}, ({kick}) from attractor {self.label} to {self.reached})"
+
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """State after the shock, angles in their turn."""
+        return wrap(self.point + self.shock, self.coordinates)
+
+
+@checked
+def minimal_fatal_shock(
+    basins: Basins,
+    label: int,
+    point: ArrayLike | None = None,
+    scale: ArrayLike | None = None,
+    along: Sequence[int | str] | None = None,
+    trials: int = 4096,
+    seed: int = 0,
+    point_map: PointMap | None = None,
+    max_periods: int | None = None,
+) -> FatalShock:
+    """Find the smallest displacement from an attractor that leaves its basin.
+
+    Labelled starts outside the basin give the first candidates, by their distance on the circles of angles.  From the
+    nearest of these that lie in different directions the map itself is used: on rays spread about the best shock so
+    far shorter ones are tried, the spread is halved where none is fatal.  At last random shocks inside the ball are
+    tried; a fatal one begins the search anew.
+
+    Parameters
+    ----------
+    basins : Basins
+        Labels on a grid, or of starts.
+    label : int
+        The attractor.
+    point : array_like, shape (dimension,), optional
+        State at which the shock hits; by default the point of the attractor that is most at risk.
+    scale : array_like, optional
+        Unit of length along each coordinate; the size of a shock is its Euclidean length in these.  By default the
+        sizes of the window.
+    along : sequence of int or str, optional
+        Coordinates that a shock may change, by number or name; by default all.
+    trials : int, optional
+        Random shocks inside the ball.
+    seed : int, optional
+        Seed of rays and random shocks.
+    point_map : PointMap, optional
+        Map to use in the place of the exact one.
+    max_periods : int, optional
+        Periods after which a state is undecided, by default those of the basins.
+
+    Returns
+    -------
+    FatalShock
+        The shock with its bracket.  It is a local minimum: every smaller size is an upper bound of the least one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For basins without their map, a label that is no basin, or where no start lies outside the basin.
+
+    References
+    ----------
+    Halekotte, Feudel, Scientific Reports 10 (2020) 11783.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
+    >>> minimal_fatal_shock(basins, 0, scale=1.0)  # beyond sqrt(3), orbits are thrown to the other side
+    FatalShock(size 0.73205081, (0.732051) from attractor 0 to 1)
+    """
+    k = own_label(basins, label)
+    labels_of = labeller(basins, point_map=point_map, max_periods=max_periods)
+    coordinates = basins.coordinates
+    d = len(coordinates)
+    unit = scale_of(scale, coordinates, span_of(basins))
+    tried = affordable_number("trials", trials, 8 * (7 * d + 4), at_least=1)
+    free = _columns(along, coordinates)
+    origins = basins.attractors[k].points if point is None else state_points("point", point, coordinates)[None]
+    if origins.ndim != 2:
+        raise ValueError(f"point={shown(point)}: give one state")
+    tally: list[int] = []
+
+    def fatal_from(origin: NDArray[np.float64]) -> Fatal:
+        def fatal(shocks: NDArray[np.float64]) -> NDArray[np.bool_]:
+            full = np.zeros((len(shocks), d))
+            full[:, free] = shocks * unit[free]
+            found = labels_of(origin + full)
+            tally.append(int(np.count_nonzero(found == UNDECIDED)))
+            return np.asarray((found != k) & (found != UNDECIDED))
+
+        return fatal
+
+    home = labels_of(origins)
+    if (home != k).any():
+        raise ValueError(f"point: the state {origins[np.argmax(home != k)].tolist()} has the label "
+                         f"{int(home[home != k][0])}, not {k}; give a state in the basin")  # fmt: skip
+    candidates = candidates_of(basins, k, origins, unit, free)
+    rng = random_numbers(seed)
+    best: tuple[float, int, NDArray[np.float64]] | None = None
+    nearest = np.inf
+    for row, shock in candidates:
+        fatal = fatal_from(origins[row])
+        if not fatal(shock[None])[0]:
+            continue  # a label of a table, which the exact map does not share
+        nearest = min(nearest, float(np.linalg.norm(shock)))
+        shock = shortened(fatal, shock, COARSE, rng)
+        size = float(np.linalg.norm(shock))
+        if best is None or size < best[0]:
+            best = (size, row, shock)
+    if best is None:
+        raise ValueError("basins: no labelled start outside the basin is confirmed by the map; take a finer grid")
+    _, row, shock = best
+    fatal, rows = fatal_from(origins[row]), np.arange(len(origins))
+    inside = 0
+    for _ in range(_ROUNDS):
+        shock = shortened(fatal, shock, FINE, rng)
+        trial_rows = np.array([row]) if point is not None else rng.choice(rows, min(len(rows), 8), replace=False)
+        trial_rows = np.unique(np.append(trial_rows, row))
+        hits = [fatal_inside(fatal_from(origins[r]), shock, tried // len(trial_rows) + 1, rng) for r in trial_rows]
+        inside = sum(len(h) for h in hits)
+        if not inside:
+            break
+        row, shock = min(
+            (
+                (int(r), h[np.argmin(np.linalg.norm(h, axis=1))])
+                for r, h in zip(trial_rows, hits, strict=True)
+                if len(h)
+            ),
+            key=lambda found: float(np.linalg.norm(found[1])),
+        )
+        fatal = fatal_from(origins[row])
+    shock, bracket = bracketed(fatal, shock)
+    full = np.zeros(d)
+    full[free] = shock * unit[free]
+    count = sum(tried // len(trial_rows) + 1 for _ in trial_rows)
+    return FatalShock(
+        label=k,
+        point=origins[row].copy(),
+        shock=full,
+        size=bracket[1],
+        bracket=bracket,
+        reached=int(labels_of((origins[row] + full)[None])[0]),
+        scale=unit,
+        from_image=nearest,
+        tested=count,
+        inside_fatal=inside,
+        inside_high=float(binomial_interval(inside, count)[1]),
+        undecided=sum(tally),
+        coordinates=coordinates,
+    )
+
+
+def _columns(along: Sequence[int | str] | None, coordinates: Sequence[Coordinate]) -> NDArray[np.int64]:
+    if along is None:
+        return np.arange(len(coordinates))
+    names = [c.name for c in coordinates]
+    chosen: list[int] = []
+    for one in (along,) if isinstance(along, str) else listed("along", along):
+        if isinstance(one, str):
+            if one not in names:
+                raise ValueError(f"along={one!r}: the coordinates are {names}")
+            chosen.append(names.index(one))
+        else:
+            chosen.append(whole_number("along", one, at_most=len(names) - 1))
+    if not chosen:
+        raise ValueError("along is empty: give at least one coordinate")
+    return np.unique(np.array(chosen))

@@ -1,0 +1,5 @@
+"""Fits and intervals that all measures share."""
+
+from .._lib.binomial import binomial_interval as binomial_interval
+from .._lib.fit import Fit as Fit
+from .._lib.fit import fit_line as fit_line

@@ -1,0 +1,5 @@
+"""Attractors of a point map: how they are found, proved, recognised and matched."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,196 @@
+"""Sets of equilibria: places at which dry friction holds an orbit for ever."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference, turns_of, wrap
+from ..maps.point_map import PointMap, follow
+from ..maps.tangent import jacobian
+from ..orbits.attractor import Attractor, Cover, Kind
+from ..orbits.multipliers import multipliers_of
+from ..orbits.newton import resolution
+from .settling import AT_REST, boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
+
+_PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
+_RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region
+_THIN = 1e-9  # width of boxes along directions in which the set does not reach, relative to the resolution
+_BOXES = 32  # along the set
+_MOST_BOXES = 20_000
+_SAMPLE = 256
+_PERIODS = 16  # in which orbits near the edge have to come closer
+
+
+def sets_of_equilibria(
+    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
+) -> list[Attractor]:
+    """Return the attracting sets of equilibria on which some of the orbits rest.
+
+    An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
+    axis, and forgets other small displacements, as its derivative tells: so it does where dry friction holds the state
+    with force to spare.  From there the set is explored, box by box, along those axes.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    states : ndarray, shape (n, dimension)
+        Ends of orbits.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest.
+    known : sequence of Attractor, optional
+        Attractors that need not be found again.
+
+    Returns
+    -------
+    list of Attractor
+        With a sample of the points of each set, and boxes that hold it.
+    """
+    exact = point_map.exact or point_map
+    left = states[_rests(exact, states, extent)]
+    for other in known:
+        if other.cover is not None and other.kind is Kind.EQUILIBRIA and len(left):
+            left = left[~inside_cover(other.cover, left, exact)]
+    found: list[Attractor] = []
+    while len(left):
+        attractor = _explored(exact, left[0], extent)
+        inside = np.zeros(len(left), bool)
+        inside[0] = True
+        if attractor is not None:
+            found.append(attractor)
+            assert attractor.cover is not None
+            inside |= inside_cover(attractor.cover, left, exact)
+        left = left[~inside]
+        if attractor is None and len(left) > _SAMPLE:
+            left = left[:: len(left) // _SAMPLE]
+    return found
+
+
+def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which states the map leaves in place."""
+    images = follow(exact, states, 1)
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(difference(images.points, states, exact.coordinates))
+        still = (moved <= AT_REST * resolution(states, extent)).all(axis=-1)
+    return np.asarray(still & ~images.turns.any(axis=-1))
+
+
+def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
+    """Return the set of equilibria around one of them; None where it is a single one, or nothing is drawn to it."""
+    d = exact.dimension
+    matrix = jacobian(exact, place) * (extent / extent[:, None])
+    multipliers = multipliers_of(matrix)
+    sizes = np.abs(multipliers)
+    if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):
+        return None
+    unit = np.eye(d) * extent
+    probe = np.maximum(_PROBE, _RESOLVED * resolution(place, extent) / extent)
+    wide = np.array(
+        [_rests(exact, place + probe[j] * np.array([[1.0], [-1.0]]) * unit[j], extent).any() for j in range(d)]
+    )
+    if not wide.any() or wide.all():
+        return None
+    reaches = np.array([_reach(exact, place, unit[j], extent, probe[j]) if wide[j] else 0.0 for j in range(d)])
+    across = min(_BOXES, int(_MOST_BOXES ** (1.0 / np.count_nonzero(wide))) // 2)
+    turn = turns_of(exact.coordinates)[1]
+    widths = np.where(wide, 2.0 * reaches * extent / across, _THIN * resolution(place, extent))
+    around = boxes_around(widths, turn)
+    widths = np.where(turn > 0, turn / np.maximum(around, 1), widths)
+    boxes = _flooded(exact, place, widths, around, wide, extent)
+    centres = wrap(place + boxes * widths, exact.coordinates)
+    with np.errstate(divide="ignore"):
+        exponents = np.log(np.abs(multipliers))
+    sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
+    steps = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
+    grown = moved_boxes(boxes, steps, around)
+    places = wrap(place + grown * widths, exact.coordinates)
+    certain = _amid(grown, boxes, steps, around)
+    if not certain.all():
+        certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
+    lower = place - 0.5 * widths
+    # Boxes are numbered within the turn of an angle, as the places of points are.
+    numbers = boxes_of(places, lower, widths, exact)
+    order = np.lexsort(numbers.T[::-1])
+    cover = Cover(lower, widths, numbers[order], certain[order])
+    return Attractor(Kind.EQUILIBRIA, 1, sample, (0,) * d, multipliers, exponents, exact.coordinates, cover=cover)
+
+
+def _reach(
+    exact: PointMap, place: NDArray[np.float64], unit: NDArray[np.float64], extent: NDArray[np.float64], reach: float
+) -> float:
+    """Return how far the equilibria reach along an axis, the farther way, in units of the extent; at least `reach`."""
+    for factor in (2.0, 1.05):
+        while reach * factor <= 0.5:
+            beyond = place + factor * reach * np.array([[1.0], [-1.0]]) * unit
+            if not _rests(exact, beyond, extent).any():
+                break
+            reach *= factor
+    return reach
+
+
+def _flooded(
+    exact: PointMap,
+    place: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    around: NDArray[np.int64],
+    wide: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Return the boxes around equilibria that can be reached through one another, by their numbers from the first."""
+    steps = np.concatenate([sign * np.eye(len(place), dtype=np.int64)[wide] for sign in (1, -1)])
+    known = front = np.zeros((1, len(place)), np.int64)
+    while len(front) and len(known) < _MOST_BOXES:
+        new = moved_boxes(front, steps, around)
+        new = _not_among(new, known)
+        new = new[((np.abs(new * widths) <= extent) | (around > 0)).all(axis=-1)]
+        front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
+        known = np.concatenate([known, front])
+    return np.unique(known, axis=0)
+
+
+def _amid(
+    boxes: NDArray[np.int64], among: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which boxes, and all their neighbours, are among others."""
+    keys = {tuple(box) for box in among.tolist()}
+    neighbours = wrapped_boxes(boxes[:, None, :] + steps, around)
+    return np.array([all(tuple(n) in keys for n in group) for group in neighbours.tolist()], dtype=bool)
+
+
+def _drawn(
+    exact: PointMap,
+    places: NDArray[np.float64],
+    centres: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    wide: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, which rest."""
+    from scipy.spatial import KDTree
+
+    offsets = np.array(list(itertools.product(*[(-0.5, 0.0, 0.5) if w else (0.0,) for w in wide])))
+    points = (places[:, None, :] + offsets * widths).reshape(-1, len(widths))
+    restless = np.flatnonzero(~_rests(exact, wrap(points, exact.coordinates), extent))
+    drawn = np.ones(len(points), bool)
+    if len(restless):
+        lower, turn = turns_of(exact.coordinates)
+        lower = np.where(turn > 0, lower, 0.0)
+        scaled = [(wrap(p, exact.coordinates) - lower) / extent for p in (centres, points)]
+        tree = KDTree(scaled[0], boxsize=np.where(turn > 0, turn, 0.0) / extent)
+        nearest = centres[tree.query(scaled[1][restless])[1]]
+        begin = wrap(points[restless], exact.coordinates)
+        images = follow(exact, begin, _PERIODS)
+        far, near = (
+            np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images.points)
+        )
+        drawn[restless] = near < far
+    return np.asarray(drawn.reshape(len(places), -1).all(axis=1))
+
+
+def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:
+    both, index, counts = np.unique(np.concatenate([new, known]), axis=0, return_index=True, return_counts=True)
+    return np.asarray(both[(counts == 1) & (index < len(new))])

@@ -1,0 +1,97 @@
+"""Attractors of neighbouring parameter values: which of them are the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference
+from ..orbits.attractor import Attractor
+
+_MOST_POINTS = 512  # of a cloud, that are compared
+UNLIKE = 2.0
+"""Factor by which a distance counts more between attractors that hardly become each other."""
+
+_DIGITS = 9  # so that rounding does not decide between mirror images
+
+
+def attractor_distance(a: Attractor, b: Attractor, extent: NDArray[np.float64]) -> float:
+    """Return the distance of two attractors, in units of an extent (dimension,).
+
+    It is the mean distance of the points of one to the nearest of the other, of both the larger: Hausdorff's distance
+    with a mean in the place of the maximum, which chance decides on for samples of chaotic attractors.  Along angles
+    the shorter way counts.
+
+    References
+    ----------
+    Dubuisson, Jain, Proceedings of the 12th International Conference on Pattern Recognition (1994) 566.
+    """
+    shift = difference(_thinned(a)[:, None], _thinned(b)[None], a.coordinates) / extent
+    apart = np.sqrt((shift**2).sum(axis=-1))
+    return float(max(apart.min(axis=0).mean(), apart.min(axis=1).mean()))
+
+
+def match_attractors(
+    found: Sequence[Attractor],
+    known: Mapping[int, Attractor],
+    extent: NDArray[np.float64],
+    threshold: float,
+    unlike: float = UNLIKE,
+) -> dict[int, int]:
+    """Match attractors with labelled ones so that the sum of their distances is least.
+
+    Parameters
+    ----------
+    found : sequence of Attractor
+        Attractors without labels.
+    known : mapping of int to Attractor
+        Attractors by their labels.
+    extent : ndarray, shape (dimension,)
+        Unit of distances.
+    threshold : float
+        Largest distance between attractors that are the same.
+    unlike : float, optional
+        Factor of the distances between attractors with different rotation numbers, or with periods of which none
+        divides the other; infinite where these are never the same.
+
+    Returns
+    -------
+    dict of int to int
+        Labels by places in `found`; without those that have no match.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    if not found or not known:
+        return {}
+    labels = list(known)
+    cost = np.array([[_cost(a, known[label], extent, unlike) for label in labels] for a in found])
+    cost = np.round(np.where(cost <= threshold, cost, 1e3 * (1.0 + threshold)), _DIGITS)
+    rows, columns = linear_sum_assignment(cost)
+    return {int(i): labels[j] for i, j in zip(rows, columns, strict=True) if cost[i, j] <= threshold}
+
+
+def _cost(a: Attractor, b: Attractor, extent: NDArray[np.float64], unlike: float) -> float:
+    if not _are_unlike(a, b):
+        return attractor_distance(a, b, extent)
+    return attractor_distance(a, b, extent) * unlike if np.isfinite(unlike) else np.inf
+
+
+def _are_unlike(a: Attractor, b: Attractor) -> bool:
+    """Tell whether rotation numbers differ, or periods of which none divides the other; chaos is like anything."""
+    if not a.period or not b.period:
+        return False
+    turning = np.abs(np.subtract(a.rotation_number, b.rotation_number)).max() > 1e-9
+    return bool(turning) or max(a.period, b.period) % min(a.period, b.period) != 0
+
+
+def _thinned(attractor: Attractor) -> NDArray[np.float64]:
+    return thinned(attractor.points, _MOST_POINTS)
+
+
+def thinned(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """Return at most so many of the points (n, dimension), spread evenly over them."""
+    if len(points) <= most:
+        return points
+    return points[np.linspace(0, len(points) - 1, most).round().astype(np.int64)]

@@ -1,0 +1,298 @@
+"""The search for attractors: orbits settle, their ends are polished, what is left is examined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import affordable_number, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, Neighbourhood, sort_key
+from ..orbits.newton import newton, resolution, stable_orbit
+from .chaos import chaotic_attractors
+from .equilibria import sets_of_equilibria
+from .settling import Catalogue, settle
+from .trapping import trapping_neighbourhood
+
+_LOOKS = 256  # looks at the same orbits, at most
+_FIRST_LOOK = 32  # periods before ends are polished for the first time
+_LOOKED_AT = 256  # ends among which those to be polished are chosen
+_REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
+_LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
+_SETTLING = 16  # ends that come back closest, among which as many are chosen
+_RETURNS = 4  # likely periods tried for each of them, besides 1,
+_RETURNED = 0.2  # if they bring it back to within this part of the extent
+
+
+@checked
+def find_attractors(
+    point_map: PointMap,
+    starts: ArrayLike,
+    max_periods: int = 2000,
+    max_period: int = 32,
+    known: Sequence[Attractor] = (),
+) -> tuple[Attractor, ...]:
+    """Find the attractors that orbits from given starts end on.
+
+    Orbits are followed; ends that are spread far apart are polished by Newton's method on the exact map, for the
+    periods after which their orbits come closest to themselves; a solution counts where its multipliers prove it
+    stable, and gets a verified neighbourhood, with which all other orbits are sorted out.  Orbits that never settle are
+    examined for chaos.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map that the orbits follow; periodic points are polished on its exact map.
+    starts : array_like, shape (..., dimension)
+        Starts of the orbits.
+    max_periods : int, optional
+        Longest orbit.
+    max_period : int, optional
+        Longest period of a periodic attractor.
+    known : sequence of Attractor, optional
+        Attractors that need not be found again.
+
+    Returns
+    -------
+    tuple of Attractor
+        In an order that does not depend on the starts: fixed points, periodic, rotating, chaotic.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], 0.3 * x[0]), {"a": 0.2}, ("x", "y"))
+    >>> find_attractors(henon, [[0.0, 0.0], [0.5, 0.5]])
+    (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
+    """
+    states = state_points("starts", starts, point_map.coordinates).reshape(-1, point_map.dimension)
+    if not len(states):
+        raise ValueError("starts is empty: give at least one start")
+    check_attractors(known, point_map, "known")
+    max_periods = whole_number("max_periods", max_periods, at_least=1)
+    max_period = longest_period(max_period)
+    extent = region_extent(point_map, states)
+    orbits, attractors, age = search(
+        point_map, states, known, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
+    )
+    if len(orbits):
+        attractors += chaotic_attractors(point_map, orbits.points, extent, attractors, age)
+    return tuple(sorted(attractors, key=sort_key))
+
+
+def search(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    known: Sequence[Attractor],
+    max_periods: int,
+    max_period: int,
+    extent: NDArray[np.float64],
+    examined: Examined,
+) -> tuple[Orbits, list[Attractor], int]:
+    """Follow orbits and find attractors, but no chaotic ones; return the orbits that are left, and their age."""
+    attractors = list(known)
+    orbits = Orbits.starting(wrap(states, point_map.coordinates))
+    age, horizon = 0, _FIRST_LOOK
+    while len(orbits):
+        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
+        age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
+        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age, examined)
+        if age == max_periods:
+            break
+    return orbits, attractors, age
+
+
+def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
+    """Refuse what is not a sequence of attractors of this map's coordinates."""
+    if isinstance(attractors, Attractor | str) or not all(isinstance(a, Attractor) for a in attractors):
+        raise TypeError(f"{name}={attractors!r}: give a sequence of Attractor, such as other basins' attractors")
+    for a in attractors:
+        if a.coordinates != point_map.coordinates:
+            theirs, ours = (", ".join(map(str, c)) for c in (a.coordinates, point_map.coordinates))
+            raise ValueError(f"{name} holds an attractor in ({theirs}), and the map is one of ({ours})")
+
+
+def sort_out(
+    point_map: PointMap,
+    orbits: Orbits,
+    attractors: list[Attractor],
+    max_period: int,
+    extent: NDArray[np.float64],
+    age: int,
+    examined: Examined,
+) -> tuple[Orbits, list[Attractor]]:
+    """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
+    for _ in range(_LOOKS):
+        if not len(orbits):
+            break
+        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
+        # Orbits that approach one of these rest on it in the end, and on no set of equilibria.
+        others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
+        fresh += sets_of_equilibria(point_map, others, extent, attractors)
+        if not fresh:
+            break
+        attractors = [*attractors, *fresh]
+        orbits = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age).orbits
+    return orbits, attractors
+
+
+def longest_period(max_period: int) -> int:
+    """Return the longest period of attractors that are searched for, once there is memory for the search."""
+    return affordable_number("max_period", max_period, 2 * 8 * _LOOKED_AT, at_least=1)
+
+
+def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Typical size of each coordinate: the turn of an angle, the window of a table, else the span of the starts."""
+    turn = turns_of(point_map.coordinates)[1]
+    table = point_map.table
+    span = np.ptp(states, axis=0) if table is None else np.array(table.grid.upper) - np.array(table.grid.lower)
+    magnitude = np.abs(states).max(axis=0)
+    span = np.where(span > 0, span, np.where(magnitude > 0, magnitude, 1.0))
+    return np.where(turn > 0, turn, np.clip(span, 1.0 / _LARGEST, _LARGEST))
+
+
+def new_attractors(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    known: Sequence[Attractor],
+    max_period: int,
+    extent: NDArray[np.float64],
+    examined: Examined,
+) -> list[Attractor]:
+    """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
+    for guesses, periods in _guesses(point_map, states, max_period, extent):
+        found: list[Attractor] = []
+        solutions, settled = examined.polished(point_map, guesses, periods)
+        for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
+            # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
+            if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
+                continue
+            if solutions[i] in examined:
+                continue
+            orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
+            neighbourhood = None if orbit is None else _neighbourhood(point_map, orbit, extent)
+            if orbit is None or neighbourhood is None:
+                examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
+            else:
+                found.append(replace(orbit, neighbourhood=neighbourhood))
+        if found:
+            return found
+    return []
+
+
+@dataclass(eq=False)
+class Examined:
+    """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
+
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period.
+    """
+
+    coordinates: tuple[Coordinate, ...]
+    extent: NDArray[np.float64]
+    points: NDArray[np.float64]
+    ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
+
+    @classmethod
+    def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
+        """Begin a search in a region of some extent."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
+
+    def __contains__(self, point: NDArray[np.float64]) -> bool:
+        apart = np.abs(difference(self.points, point, self.coordinates))
+        return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
+
+    def refuse(self, points: NDArray[np.float64]) -> None:
+        """Remember the points of an orbit that is no attractor."""
+        self.points = np.concatenate([self.points, points])
+
+    def polished(
+        self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Polish guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
+        keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
+        new = [i for i, key in enumerate(keys) if key not in self.ends]
+        if new:
+            solutions, settled = newton(point_map, guesses[new], periods[new], self.extent, attracting=True)
+            for i, solution, success in zip(new, solutions, settled, strict=True):
+                self.ends[keys[i]] = solution if success else None
+        known = [self.ends[key] for key in keys]
+        failed = np.full(point_map.dimension, np.nan)
+        return (
+            np.array([failed if solution is None else solution for solution in known]),
+            np.array([solution is not None for solution in known]),
+        )
+
+
+def _neighbourhood(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:
+    return trapping_neighbourhood(point_map, attractor, extent) if _carried(point_map, attractor) else None
+
+
+def _carried(point_map: PointMap, attractor: Attractor) -> bool:
+    """Whether the map carries orbits along the attractor; a table that orbits leave does not, where it has no cells."""
+    orbit = Orbits.starting(attractor.points.copy())
+    point_map.advance(orbit, 1)
+    return bool(orbit.alive.all())
+
+
+def _guesses(
+    point_map: PointMap, states: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
+
+    Guesses are ends that lie far apart, and ends whose orbits come back closest.
+    """
+    ends = states[np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).round().astype(np.int64))]
+    distance = _return_distances(point_map, ends, max_period, extent)
+    patience = np.argsort(distance[1:].min(axis=0), kind="stable")
+    chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
+    chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
+    ends, distance = ends[chosen], distance[:, chosen]
+    yield ends, np.ones(len(ends), np.int64)
+    if max_period > 1:
+        closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
+        close = np.take_along_axis(distance, closest, axis=0) < _RETURNED
+        rank, row = np.nonzero(close & ~_multiples(closest))
+        if len(row):
+            yield ends[row], closest[rank, row]
+
+
+def _multiples(periods: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
+    found = np.zeros(periods.shape, bool)
+    for earlier in range(len(periods) - 1):
+        found[earlier + 1 :] |= periods[earlier + 1 :] % periods[earlier] == 0
+    return found
+
+
+def _return_distances(
+    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each end from its image after each number of periods, shape (max_period + 1, n)."""
+    orbit = Orbits.starting(ends.copy())
+    distance = np.full((max_period + 1, len(ends)), np.inf)
+    for q in range(1, max_period + 1):
+        point_map.advance(orbit, 1)
+        shift = difference(orbit.points, ends, point_map.coordinates) / extent
+        distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
+    return distance
+
+
+def _far_apart(
+    ends: NDArray[np.float64], rows: NDArray[np.int64], point_map: PointMap, extent: NDArray[np.float64]
+) -> list[int]:
+    """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
+    chosen = [int(rows[0])]
+    nearest = np.full(len(rows), np.inf)
+    for _ in range(_REPRESENTATIVES - 1):
+        shift = difference(ends[rows], ends[chosen[-1]], point_map.coordinates) / extent
+        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
+        farthest = int(np.argmax(nearest))
+        if nearest[farthest] <= 1e-12:
+            break
+        chosen.append(int(rows[farthest]))
+    return chosen

@@ -1,0 +1,260 @@
+"""Neighbourhoods of attractors that are verified to lie in their basins."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference, turns_of
+from ..maps.orbit_batch import Status
+from ..maps.point_map import PointMap, follow
+from ..maps.tangent import jacobian
+from ..orbits.attractor import Attractor, Neighbourhood
+
+_DIRECTIONS = 96  # on a circle
+_FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
+_AHEAD = 8  # shells that are looked at together,
+_STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
+_GROWN = 2  # points of an attractor whose ellipsoids grow as far as they can; the others only begin
+_ALL_BUT_LINEAR = 0.5  # of what the linear part leaves to spare: the most that may be seen of bend and error,
+_STRAIGHT = 0.1  # and the most from which a step as long as the next is safe,
+_COARSE = (2.0, 4.0)  # from one small surface to another, as what bends allows for,
+_SMALL = 0.01  # as far as this part of the largest one
+_ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
+_ABOVE = 5  # octaves above the resolved one
+_FLIPPING = -0.9  # multiplier below which two rounds are taken together
+_PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
+_NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
+_FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
+
+
+def trapping_neighbourhood(
+    point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]
+) -> Neighbourhood | None:
+    """Return ellipsoids around a periodic attractor in which every orbit is verified to approach it.
+
+    The linear map contracts in the metric by a known factor c < 1.  From a small ellipsoid on which the exact map is
+    seen to be all but linear, the ellipsoids grow in steps of some percent as long as the exact map shortens the
+    distance to the attractor, by a factor of at most (1 + c)/2 in one round, everywhere on their surfaces.  A distance
+    that falls in every round leaves no other attractor in the ellipsoid.  (Close to a flip, two rounds count as one.)
+
+    An orbit visits all points of the attractor, so that wide ellipsoids around a few are as good as around all: only
+    those grow that promise to be widest along the direction of slowest approach.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    attractor : Attractor
+        A periodic attractor.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest; no half-width of an ellipsoid is larger than a quarter of it, unless the
+        attractor lies more than a million times as far away from the origin.
+
+    Returns
+    -------
+    Neighbourhood or None
+        None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
+    """
+    exact = point_map.exact or point_map
+    turn = turns_of(exact.coordinates)[1]
+    # Rounding far away from the origin would hide all that happens in a tiny region.
+    extent = extent * max(1.0, float((_NARROWEST * np.abs(attractor.points) / extent).max()))
+    reach = _FARTHEST * (1.0 + np.abs(attractor.points).max(axis=0))
+    limit = np.minimum(np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0, reach)
+    rounds = _rounds(attractor)
+    periods = rounds * attractor.period
+    contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
+    steps = jacobian(exact, attractor.points)
+    slow = _slowest(steps)
+    begun, preferred = list[_Shells](), 0
+    for k, centre in enumerate(attractor.points):
+        matrix = np.linalg.matrix_power(_product(np.roll(steps, -k, axis=0)), rounds)
+        scaled = _metrics(matrix * limit / limit[:, None], contraction)
+        choice = [_Shells(exact, centre, periods, matrix, metric, contraction, limit) for metric in scaled]
+        if k == 0:
+            preferred = int(np.argmax([c.begin() / max(c.length(slow[0]), 1e-300) for c in choice]))
+        # What suits one point suits the others, for the most part.
+        choice = choice[preferred:] + choice[:preferred]
+        shells = next((c for c in choice if c.radius > 0.0 or c.begin() > 0.0), None)
+        if shells is None:
+            return None
+        begun.append(shells)
+    # On a superstable cycle no direction is left to compare.
+    widths = [shells.promised / max(shells.length(v), 1e-300) for shells, v in zip(begun, slow, strict=True)]
+    for k in np.argsort(-np.array(widths), kind="stable")[:_GROWN]:
+        begun[k].grow()
+    metrics = np.array([shells.metric / shells.radius**2 for shells in begun])
+    return Neighbourhood(attractor.points, metrics, max(shells.worst for shells in begun) ** (1.0 / rounds))
+
+
+def _rounds(attractor: Attractor) -> int:
+    """Return after how many rounds distances are compared.
+
+    Close to a flip, x -> -x + a x^2 + ..., the bend of one round undoes that of the round before, and two rounds
+    contract on a far larger neighbourhood than one.
+    """
+    slowest = attractor.multipliers[0]
+    return 1 + int(slowest.imag == 0.0 and slowest.real < _FLIPPING)
+
+
+class _Shells:
+    """Surfaces around one point of an attractor, from small to large."""
+
+    def __init__(
+        self,
+        exact: PointMap,
+        centre: NDArray[np.float64],
+        period: int,
+        matrix: NDArray[np.float64],
+        metric: NDArray[np.float64],
+        contraction: float,
+        limit: NDArray[np.float64],
+    ) -> None:
+        self.exact, self.centre, self.period, self.matrix = exact, centre, period, matrix
+        # In units of the limits all coordinates are of one size.
+        self.metric = metric / np.outer(limit, limit)
+        root = np.linalg.cholesky(self.metric)
+        inverse_root = np.linalg.inv(root).T  # unit sphere -> unit ellipsoid
+        self.offsets = _directions(exact.dimension) @ inverse_root.T
+        self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
+        self.fine = _FINE.get(exact.dimension, 1.1)
+        self.allowed = 0.5 * (1.0 + contraction)
+        self.spare = self.allowed - self.linear
+        rtol, atol = exact.tolerance
+        noise = 2.0 * period * (atol + rtol * (np.abs(centre) + limit * 1e-3))
+        self.resolved = float(np.sqrt(noise @ np.abs(self.metric) @ noise)) / max(0.5 * self.spare, 1e-300)
+        self.largest = float((limit / np.sqrt((inverse_root**2).sum(axis=-1))).min())
+        self.radius = self.promised = 0.0
+        self.worst = self.linear
+
+    def length(self, vector: NDArray[np.complex128]) -> float:
+        """Return the length of a vector in the metric."""
+        return float(np.sqrt(np.real(vector.conj() @ self.metric @ vector)))
+
+    def begin(self) -> float:
+        """Find a radius at which the map is seen to be all but linear; return the one that is foreseen from its bend.
+
+        The map is all but linear inside as well.  What the image differs from that of the linear part is the bend and
+        the error of the map together: where it is small, both are.  The first radius is sought near the one that the
+        tolerance resolves at worst; most maps are far better than their tolerance, and cycles that attract weakly bend
+        the map before that resolves anything.  From there it grows as long as the surfaces are all but flat.
+        """
+        share = self._first() if self.spare > 0.0 else np.inf
+        while share <= _STRAIGHT and self.radius <= _SMALL * self.largest:
+            share = self._try(_COARSE[int(share * _COARSE[1] <= _STRAIGHT)] * self.radius)
+        return self.promised
+
+    def _first(self) -> float:
+        """Take the first radius found at which the map is all but linear; return the share that is bent there."""
+        nearest = min(max(self.resolved, 1e-12 * self.largest), self.largest)
+        radius, before = nearest, np.inf
+        for _ in range(_ATTEMPTS):
+            share = self._try(radius)
+            if self.radius or before < share < np.inf:
+                break
+            # The bend falls with the radius, and tells by how much this has to fall; the error of the map rises.
+            radius, before = radius * min(max(0.5 * _ALL_BUT_LINEAR / share, 1.0 / 16.0), 0.5), share
+        for octave in range(1, _ABOVE + 1):
+            if self.radius or nearest * 2.0**octave > self.largest:
+                break
+            share = self._try(nearest * 2.0**octave)
+        return share
+
+    def _try(self, radius: float) -> float:
+        """Take a radius if the map is all but linear there; return how much bends, as a share of what is to spare."""
+        factors, bends = self._factors(np.array([radius]))
+        share = float(bends[0]) / self.spare
+        if share <= _ALL_BUT_LINEAR and factors[0] <= self.allowed:
+            self.radius, self.worst = radius, max(self.worst, float(factors[0]))
+            self.promised = min(radius / max(share, 1e-300), self.largest)
+        return share
+
+    def grow(self) -> None:
+        """Take the largest radius up to which all surfaces pass, from one that does."""
+        while self.radius < self.largest:
+            steps, radii = self.fine ** np.arange(1.0, _AHEAD + 1.0), [self.radius]
+            for _ in range(_STRETCHES.get(self.exact.dimension, 1)):
+                radii += np.minimum(radii[-1] * steps, self.largest).tolist()
+            batch = np.array(radii[1:])
+            factors, _ = self._factors(batch)
+            failed = np.flatnonzero(~(factors <= self.allowed))
+            passed = int(failed[0]) if len(failed) else len(batch)
+            if passed:
+                self.radius = float(batch[passed - 1])
+                self.worst = max(self.worst, float(factors[:passed].max()))
+            if len(failed):
+                break
+
+    def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Bound the factor by which one round changes the distance on each surface; also say how far it bends each.
+
+        There are two bounds, what is seen and what the linear part allows with the rest that is seen, each with what
+        may happen between neighbouring directions; the smaller one holds.
+        """
+        shift = radii[:, None, None] * self.offsets
+        images = follow(self.exact, (self.centre + shift).reshape(-1, self.exact.dimension), self.period)
+        after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
+        seen = self._norm(after) / radii[:, None]
+        rest = self._norm(after - shift @ self.matrix.T) / radii[:, None]
+        alive = images.status.reshape(seen.shape) < Status.ESCAPED
+        seen, rest = np.where(alive, seen, np.inf), np.where(alive, rest, np.inf)
+        with np.errstate(invalid="ignore"):
+            bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
+        return np.where(np.isnan(bound), np.inf, bound), rest.max(axis=1)
+
+    def _norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.sqrt(np.maximum(np.einsum("sni,ij,snj->sn", vectors, self.metric, vectors), 0.0)))
+
+
+def _between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add to values on a circle of directions half of what they change to the next; others are dense enough."""
+    if values.shape[1] != _DIRECTIONS:
+        return values
+    return np.asarray(values + 0.5 * np.abs(values - np.roll(values, 1, axis=1)))
+
+
+def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np.float64]]:
+    """Return metrics in which a matrix contracts: one for any matrix, and one that eigenvectors make, where they can.
+
+    The first is the sum of the squares of what the matrix does to a vector in all later rounds, shrunk as slowly as the
+    contraction that is asked for.  It weighs slow directions far more than fast ones, and is narrow along them where
+    one approaches slowly.  With eigenvectors as axes all directions weigh the same, but close to a double eigenvalue
+    they are all but parallel.
+    """
+    total, power = np.eye(len(matrix)), matrix / contraction
+    while np.abs(power).max() > 1e-9 and np.abs(total).max() < 1e200:
+        total = total + power.T @ total @ power
+        power = power @ power
+    found = [0.5 * (total + total.T)]
+    axes = np.linalg.eig(matrix)[1]
+    if np.linalg.cond(axes) < _PARALLEL:
+        rows = np.linalg.inv(axes)
+        metric = np.real(rows.conj().T @ rows)
+        found.append(0.5 * (metric + metric.T))
+    return found
+
+
+def _product(steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of a round from those of its steps."""
+    return np.linalg.multi_dot(steps[::-1]) if len(steps) > 1 else steps[0]
+
+
+def _slowest(steps: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+    """Return the vector of slowest approach at each point of an attractor, carried along by the derivative."""
+    values, vectors = np.linalg.eig(_product(steps))
+    carried = [vectors[:, np.argmax(np.abs(values))].astype(complex)]
+    for step in steps[:-1]:
+        carried.append(step @ carried[-1])
+    return carried
+
+
+def _directions(dimension: int) -> NDArray[np.float64]:
+    """Return unit vectors that cover the sphere densely: exact steps on a circle, a fixed random set beyond."""
+    if dimension == 1:
+        return np.array([[1.0], [-1.0]])
+    if dimension == 2:
+        angles = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
+        return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    vectors = np.random.default_rng(0).standard_normal((128 * dimension, dimension))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

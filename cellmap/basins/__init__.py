@@ -1,0 +1,5 @@
+"""Basins of attraction: found, verified, certified, planned, stored, and continued over a parameter."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,17 @@
+from .certification.certificate import Certificate as Certificate
+from .certification.certificate import Evidence as Evidence
+from .certification.certifying import certify as certify
+from .continuation import continue_basins as continue_basins
+from .continuation_record import BasinContinuation as BasinContinuation
+from .continuation_record import ContinuationInterrupt as ContinuationInterrupt
+from .finding import find_basins as find_basins
+from .planning.options import Option as Option
+from .planning.planner import AccuracyWarning as AccuracyWarning
+from .planning.planner import plan as plan
+from .planning.plans import Outcome as Outcome
+from .planning.plans import Plan as Plan
+from .recompute import recompute_basins as recompute_basins
+from .record import Basins as Basins
+from .store import StoreError as StoreError
+from .store import load_basins as load_basins
+from .store import save_basins as save_basins

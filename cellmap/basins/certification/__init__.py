@@ -1,0 +1,1 @@
+"""Certificates of labels: which are certain, and why."""

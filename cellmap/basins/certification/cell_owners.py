@@ -1,0 +1,216 @@
+"""Cells of a table whose every orbit goes to one attractor, whatever the errors of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compiled.kernels.certainty import NONE, claim_within, reach_ends
+from ..._lib.threads import slices
+from ...attractors.settling import ESCAPED, Catalogue, settle
+from ...maps.coordinates import from_edge, turns_of, wrap
+from ...maps.grid import CellGrid, grid_points
+from ...maps.orbit_batch import CHUNK, Orbits, Status
+from ...maps.point_map import PointMap
+from ...orbits.attractor import Cover
+from ..record import Basins
+from .table_errors import TableErrors, images_of
+
+SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
+_MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
+_FARTHEST = 1e15
+_UNKNOWN = 1 << 62  # an end of paths over cells: where they lead is not known
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """The cells of a table, the attractors, and the maps that labels are made with.
+
+    ``attractors`` is their number, ``direct`` the exact map, ``exact`` the same with the window of the table if orbits
+    end there (``escapes``); ``place`` has the first edges of the cells, their inverse widths, their numbers and those
+    around a circle, and ``neighbourhoods`` the verified ellipsoids.  ``overhangs`` (n, 2, d) are boxes of cells, first
+    and last, that hold the attractors which reach out of the window: an orbit that leaves there is captured before it
+    counts as escaped.
+    """
+
+    grid: CellGrid
+    attractors: int
+    catalogue: Catalogue
+    direct: PointMap
+    exact: PointMap
+    escapes: bool
+    place: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+    neighbourhoods: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
+    overhangs: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, basins: Basins, point_map: PointMap) -> Setting:
+        """Return the setting of basins that were found with a table."""
+        table, exact = point_map.table, point_map.exact
+        assert table is not None and exact is not None
+        grid, catalogue = table.grid, Catalogue.of(basins.attractors, exact)
+        escapes = point_map.recipe.get("outside") == "escape"
+        cells = np.array(grid.shape, np.int64)
+        circle = np.where(grid.wraps, cells, catalogue.turn / grid.widths)
+        return cls(
+            grid=grid,
+            attractors=len(basins.attractors),
+            catalogue=catalogue,
+            direct=exact,
+            exact=exact_within(point_map),
+            escapes=escapes,
+            place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
+            neighbourhoods=(catalogue.centres, catalogue.metrics, catalogue.owners),
+            overhangs=_overhangs(grid, catalogue),
+        )
+
+    def cells_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the cells of those points that have one, flat."""
+        places = self.grid.locate(from_edge(points, np.array(self.grid.lower), self.catalogue.turn))
+        return places[places >= 0]
+
+
+def exact_within(point_map: PointMap) -> PointMap:
+    """Return the exact map of a table, with the window of the table if orbits end there."""
+    table, exact = point_map.table, point_map.exact
+    assert table is not None and exact is not None
+    return within(table.grid, exact) if point_map.recipe.get("outside") == "escape" else exact
+
+
+def within(grid: CellGrid, exact: PointMap) -> PointMap:
+    """Return the exact map with the window of a table: orbits end where they are outside when a period begins."""
+    turn = turns_of(exact.coordinates)[1]
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        for _ in range(periods):
+            for now in orbits.living():
+                now.end(grid.locate(from_edge(now.points, np.array(grid.lower), turn)) < 0, Status.ESCAPED)
+                for inside in now.living():
+                    exact.advance(inside, 1)
+
+    return replace(exact, advance=advance)
+
+
+def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int16]:
+    """Return the attractor of each cell from which no path over images of cells leads to another one, or none.
+
+    Orbits from the points in `late`, batches (n, d), come to no end in time, or late.
+    """
+    _, _, cells, circle = setting.place
+    held = np.full(setting.grid.size, NONE, np.int16)
+    claim_within(held, setting.place, setting.neighbourhoods, setting.catalogue.turn)
+    first, last, known = _boxes_of_images(setting, errors, held)
+    ends = np.where(held == NONE, _ends_within(setting, late), _bit(held))
+    ends[~known & (held == NONE)] |= _UNKNOWN
+    beyond = int(_bit(ESCAPED)) if setting.escapes else _UNKNOWN
+    reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
+    owners = np.full(setting.grid.size, NONE, np.int16)
+    for number in range(ESCAPED, setting.attractors):
+        if _bit(number) != _UNKNOWN:
+            owners[ends == _bit(number)] = number
+    return owners
+
+
+def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int64]:
+    """Return for each cell the bits of what orbits may come to within it for ever.
+
+    These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never:
+    paths lead out of these too, so that the starts that tell of them have to make them ends.
+    """
+    ends = np.zeros(setting.grid.size, np.int64)
+    for number, cover, _ in setting.catalogue.covers:
+        ends[_cells_on(setting, cover)] |= _bit(number)
+    for centre, number in zip(setting.catalogue.centres, setting.catalogue.owners, strict=True):
+        ends[setting.cells_of(centre + setting.grid.widths * _around(setting.grid.dimension, SMALLEST))] |= _bit(number)
+    for points in late:
+        ends[setting.cells_of(points)] |= _UNKNOWN
+    return ends
+
+
+def _around(dimension: int, step: float) -> NDArray[np.float64]:
+    """Return the corners of a cube around 0."""
+    return step * (2.0 * np.array(list(np.ndindex((2,) * dimension))) - 1.0)
+
+
+def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
+    """Return boxes of cells, first and last, that hold the attractors which reach out of the table's window.
+
+    An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
+    """
+    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.metrics)))
+    corners = [catalogue.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
+    sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
+    low = from_edge(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
+    high = low + np.concatenate(sizes)
+    out = (((low < grid.lower) | (high > grid.upper)) & ~np.array(grid.wraps)).any(axis=1)
+    ends = np.floor((np.stack([low, high], axis=1)[out] - grid.lower) / grid.widths)
+    everywhere = np.multiply.outer((-_FARTHEST, _FARTHEST), np.ones(grid.dimension))
+    return np.where(catalogue.turn > 0.0, everywhere, ends).astype(np.int64)
+
+
+def _boxes_of_images(
+    setting: Setting, errors: TableErrors, held: NDArray[np.int16]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the first and the last of the cells that the image of each cell can touch, and where they are known.
+
+    Cells across a kink that end on one attractor at once, as where dry friction holds the state, get it in `held`.
+    """
+    bounds, circle = errors, setting.place[3]
+    reach = 0.5 * np.abs(bounds.slopes).sum(axis=2)
+    reach += (0.25 * setting.grid.dimension * bounds.bends[:, 0] + bounds.errors)[:, None]
+    middle = bounds.images.copy()
+    rough = np.flatnonzero(np.isinf(bounds.errors) & (held == NONE))
+    for chunk in slices(len(rough), CHUNK // 3**setting.grid.dimension + 1):
+        some = rough[chunk]
+        middle[some], reach[some], held[some] = _sampled(setting, errors, some)
+    middle = from_edge(middle, np.zeros(len(circle)), circle)
+    known = (np.abs(middle) + reach < _FARTHEST).all(axis=1)
+    known &= np.prod(np.where(known[:, None], 2.0 * reach, 0.0) + 1.0, axis=1) < _MOST_CELLS
+    # Part of a turn is outside of the window, and the window comes again behind it.
+    cells, part = setting.place[2], (circle > 0.0) & (circle != setting.place[2])
+    known &= ~(part & ((middle + reach >= circle) | (middle - reach <= cells - circle))).any(axis=1)
+    first, last = (np.where(known[:, None], middle + way * reach, 0.0) for way in (-1.0, 1.0))
+    first, last = np.floor(first).astype(np.int64), np.floor(last).astype(np.int64)
+    leaves = (((first < 0) | (last >= cells)) & ~np.array(setting.grid.wraps)).any(axis=1)
+    for begin, end in setting.overhangs:
+        known &= ~(leaves & (first <= end).all(axis=1) & (last >= begin).all(axis=1))
+    return first, last, known
+
+
+def _sampled(
+    setting: Setting, errors: TableErrors, cells: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int16]]:
+    """Return middles and reaches of the images of some cells, and labels that a period settles, from samples."""
+    grid, d = setting.grid, setting.grid.dimension
+    offsets = np.array(list(np.ndindex((3,) * d))) - 1.0
+    centres = grid_points([grid.axis(j) for j in range(d)], cells)
+    points = centres[:, None, :] + 0.5 * grid.widths * offsets
+    images = (images_of(setting.direct, points.reshape(-1, d)).reshape(points.shape) - grid.lower) / grid.widths
+    low, high = images.min(axis=1), images.max(axis=1)
+    starts = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
+    labels = settle(setting.exact, starts, setting.catalogue, 1).labels.reshape(len(cells), -1)
+    agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= ESCAPED)
+    # Between the samples an image may reach as far again as from one sample to the next.
+    reach = (0.5 + 0.25) * (high - low) + errors.tolerances[cells, None]
+    return 0.5 * (low + high), reach, np.where(agreed, labels[:, 0], NONE).astype(np.int16)
+
+
+def _cells_on(setting: Setting, cover: Cover) -> NDArray[np.int64]:
+    """Return the cells that touch boxes of a cover, some of them often."""
+    grid = setting.grid
+    # A point for each box of half a cell at most, and some at its edges.
+    parts = np.maximum(np.ceil(2.0 * cover.widths / grid.widths), 1.0).astype(int)
+    offsets = np.array(list(np.ndindex(*(parts + 1)))) / parts
+    corners = cover.lower + cover.boxes * cover.widths
+    return setting.cells_of((corners[:, None, :] + offsets * cover.widths).reshape(-1, grid.dimension))
+
+
+def _bit(number: Any) -> Any:
+    """Return the bit of a label among the ends of paths; labels beyond the last bit are unknown."""
+    return np.where(
+        np.asarray(number) < 60, np.left_shift(1, np.clip(np.asarray(number, np.int64) + 1, 0, 62)), _UNKNOWN
+    )

@@ -1,0 +1,309 @@
+"""Pictures whose every label is either shown to stand against the table's errors or made again without the table."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compiled.kernels.certainty import NONE, carry_rows, judge, widening
+from ..._lib.checks import affordable_number, claim_memory, finite_number, random_numbers
+from ..._lib.signatures import checked
+from ..._lib.threads import run_over, slices
+from ...attractors.settling import ESCAPED, UNDECIDED, inside_cover, settle
+from ...maps.coordinates import wrap
+from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
+from ...maps.point_map import PointMap
+from ..initial_conditions import Starts
+from ..record import Basins, Verification
+from .cell_owners import SMALLEST, Setting, owners_of_cells
+from .certificate import Certificate, Evidence
+from .table_errors import TableErrors, slopes_of, tolerance_in_cells
+from .undecided import Search
+
+_WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
+_SOON = 4  # periods within which errors at an equilibrium have to come to rest
+_SEARCHES = 8  # times that a picture is certified at most, because attractors have come up
+_GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
+
+
+@checked
+def certify(
+    basins: Basins, audit: int = 1000, safety: float = 4.0, seed: int = 0, progress: bool = False
+) -> Certificate:
+    """Make sure of every label of basins that were found with a table.
+
+    A label is kept where the errors of the table cannot change it.  First whole cells of the table are shown to go to
+    an attractor: those inside its verified neighbourhood, and then those whose image, with all errors, touches nothing
+    but such cells.  Starts in other cells are followed with an ellipsoid that holds all errors made so far, carried
+    along by the derivatives of the map, until a neighbourhood or cells that go to one attractor hold the whole of it.
+    Where that does not come about the start is labelled again by the exact map, and followed with an ellipsoid there
+    too, for the exact map has errors of the size of its tolerance.  At last some random starts that were kept are
+    integrated.
+
+    The error of a period in a cell is `safety` times the largest estimate that the table's check found for the cell and
+    its neighbours, axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and
+    derivatives, not a proof in interval arithmetic; the audit tests it.
+
+    Starts that are undecided are labelled by the exact map, and those that it leaves undecided are searched for further
+    attractors, with all that the exact map leaves undecided later on.  Where one comes up, labels are certified again
+    with it.  What then is undecided has no label: it is open, and counts in the upper end of the interval.
+
+    Parameters
+    ----------
+    basins : Basins
+        Found by :func:`find_basins` with an interpolated map.
+    audit : int, optional
+        Starts to integrate.
+    safety : float, optional
+        How many times larger than measured an error may be.
+    seed : int, optional
+        Seed of their draw.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    Certificate
+        Labels, the evidence for each, and an interval for the share that is still wrong.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or basins without their map or of a map without a table.
+
+    Notes
+    -----
+    On a fractal boundary some labels stay open: orbits separate faster than they settle, and two exact integrators
+    differ there as well.  Orbits around a chaotic attractor separate for ever, so that starts on them are all redone.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
+    >>> wells = ForcedSystem(lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.3 * x[1]), {}, 2 * pi, ("x", "v"))
+    >>> grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (60, 40))
+    >>> icm = interpolated_map(stroboscopic_map(wells), CellGrid((-2, -2), (2, 2), (128, 128)))
+    >>> certificate = certify(find_basins(icm, grid))
+    >>> certificate.audit.wrong, certificate.open
+    (0, 0)
+    """
+    point_map = basins.point_map
+    if point_map is None:
+        raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
+    if point_map.table is None or point_map.exact is None:
+        raise ValueError(f"basins were found with {point_map!r}, which has no table whose errors could matter")
+    audit = affordable_number("audit", audit, 8 * 4, at_least=1)
+    safety = finite_number("safety", safety, at_least=1.0)
+    began = time.perf_counter()
+    total = basins.labels.size
+    claim_memory(f"evidence for {total:,} starts", 6 * total, "take fewer starts")
+    claim_memory(f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take a smaller table")
+    bounds = TableErrors.of(point_map, safety, progress)
+    search = Search(basins, progress)
+    search.among(np.flatnonzero(basins.labels.ravel() == UNDECIDED))
+    run = _Run(search, bounds, NOTHING)
+    checked = run.certify(audit, seed)
+    for again in range(1, _SEARCHES):
+        # What was shown to go to one attractor may have one on its way that was not known.
+        if not search.among(run.undecided):
+            break
+        run = _Run(search, bounds, run.tally)
+        checked = run.certify(audit, seed + again)
+    shape, kept = basins.labels.shape, 1.0 - run.redone / total
+    return Certificate(
+        basins=replace(
+            search.basins,
+            labels=run.labels.reshape(shape),
+            settling_time=run.times.reshape(shape),
+        ),
+        evidence=run.evidence.reshape(shape),
+        redone=run.redone,
+        changed=int(np.count_nonzero(run.labels != search.before(basins).ravel())),
+        audit=checked,
+        wrong=(kept * checked.low, kept * checked.high + np.count_nonzero(run.labels == UNDECIDED) / total),
+        cost=Cost(
+            seconds=time.perf_counter() - began,
+            steps=run.tally.steps + search.tally.steps,
+            evaluations=run.tally.evaluations + search.tally.evaluations,
+            look_ups=run.tally.look_ups + search.tally.look_ups,
+        ),
+    )
+
+
+def _slow(basins: Basins) -> NDArray[np.bool_]:
+    """Tell which starts come to no end with half of the periods to spare: another map may take longer than allowed."""
+    late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
+    return np.asarray(late | (basins.labels.ravel() == UNDECIDED))
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """Starts whose label is not certain, and where they are at an age in periods."""
+
+    rows: NDArray[np.int64]
+    orbits: Orbits
+    age: int
+
+
+class _Run:
+    """Labels and the evidence for them, found in several ways one after the other."""
+
+    def __init__(self, search: Search, bounds: TableErrors, tally: Tally) -> None:
+        basins, self.progress = search.basins, search.progress
+        point_map = basins.point_map
+        assert point_map is not None
+        self.name, self.told, self.point_map = basins.name, search.told.copy(), point_map
+        self.starts = Starts(basins.grid, basins.starts)
+        self.setting = Setting.of(basins, point_map)
+        self.periods = int(basins.settings["max_periods"])
+        self.slow = _slow(basins)
+        times = basins.settling_time.ravel()
+        self.patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
+        self.bounds = bounds
+        self.owners = owners_of_cells(self.setting, self.bounds, self._late())
+        self.labels, self.times = basins.labels.flatten(), basins.settling_time.flatten()
+        self.evidence = np.full(self.labels.size, Evidence.OPEN, np.uint8)
+        self.redone = 0
+        self.undecided = np.zeros(0, np.int64)
+        self.tally = tally
+
+    def certify(self, audit: int, seed: int) -> Verification:
+        """Find labels and the evidence for them; return the audit of those that were not made again.
+
+        Starts that the exact map leaves undecided, those of the audit among them, are then in `undecided`.
+        """
+        total = self.labels.size
+        self.follow(self.point_map, np.arange(total), self.bounds.errors, Evidence.ORBIT)
+        redone = np.flatnonzero(self.evidence == Evidence.OPEN)
+        self.redone = len(redone)
+        self.follow(self.setting.exact, redone, self.bounds.tolerances, Evidence.EXACT)
+        kept = np.flatnonzero(self.evidence <= Evidence.ORBIT)
+        drawn = random_numbers(seed).choice(kept, audit) if len(kept) else kept
+        direct = self._direct_labels(drawn)
+        undecided = self.labels == UNDECIDED
+        undecided[drawn[direct == UNDECIDED]] = True
+        self.undecided = np.flatnonzero(undecided)
+        return Verification.of(int(np.count_nonzero(direct != self.labels[drawn])), len(drawn))
+
+    def _late(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the starts that come to an end late or never, in batches."""
+        for part in slices(len(self.slow), CHUNK):
+            rows = np.flatnonzero(self.slow[part]) + part.start
+            yield self.starts.wrapped(rows, self.setting.direct)
+
+    def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
+        """Follow starts with their errors, and label those that a region holds with all of it.
+
+        The others keep their label if this is the map with the table; the exact map labels them too.
+        """
+        parts = slices(len(rows), CHUNK)
+        tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
+
+        def work(number: int) -> None:
+            mine = rows[parts[number]]
+            left, tally = self._follow(point_map, mine, errors, mark)
+            for part in left if mark is Evidence.EXACT else ():
+                tally = tally.plus(self._settle(part))
+            tallies[number] = tally
+
+        run_over(range(len(parts)), work, f"certifying {self.name}" if self.progress else None)
+        self.tally = self.tally.plus(tallies.sum(axis=0))
+
+    def _settle(self, left: _Left) -> Tally:
+        """Label starts by the exact map, from the beginning where an attractor may have had them before."""
+        new = ~self.told[left.rows]
+        rows, orbits, age = left.rows[new], left.orbits[new], left.age
+        if self.setting.catalogue.covers or len(self.setting.overhangs):
+            orbits, age = Orbits.starting(self.starts.wrapped(rows, self.setting.exact)), 0
+        settled = settle(self.setting.exact, orbits, self.setting.catalogue, self.periods - age, age)
+        changed = settled.labels != self.labels[rows]
+        self.labels[rows[changed]], self.times[rows[changed]] = settled.labels[changed], settled.times[changed]
+        return settled.tally
+
+    @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
+    def _follow(
+        self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
+    ) -> tuple[list[_Left], Tally]:
+        """Follow starts until their label is certain; return those that stay open, and the work."""
+        setting, orbits = self.setting, Orbits.starting(self.starts.wrapped(rows, point_map))
+        spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
+        left: list[_Left] = []
+        pending, settled = ~self.slow[rows], np.zeros(len(rows), bool)
+        steps = 0
+        for k in range(self.periods + 1):
+            found = np.empty(len(rows), np.int64)
+            judge(
+                orbits.points, spread, self.owners, setting.place, setting.escapes, ESCAPED, setting.overhangs,
+                setting.neighbourhoods, setting.catalogue.turn, found,
+            )  # fmt: skip
+            self._stopped(orbits, spread, found)
+            held = pending & (found >= ESCAPED)
+            changed = held & (found != self.labels[rows])
+            self.labels[rows[changed]], self.times[rows[changed]] = found[changed], k
+            self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
+            settled |= held
+            reach = sum(spread[:, j, j] for j in range(point_map.dimension))
+            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < self.patience[rows])
+            remaining = int(np.count_nonzero(pending))
+            if remaining * 4 < len(rows) * 3 or k == self.periods:
+                lost, on = np.flatnonzero(~pending & ~settled), np.flatnonzero(pending)
+                left.append(_Left(rows[lost], orbits[lost], k))
+                rows, orbits, spread = rows[on], orbits[on], spread[on]
+                pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+            if not len(rows):
+                break
+            self._widen(orbits.points, spread, errors)
+            point_map.advance(orbits, 1)
+            steps += len(rows)
+        return left, Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
+
+    def _stopped(self, orbits: Orbits, spread: NDArray[np.float64], found: NDArray[np.int64]) -> None:
+        """Find orbits that rest at equilibria, and write those with all of whose errors they would soon rest there too.
+
+        Errors at an equilibrium of dry friction are tried at the ends of the axes of their ellipsoids' boxes.
+        """
+        for number, cover, keys in self.setting.catalogue.covers:
+            rows = np.flatnonzero((found == NONE) & orbits.alive) if cover.certain is not None else ()
+            rows = rows[inside_cover(cover, orbits.points[rows], self.setting.direct, keys)] if len(rows) else ()
+            if len(rows):
+                reach = np.sqrt(np.einsum("nii->ni", spread[rows])) * self.setting.grid.widths
+                sides = np.concatenate([np.eye(reach.shape[1]), -np.eye(reach.shape[1])])
+                tried = orbits.points[rows][:, None, :] + reach[:, None, :] * sides
+                tried = wrap(tried.reshape(-1, reach.shape[1]), self.setting.direct.coordinates)
+                labels = settle(self.setting.direct, Orbits.starting(tried), self.setting.catalogue, _SOON).labels
+                found[rows[(labels.reshape(len(rows), -1) == number).all(axis=1)]] = number
+
+    def _widen(self, points: NDArray[np.float64], spread: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
+        """Carry errors over a period; where the table has no derivatives, with differences of the exact map."""
+        unknown = np.empty(len(points), bool)
+        widening(points.shape[1])(
+            points, spread, self.setting.place, self.bounds.slopes, self.bounds.bends, errors, unknown
+        )
+        rest = np.flatnonzero(unknown)
+        if not len(rest):
+            return
+        reach = np.sqrt(np.einsum("nii->n", spread[rest]))
+        steps = np.clip(reach, SMALLEST, _WIDEST)
+        slopes, bends = slopes_of(self.setting.direct, points[rest], self.setting.grid.widths, steps)
+        tolerances = tolerance_in_cells(self.setting.direct, points[rest], self.setting.grid)
+        wider = spread[rest]
+        carry_rows(wider, slopes, tolerances + bends * reach)
+        spread[rest] = wider
+
+    def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
+        labels = np.empty(len(rows), np.int16)
+        parts = slices(len(rows), CHUNK // 8)
+        tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
+
+        def label(number: int) -> None:
+            starts = self.starts.wrapped(rows[parts[number]], self.setting.exact)
+            settled = settle(self.setting.exact, Orbits.starting(starts), self.setting.catalogue, self.periods)
+            labels[parts[number]], tallies[number] = settled.labels, settled.tally
+
+        run_over(range(len(parts)), label, f"integrating {self.name}" if self.progress else None)
+        self.tally = self.tally.plus(tallies.sum(axis=0))
+        return labels

@@ -1,0 +1,65 @@
+"""Attractors that a table has missed: searched for among starts that are undecided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...maps.orbit_batch import NOTHING
+from ...orbits.attractor import Attractor, sort_key
+from ..finding import find_basins
+from ..initial_conditions import Starts
+from ..record import Basins
+from .cell_owners import exact_within
+
+
+class Search:
+    """What the exact map adds to basins that were found with a table.
+
+    ``basins`` have the labels of the exact map at some starts, the attractors that came up there, and the reasons of
+    the orbits that were undecided when last searched; ``told`` (n,) says which starts these are, and ``tally`` what it
+    took.
+    """
+
+    def __init__(self, basins: Basins, progress: bool) -> None:
+        self.basins, self.progress = basins, progress
+        self.told = np.zeros(basins.labels.size, bool)
+        self.tally = NOTHING
+
+    def before(self, basins: Basins) -> NDArray[np.int16]:
+        """Return the labels of the basins that this began with, in the numbers of all attractors."""
+        return _renumbered(basins, self.basins.attractors)
+
+    def among(self, rows: NDArray[np.int64]) -> bool:
+        """Label starts by the exact map, and search those that it leaves undecided; tell whether attractors came up.
+
+        Nothing is done where all of the starts have been searched before.
+        """
+        if self.told[rows].all():
+            return False
+        basins, known = self.basins, self.basins.attractors
+        assert basins.point_map is not None
+        points = Starts(basins.grid, basins.starts).points(rows)
+        limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
+        found = find_basins(exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits)
+        new = [a for a in found.attractors if not any(a is k for k in known)]
+        attractors = tuple(sorted([*known, *new], key=sort_key))
+        labels, times = _renumbered(basins, attractors), basins.settling_time.copy()
+        labels.ravel()[rows], times.ravel()[rows] = _renumbered(found, attractors), found.settling_time
+        self.basins = replace(
+            basins, labels=labels, attractors=attractors, settling_time=times, undecided=found.undecided
+        )
+        self.told[rows] = True
+        self.tally = self.tally.plus((found.cost.steps, found.inaccurate, found.cost.evaluations, found.cost.look_ups))
+        return bool(new)
+
+
+def _renumbered(basins: Basins, attractors: Sequence[Attractor]) -> NDArray[np.int16]:
+    """Return labels that number the same attractors in another sequence, which may have more of them."""
+    numbers = np.array([next(k for k, a in enumerate(attractors) if a is b) for b in basins.attractors], np.int16)
+    labels = basins.labels.copy()
+    labels[basins.labels >= 0] = numbers[basins.labels[basins.labels >= 0]]
+    return labels

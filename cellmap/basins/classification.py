@@ -1,0 +1,192 @@
+"""Labels of any points, by the map and the attractors of basins that are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import real_array, shown, whole_number
+from .._lib.threads import run_over, slices
+from ..attractors.search import check_attractors
+from ..attractors.settling import UNDECIDED, Catalogue, label_of, settle
+from ..maps.coordinates import Coordinate, wrap
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .record import LABEL_NAMES, Basins
+
+_MAX_PERIODS = 2000
+_STRIDE = 4  # periods of a map that costs less than to look where the orbits are
+
+
+@dataclass(frozen=True, eq=False)
+class Labeller:
+    """A map with its attractors; called with points (n, dimension) it returns their labels (n,).
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    attractors : tuple of Attractor
+        Attractor k has the label k.
+    catalogue : Catalogue
+        Their neighbourhoods.
+    max_periods : int
+        Periods after which a point that has not settled is undecided.
+    """
+
+    point_map: PointMap
+    attractors: tuple[Attractor, ...]
+    catalogue: Catalogue
+    max_periods: int
+
+    def __repr__(self) -> str:
+        return f"Labeller({self.point_map.name}, {len(self.attractors)} attractors, {self.max_periods} periods)"
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
+        """Return the labels of points (n, dimension); angles may have any number of turns."""
+        cheap = self.point_map.table is not None or self.point_map.recipe.get("kind") == "discrete"
+        if self.catalogue.covers or not cheap:
+            return self.settle(points)[0]  # where an orbit has to stay for some periods, each one counts
+        labels = np.empty(len(points), np.int16)
+
+        def work(part: slice) -> None:
+            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
+            ends = self.catalogue.owners_of
+            labels[part] = labels_at_the_end(self.point_map, orbits, ends, self.max_periods, _STRIDE)
+
+        run_over(slices(len(points), CHUNK), work)
+        return labels
+
+    def settle(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int16], NDArray[np.int32]]:
+        """Return the labels and the settling times of points (n, dimension)."""
+        labels, times = np.empty(len(points), np.int16), np.empty(len(points), np.int32)
+
+        def work(part: slice) -> None:
+            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
+            settled = settle(self.point_map, orbits, self.catalogue, self.max_periods)
+            labels[part], times[part] = settled.labels, settled.times
+
+        run_over(slices(len(points), CHUNK), work)
+        return labels, times
+
+
+def labels_at_the_end(
+    point_map: PointMap,
+    now: Orbits,
+    ends: Callable[[NDArray[np.float64]], NDArray[np.int64]],
+    periods: int,
+    stride: int = 1,
+) -> NDArray[np.int64]:
+    """Iterate orbits until their ends are known, and return their labels; only where they end counts, not when.
+
+    `ends` returns for points the number of the final state in which each is, -1 for none.  With a stride above 1 it is
+    asked after so many periods only: no orbit may leave a final state.
+    """
+    labels = np.full(len(now), UNDECIDED, np.int64)
+    members = np.arange(len(now))
+    found = np.full(len(now), -1, np.int64)
+    period = 0
+    while True:
+        found = np.where((found < 0) & now.alive, ends(now.points), found)
+        over = (found >= 0) | ~now.alive
+        last = period >= periods
+        if last or np.count_nonzero(over) * 8 > len(over):
+            labels[members[over]] = np.where(found >= 0, found, label_of(now.status))[over]
+            members, now, found = members[~over], now[~over], found[~over]
+        if last or not len(members):
+            return labels
+        step = min(stride, periods - period)
+        point_map.advance(now, step)
+        period += step
+
+
+def labeller(
+    source: Basins | PointMap,
+    attractors: Sequence[Attractor] = (),
+    point_map: PointMap | None = None,
+    max_periods: int | None = None,
+) -> Labeller:
+    """Return what labels any point as basins do.
+
+    Parameters
+    ----------
+    source : Basins or PointMap
+        Basins with their map and attractors, or a map.
+    attractors : sequence of Attractor, optional
+        Attractors of a map; not for basins.
+    point_map : PointMap, optional
+        Another map to use; by default the exact one behind the map of the basins.
+    max_periods : int, optional
+        By default that of the basins, or 2000.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For basins without their map, a map without attractors, or attractors of another map.
+    """
+    if isinstance(source, Basins):
+        if len(attractors):
+            raise ValueError("attractors are given together with basins, which have their own: leave them out")
+        attractors = source.attractors
+        used = point_map or (None if source.point_map is None else source.point_map.exact or source.point_map)
+        if used is None:
+            raise ValueError(
+                "these basins have no map, as it is with basins from a file: give point_map=, from rebuild_map"
+            )
+        periods = max_periods or source.settings.get("max_periods", _MAX_PERIODS)
+    elif isinstance(source, PointMap):
+        used, periods = point_map or source, max_periods or _MAX_PERIODS
+    else:
+        raise TypeError(f"source={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
+    check_attractors(attractors, used, "attractors")
+    if not len(attractors):
+        raise ValueError("attractors is empty: without an attractor there is no basin; find some first")
+    most = whole_number("max_periods", periods, at_least=1)
+    return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)
+
+
+def own_label(basins: Basins, label: int, argument: str = "label") -> int:
+    """Check the label of a basin."""
+    number = whole_number(argument, label) if not isinstance(label, int | np.integer) or label >= 0 else -1
+    if not 0 <= number < len(basins.attractors):
+        raise ValueError(
+            f"{argument}={label!r}: the basins have the labels 0 to {len(basins.attractors) - 1}; "
+            f"negative ones ({', '.join(f'{k} {name}' for k, name in LABEL_NAMES.items())}) are no basins"
+        )
+    return number
+
+
+def scale_of(
+    given: ArrayLike | None, coordinates: Sequence[Coordinate], span: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return the unit of length along each coordinate: given, or the span of a window."""
+    if given is None:
+        if span is None:
+            raise ValueError("scale is missing: without a grid, give the unit of length along each coordinate")
+        return np.array(span, dtype=float)
+    scale = real_array("scale", given)
+    scale = np.full(len(coordinates), scale) if scale.ndim == 0 else scale
+    # Lengths in these units are squared.
+    if scale.shape != (len(coordinates),) or not ((scale > 1e-150) & (scale < 1e150)).all():
+        raise ValueError(
+            f"scale={shown(given)}: give a positive number for each of {len(coordinates)} coordinates, "
+            "above 1e-150 and below 1e150"
+        )
+    return scale
+
+
+def places_of(basins: Basins) -> NDArray[np.float64]:
+    """Return all starts of basins, shape (n, dimension), in the order of their labels' raveled array."""
+    if basins.grid is not None:
+        return basins.grid.centres().reshape(-1, basins.grid.dimension)
+    assert basins.starts is not None
+    return basins.starts.reshape(-1, basins.starts.shape[-1])
+
+
+def span_of(basins: Basins) -> NDArray[np.float64] | None:
+    """Return the size of the window of basins, None without a grid."""
+    return None if basins.grid is None else np.array(basins.grid.upper) - np.array(basins.grid.lower)

@@ -1,0 +1,301 @@
+"""The continuation of attractors and of the shares of their basins, under labels that persist."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import progress_bar
+from ..attractors.matching import match_attractors, thinned
+from ..attractors.search import find_attractors, longest_period, region_extent
+from ..maps.coordinates import state_points, wrap
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, Kind
+from .continuation_record import BasinContinuation, ContinuationInterrupt, number_of_starts
+from .finding import find_basins
+from .record import LABEL_NAMES, Basins, basins_memory
+
+_SEEDS = 4  # points of a former attractor from which it is sought again,
+_ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may have lost its stability
+_KEPT = 1024  # points that are kept of a chaotic attractor
+
+
+@checked
+def continue_basins(
+    point_map: PointMap,
+    name: str,
+    values: ArrayLike,
+    starts: CellGrid | ArrayLike,
+    max_periods: int = 2000,
+    max_period: int = 32,
+    threshold: float = 0.1,
+    resume: BasinContinuation | None = None,
+    progress: bool = False,
+) -> BasinContinuation:
+    """Follow attractors and the shares of their basins through values of a parameter.
+
+    At each value the attractors are sought from where those of former values were, so that small ones are not lost, and
+    from all starts as :func:`find_basins` does it.  They take the labels of those that they match, first at the
+    value before, then among all that have vanished, which have to be alike; what matches none is new.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Exact, interpolated or discrete map; of an interpolated map a new table is made at each value.
+    name : str
+        Name of the parameter.
+    values : array_like, shape (n,)
+        Its values, increasing or decreasing, in its unit.  They are taken in this order.
+    starts : CellGrid or array_like, shape (..., dimension)
+        Cells, whose centres are the starts, or the starts themselves, such as a random sample.
+    max_periods : int, optional
+        Periods after which a start that has not settled is undecided.
+    max_period : int, optional
+        Longest period of a periodic attractor.
+    threshold : float, optional
+        Largest distance, from value to value, of attractors that are the same: the mean distance of points of one to
+        the nearest of the other, in turns of angles and in spans of the starts along other coordinates.  It counts
+        twice between unlike attractors: of different rotation numbers, or of periods of which none divides the other.
+    resume : BasinContinuation, optional
+        A former result for the first of the values, from the same map and starts; only the others are computed.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    BasinContinuation
+        Attractors, counts and fractions with standard errors.  It can be pickled.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a result to resume that does not fit.
+    MemoryError
+        Where labels do not fit into memory.
+    ContinuationInterrupt
+        For Ctrl-C; it carries what was computed, and is a KeyboardInterrupt.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance on the way of some starts.
+
+    References
+    ----------
+    Datseris, Rossi, Wagemakers, Chaos 33 (2023) 073151.
+
+    Examples
+    --------
+    >>> from math import tanh
+    >>> from cellmap import discrete_map
+    >>> wells = discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 1.0}, ("x",), "wells")
+    >>> sweep = continue_basins(wells, "a", [0.5, 0.9, 1.5, 2.0], CellGrid((-1,), (1,), (100,)))
+    >>> sweep
+    BasinContinuation(wells, a from 0.5 to 2: 4 values, 3 attractors)
+    >>> sweep.fractions
+    array([[1. , 0. , 0. ],
+           [1. , 0. , 0. ],
+           [0. , 0.5, 0.5],
+           [0. , 0.5, 0.5]])
+    """
+    known_parameter("name", name, point_map.params)
+    axis = monotone_values("values", values)
+    given = (
+        starts.on(point_map.coordinates, "starts")
+        if isinstance(starts, CellGrid)
+        else state_points("starts", starts, point_map.coordinates)
+    )
+    total = number_of_starts(given)
+    if not total:
+        raise ValueError("starts is empty: give at least one start")
+    settings = {
+        "max_periods": whole_number("max_periods", max_periods, at_least=1),
+        "max_period": longest_period(max_period),
+        "threshold": finite_number("threshold", threshold, above=0.0),
+    }
+    exact = point_map.exact or point_map
+    for value in axis:
+        exact.with_params(**{name: float(value)})
+    kept = 8 * _KEPT * point_map.dimension * axis.size
+    claim_memory(
+        f"basins of {total:,} starts at {axis.size:,} values", basins_memory(total) + kept, "take fewer starts"
+    )
+    extent = region_extent(point_map, _corners(given))
+    began = time.perf_counter()
+    done = _Done([], [], [], 0, 0.0) if resume is None else _resumed(resume, point_map, name, axis, given, settings)
+
+    def result() -> BasinContinuation:
+        return done.result(point_map, name, axis, given, settings, time.perf_counter() - began)
+
+    label = f"basins of {point_map.name} against {name}" if progress else None
+    with progress_bar(axis.size - len(done.attractors), label) as tick:
+        for value in axis[len(done.attractors) :]:
+            try:
+                done.add(*_step(point_map.with_params(**{name: float(value)}), given, settings, done, extent))
+            except KeyboardInterrupt as interrupt:
+                raise ContinuationInterrupt(result()) from interrupt
+            tick(1)
+    return result()
+
+
+@dataclass(eq=False)
+class _Done:
+    """What is known of the values that are done."""
+
+    attractors: list[dict[int, Attractor]]
+    counts: list[dict[int, int]]
+    inaccurate: list[int]
+    steps: int
+    seconds: float
+
+    def add(self, found: dict[int, Attractor], counts: dict[int, int], basins: Basins) -> None:
+        self.attractors.append(found)
+        self.counts.append(counts)
+        self.inaccurate.append(basins.inaccurate)
+        self.steps += basins.cost.steps
+
+    def memory(self) -> dict[int, Attractor]:
+        """Return each attractor as it was seen last."""
+        return {label: a for found in self.attractors for label, a in found.items()}
+
+    def result(
+        self,
+        point_map: PointMap,
+        name: str,
+        axis: NDArray[np.float64],
+        starts: CellGrid | NDArray[np.float64],
+        settings: Mapping[str, Any],
+        seconds: float,
+    ) -> BasinContinuation:
+        codes = [code for code in LABEL_NAMES if any(code in counts for counts in self.counts)]
+        labels = (*sorted(self.memory()), *codes)
+        return BasinContinuation(
+            system=point_map.name,
+            name=name,
+            values=axis[: len(self.attractors)].copy(),
+            labels=labels,
+            counts=np.array([[c.get(k, 0) for k in labels] for c in self.counts], np.int64).reshape(
+                len(self.counts), len(labels)
+            ),
+            attractors=tuple(self.attractors),
+            inaccurate=np.array(self.inaccurate, np.int64),
+            starts=starts,
+            coordinates=point_map.coordinates,
+            params={key: value for key, value in point_map.params.items() if key != name},
+            settings=settings,
+            cost=Cost(seconds=self.seconds + seconds, steps=self.steps),
+        )
+
+
+def _step(
+    point_map: PointMap,
+    starts: CellGrid | NDArray[np.float64],
+    settings: Mapping[str, Any],
+    done: _Done,
+    extent: NDArray[np.float64],
+) -> tuple[dict[int, Attractor], dict[int, int], Basins]:
+    """Return the attractors by label, the counts, and the basins at one value."""
+    limits = settings["max_periods"], settings["max_period"]
+    memory = done.memory()
+    known: tuple[Attractor, ...] = ()
+    if memory:
+        known = find_attractors(point_map, np.concatenate([_seeds(memory, extent), _outermost(starts)]), *limits)
+    basins = find_basins(point_map, starts, *limits, attractors=known)
+    found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
+    labels = _labels(found, done, memory, extent, settings["threshold"])
+    shares = basins.fractions
+    counts = {labels[k] if k >= 0 else k: f.count for k, f in shares.items()}
+    return {labels[k]: _light(a) for k, a in enumerate(found)}, counts, basins
+
+
+def _seeds(memory: Mapping[int, Attractor], extent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points on and beside attractors as they were seen last."""
+    rng = np.random.default_rng(0)
+    on = np.concatenate([thinned(a.points, _SEEDS) for a in memory.values()])
+    beside = on + _ASIDE * extent * rng.standard_normal(on.shape)
+    return np.concatenate([on, wrap(beside, next(iter(memory.values())).coordinates)])
+
+
+def _labels(
+    found: Sequence[Attractor],
+    done: _Done,
+    memory: Mapping[int, Attractor],
+    extent: NDArray[np.float64],
+    threshold: float,
+) -> list[int]:
+    """Return a label for each attractor: that of the value before, that of one which had vanished, or a new one."""
+    before = done.attractors[-1] if done.attractors else {}
+    labels = match_attractors(found, before, extent, threshold)
+    rest = [k for k in range(len(found)) if k not in labels]
+    vanished = {label: a for label, a in memory.items() if label not in before}
+    # After a gap nearness alone is no evidence.
+    again = match_attractors([found[k] for k in rest], vanished, extent, threshold, unlike=np.inf)
+    labels |= {rest[k]: label for k, label in again.items()}
+    fresh = len(memory)
+    for k in rest:
+        if k not in labels:
+            labels[k] = fresh
+            fresh += 1
+    return [labels[k] for k in range(len(found))]
+
+
+def _light(attractor: Attractor) -> Attractor:
+    """Return an attractor with no more points than are needed to find it again."""
+    if attractor.kind is not Kind.CHAOTIC:
+        return attractor
+    return replace(attractor, points=thinned(attractor.points, _KEPT), cover=None)
+
+
+def _corners(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+    if isinstance(starts, CellGrid):
+        return np.array([starts.lower, starts.upper])
+    return starts.reshape(-1, starts.shape[-1])
+
+
+def _outermost(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return some of the starts, as far apart as all are: from points the search takes the size of its region."""
+    if isinstance(starts, CellGrid):
+        return starts.places(np.array([np.full(starts.dimension, 0.5), np.array(starts.shape) - 0.5]))
+    flat = _corners(starts)
+    return flat[np.unique([flat.argmin(axis=0), flat.argmax(axis=0)])]
+
+
+def _resumed(
+    resume: BasinContinuation,
+    point_map: PointMap,
+    name: str,
+    axis: NDArray[np.float64],
+    starts: CellGrid | NDArray[np.float64],
+    settings: Mapping[str, Any],
+) -> _Done:
+    """Take up a former result, after a look at whether it fits."""
+    if not isinstance(resume, BasinContinuation):
+        raise TypeError(f"resume={resume!r}: give a BasinContinuation, such as the `partial` of an interrupt")
+    others = {key: value for key, value in point_map.params.items() if key != name}
+    same_starts = type(starts) is type(resume.starts) and (
+        starts == resume.starts if isinstance(starts, CellGrid) else np.array_equal(starts, np.asarray(resume.starts))
+    )
+    for what, fits in (
+        ("system", (resume.system, resume.coordinates) == (point_map.name, point_map.coordinates)),
+        ("parameters", resume.name == name and resume.params == others),
+        ("starts", same_starts),
+        ("settings", resume.settings == settings),
+        ("values", np.array_equal(resume.values, axis[: len(resume.values)])),
+    ):
+        if not fits:
+            raise ValueError(f"resume={resume!r} has other {what}: resume with those that it was made with")
+    counts = [
+        {k: int(c) for k, c, there in zip(resume.labels, row, now, strict=True) if there}
+        for row, now in zip(resume.counts, resume.present, strict=True)
+    ]
+    attractors = [dict(found) for found in resume.attractors]
+    return _Done(attractors, counts, resume.inaccurate.tolist(), resume.cost.steps, resume.cost.seconds)

@@ -1,0 +1,124 @@
+"""Attractors and the shares of their basins against a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import one_of
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
+from ..orbits.attractor import Attractor, distinct_names
+from .record import LABEL_NAMES
+
+
+class ContinuationInterrupt(KeyboardInterrupt):
+    """Ctrl-C in the midst of :func:`continue_basins`; `partial` holds what was computed until then.
+
+    Parameters
+    ----------
+    partial : BasinContinuation
+        The values that were done; give it as ``resume`` to go on.
+    """
+
+    def __init__(self, partial: BasinContinuation) -> None:
+        super().__init__(f"interrupted after {len(partial.values)} values; `partial` holds them")
+        self.partial = partial
+
+
+@dataclass(frozen=True, eq=False)
+class BasinContinuation:
+    """Attractors and the shares of their basins against a parameter.
+
+    Parameters
+    ----------
+    system, name : str
+        Name of the system and of its parameter.
+    values : ndarray, shape (n,)
+        Values of the parameter in the order in which they were taken, in its unit.
+    labels : tuple of int, length m
+        Labels of all attractors that were found, from 0 on in the order in which they were met, then the codes that
+        occur: -1 (left the window), -2 (diverged), -3 (undecided).
+    counts : ndarray of int, shape (n, m)
+        Starts that carry each label, at each value.
+    attractors : tuple of mapping of int to Attractor, length n
+        Attractors by label, at each value.  One that no start ends on is there with a count of 0; of a chaotic one at
+        most 1024 points are kept.
+    inaccurate : ndarray of int, shape (n,)
+        Starts on whose way the integrator missed its tolerance.
+    starts : CellGrid or ndarray, shape (..., dimension)
+        Starts, the same at each value.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        The other parameters.
+    settings : mapping
+        Arguments of :func:`continue_basins`.
+    cost : Cost
+        Wall time and steps of the map.
+    """
+
+    system: str
+    name: str
+    values: NDArray[np.float64]
+    labels: tuple[int, ...]
+    counts: NDArray[np.int64]
+    attractors: tuple[Mapping[int, Attractor], ...]
+    inaccurate: NDArray[np.int64]
+    starts: CellGrid | NDArray[np.float64]
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+    settings: Mapping[str, Any]
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        number = sum(label >= 0 for label in self.labels)
+        span = f" from {self.values[0]:g} to {self.values[-1]:g}" if len(self.values) else ""
+        return f"BasinContinuation({self.system}, {self.name}{span}: {len(self.values)} values, {number} attractors)"
+
+    @property
+    def fractions(self) -> NDArray[np.float64]:
+        """Share of the starts that carry each label, shape (n, m)."""
+        return self.counts / self.total
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Standard errors of the fractions, shape (n, m), if starts were random; upper bounds for centres of a grid.
+
+        The starts are the same at each value, so that differences between values are known better than that.
+        """
+        return np.asarray(np.sqrt(self.fractions * (1.0 - self.fractions) / self.total))
+
+    @property
+    def total(self) -> int:
+        """Number of starts."""
+        return number_of_starts(self.starts)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether there is an attractor of each label, at each value; for codes, whether starts carry them."""
+        there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
+        return there.reshape(self.counts.shape) | (self.counts > 0)
+
+    @checked
+    def label_name(self, label: int) -> str:
+        """Return what a label stands for: the name of the attractor where it was first met."""
+        one_of("label", label, (*self.labels, *LABEL_NAMES))
+        if label < 0:
+            return LABEL_NAMES[label]
+        return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]
+
+
+def number_of_starts(starts: CellGrid | NDArray[np.float64]) -> int:
+    """Count starts, in cells or in an array."""
+    return starts.size if isinstance(starts, CellGrid) else starts.size // starts.shape[-1]
+
+
+def _first(attractors: Sequence[Mapping[int, Attractor]], label: int) -> Attractor:
+    return next(found[label] for found in attractors if label in found)

@@ -1,0 +1,115 @@
+"""Final states of many starts, by the neighbourhoods of known attractors or by a rule of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import whole_number
+from ..maps.coordinates import wrap
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .classification import Labeller, labeller, labels_at_the_end
+from .finding import find_basins
+from .record import Basins
+
+Outcome = Callable[[NDArray[np.float64]], Any]
+"""Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
+
+_COARSE = 4096  # cells from which attractors are sought
+
+
+@dataclass(frozen=True, eq=False)
+class FinalStates:
+    """Where the starts of a region end.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    region : CellGrid
+        Window of the starts; an axis of one cell is held at its centre.
+    known : Labeller or None
+        Known attractors; label k is that of attractor k.
+    outcome : callable or None
+        Final states in the place of attractors.
+    max_periods : int
+        Periods after which a start is undecided.
+    """
+
+    point_map: PointMap
+    region: CellGrid
+    known: Labeller | None
+    outcome: Outcome | None
+    max_periods: int
+
+    @property
+    def attractors(self) -> tuple[Attractor, ...]:
+        """Attractors that are told apart."""
+        return () if self.known is None else self.known.attractors
+
+    def labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the labels of starts (n, d), which are no more than CHUNK."""
+        known = self.known
+        if known is not None:
+            return known(points).astype(np.int64)
+        assert self.outcome is not None
+        outcome = self.outcome
+        orbits = Orbits.starting(wrap(points, self.point_map.coordinates))
+        return labels_at_the_end(self.point_map, orbits, lambda places: _numbers(outcome, places), self.max_periods)
+
+
+def final_states(
+    source: Basins | PointMap,
+    region: CellGrid | None,
+    attractors: Sequence[Attractor],
+    outcome: Outcome | None,
+    max_periods: int,
+) -> FinalStates:
+    """Collect what is needed to label starts; search for attractors where none are known."""
+    max_periods = whole_number("max_periods", max_periods, at_least=1)
+    if isinstance(source, Basins):
+        if source.point_map is None:
+            raise ValueError("basins have no map: rebuild it with rebuild_map and find the basins again")
+        point_map, region = source.point_map, region or source.grid
+        attractors = attractors or source.attractors
+    elif isinstance(source, PointMap):
+        point_map = source
+    else:
+        raise TypeError(f"source={source!r}: give Basins or a PointMap")
+    if not isinstance(region, CellGrid):
+        raise TypeError(f"region={region!r}: give the window as a CellGrid")
+    region = region.on(point_map.coordinates, "region")
+    if max(region.shape) == 1:
+        raise ValueError(f"region={region!r} is one cell: give two cells at least along the axes that it spans")
+    if outcome is not None:
+        if not callable(outcome):
+            raise TypeError(f"outcome={outcome!r}: give a function of points (n, {point_map.dimension})")
+        return FinalStates(point_map, region, None, outcome, max_periods)
+    if not attractors:
+        attractors = find_basins(point_map, _coarse(region), max_periods).attractors
+    if not attractors:
+        raise ValueError("no attractor was found in this region: say with outcome= what the final states are")
+    return FinalStates(point_map, region, labeller(point_map, attractors, max_periods=max_periods), None, max_periods)
+
+
+def _coarse(region: CellGrid) -> CellGrid:
+    wide = sum(n > 1 for n in region.shape)
+    side = max(2, int(_COARSE ** (1.0 / wide)))
+    return CellGrid(region.lower, region.upper, tuple(side if n > 1 else 1 for n in region.shape))
+
+
+def _numbers(outcome: Outcome, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    numbers = np.asarray(outcome(points))
+    if numbers.shape != (len(points),) or numbers.dtype.kind not in "iu":
+        raise ValueError(
+            f"outcome returns {numbers.dtype} of the shape {numbers.shape} for {len(points)} points: return one whole "
+            "number for each, -1 for points that are in no final state yet"
+        )
+    return numbers.astype(np.int64)

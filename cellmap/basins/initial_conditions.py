@@ -1,0 +1,145 @@
+"""Starts by their flat numbers: made when they are needed, and chosen by a bit each, however many they are."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.threads import slices
+from ..maps.coordinates import state_points, wrap
+from ..maps.grid import CellGrid, grid_points
+from ..maps.point_map import PointMap
+
+BLOCK = 2**20
+"""Starts that are looked at together where all are gone through; a multiple of 8, for bits are kept in bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Starts of a picture: the centres of a grid, or points that are given."""
+
+    grid: CellGrid | None
+    given: NDArray[np.float64] | None
+
+    @classmethod
+    def of(cls, starts: CellGrid | ArrayLike, point_map: PointMap) -> Starts:
+        """Check the argument of that name."""
+        if isinstance(starts, CellGrid):
+            return cls(starts.on(point_map.coordinates, "starts"), None)
+        given = state_points("starts", starts, point_map.coordinates)
+        if not given.size:
+            raise ValueError("starts is empty: give at least one start")
+        return cls(None, given)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of an array with one number for each start."""
+        if self.grid is not None:
+            return self.grid.shape
+        assert self.given is not None
+        return self.given.shape[:-1]
+
+    def __len__(self) -> int:
+        return int(np.prod(self.shape, dtype=object))
+
+    @cached_property
+    def _axes(self) -> list[NDArray[np.float64]]:
+        assert self.grid is not None
+        return [self.grid.axis(j) for j in range(self.grid.dimension)]
+
+    def points(self, rows: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return some starts as a new array, shape (n, dimension)."""
+        if self.grid is not None:
+            if sum(self.grid.shape) <= BLOCK:
+                return grid_points(self._axes, rows)
+            # Axes of a grid of one dimension are as long as the grid.
+            numbers = np.arange(rows.start, rows.stop) if isinstance(rows, slice) else rows
+            index = np.unravel_index(numbers, self.grid.shape)
+            return np.stack([self.grid.along(j, i + 0.5) for j, i in enumerate(index)], axis=-1)
+        assert self.given is not None
+        return self.given.reshape(-1, self.given.shape[-1])[rows].copy()
+
+    def wrapped(self, rows: slice | NDArray[np.int64], point_map: PointMap) -> NDArray[np.float64]:
+        """Return some starts with their angles in their turn."""
+        return wrap(self.points(rows), point_map.coordinates)
+
+    def description(self) -> dict[str, Any]:
+        """Plain values that tell these starts from others."""
+        if self.grid is not None:
+            grid = self.grid
+            return {"lower": grid.lower, "upper": grid.upper, "shape": grid.shape, "wraps": grid.wraps}
+        assert self.given is not None
+        return {"shape": self.given.shape, "sha256": hashlib.sha256(self.given.tobytes()).hexdigest()}
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Flat numbers of starts in rising order: all, or those whose bit is set.
+
+    Examples
+    --------
+    >>> some = Rows.where(10, lambda part: np.arange(part.start, part.stop) % 3 == 0)
+    >>> len(some), some[1:4]
+    (4, array([3, 6, 9]))
+    """
+
+    total: int
+    bits: NDArray[np.uint8] | None = None
+
+    @classmethod
+    def where(cls, total: int, wanted: Callable[[slice], NDArray[np.bool_]]) -> Rows:
+        """Choose those for which ``wanted(part)`` is true, asked for a part at a time."""
+        bits = [np.packbits(wanted(part)) for part in slices(total, BLOCK)]
+        return cls(total, np.concatenate([np.empty(0, np.uint8), *bits]))
+
+    @cached_property
+    def _before(self) -> NDArray[np.int64]:
+        """Rows before each block, and of all."""
+        assert self.bits is not None
+        each = [int(np.bitwise_count(self.bits[part]).sum()) for part in slices(len(self.bits), BLOCK // 8)]
+        return np.concatenate([[0], np.cumsum(each, dtype=np.int64)])
+
+    def __len__(self) -> int:
+        return self.total if self.bits is None else int(self._before[-1])
+
+    def __getitem__(self, part: slice) -> NDArray[np.int64]:
+        begin, end, _ = part.indices(len(self))
+        if self.bits is None:
+            return np.arange(begin, end)
+        found = [np.empty(0, np.int64)]
+        first = int(np.searchsorted(self._before, begin, "right")) - 1
+        for block in range(first, len(self._before) - 1):
+            before = int(self._before[block])
+            if before >= end:
+                break
+            found.append(self._of_block(block)[max(begin - before, 0) : end - before])
+        return np.concatenate(found)
+
+    def inside(self, part: slice) -> NDArray[np.bool_]:
+        """Tell which starts of a block are among the rows."""
+        if self.bits is None:
+            return np.ones(part.stop - part.start, bool)
+        return np.unpackbits(self.bits[part.start // 8 : -(-part.stop // 8)], count=part.stop - part.start).view(bool)
+
+    def spread(self, count: int) -> Iterator[NDArray[np.int64]]:
+        """Yield about `count` rows at even distances, in parts; all, if they are no more."""
+        total = len(self)
+        chosen = np.arange(total) if total <= count else np.unique(np.linspace(0, total - 1, count).round().astype(int))
+        blocks = [0, total] if self.bits is None else self._before.tolist()
+        for block, (begin, end) in enumerate(pairwise(blocks)):
+            mine = chosen[(chosen >= begin) & (chosen < end)]
+            if len(mine):
+                yield mine if self.bits is None else self._of_block(block)[mine - begin]
+
+    def _of_block(self, block: int) -> NDArray[np.int64]:
+        assert self.bits is not None
+        begin = block * BLOCK
+        packed = self.bits[begin // 8 : begin // 8 + BLOCK // 8]
+        return begin + np.flatnonzero(np.unpackbits(packed, count=min(BLOCK, self.total - begin)))

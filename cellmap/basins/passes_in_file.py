@@ -1,0 +1,208 @@
+"""Labels in a checkpoint, which becomes a file of basins at the end."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
+from .._lib.sealed import array_of, get_number, within
+from .._lib.threads import slices
+from ..attractors.search import Examined
+from ..attractors.settling import Settled
+from ..maps.orbit_batch import Tally
+from ..orbits.attractor import Attractor
+from .initial_conditions import BLOCK, Rows
+from .passes import Kept, Pass
+from .record import LABEL_NAMES, Basins
+from .store import is_picture, mapped_picture, write_picture
+from .stored_attractors import read_attractors, write_attractors
+
+_FORGET = 64  # tiles after which pages of a file need not stay in memory
+
+
+class KeptInFile(Kept):
+    """Labels and settling times in a checkpoint.
+
+    Each pass has a file of its own, which takes the place of the one before as a whole; in it tiles are filled in.
+    """
+
+    def __init__(self, shape: tuple[int, ...], path: Path, belongs: Mapping[str, Any]) -> None:
+        self.shape, self.total = shape, int(np.prod(shape, dtype=object))
+        self._path, self._belongs = path, belongs
+
+    def begin(self, now: Pass) -> None:
+        """Write the file of a pass, with the labels of all other starts from the file before."""
+        settled = self._settled_before(now)
+        with made(self._path, self._belongs, self._arrays(now), lambda file: _write_pass(file, now, settled)) as fresh:
+            if now.rows.bits is not None:
+                self._copy_to(fresh)
+        self._use(fresh)
+
+    def resume(self, examined: Examined) -> Pass | None:
+        """Return the pass that the file has come to, None where there is no file; `examined` is an empty record."""
+        found = resumed(
+            self._path,
+            self._belongs,
+            lambda read: self._arrays(read[0]),
+            lambda file: _read_pass(file["pass"], examined, self.total, int(self._belongs["max_periods"])),
+        )
+        if found is None:
+            return None
+        file, (now, settled) = found
+        self._use(file)
+        if settled != self._settled_before(now):
+            raise damaged(self._path, "labels are not those that were written")
+        if now.rows.bits is not None:
+            for part in slices(self.total, BLOCK):
+                if not self._known(self.labels[part][~now.rows.inside(part)], now):
+                    raise damaged(self._path, "labels name attractors that there are not")
+                self.forget()
+        return now
+
+    def finished(self) -> Basins | None:
+        """Return the picture, where the file is one of finished basins."""
+        if not is_picture(self._path):
+            return None
+        basins, belongs = mapped_picture(self._path)
+        check_belongs(self._path, belongs, self._belongs)
+        return basins
+
+    def unfinished(self, now: Pass) -> list[int]:
+        """Return the tiles of a pass that are to do, those that were torn among them."""
+        open_ = []
+        for number in range(len(now.parts)):
+            rows = now.rows_of(number)
+            labels = self.labels[rows]
+            if not self._file.is_done("tiles", number, [labels, self.times[rows]]) or not self._known(labels, now):
+                open_.append(number)
+            if number % _FORGET == 0:
+                self.forget()
+        return open_
+
+    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+        """Keep what became of a tile: first its contents, then that it is done."""
+        self.labels[rows], self.times[rows] = settled.labels, settled.times
+        self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
+
+    def finish(self, renumber: Callable[[NDArray[np.int16]], NDArray[np.int16]], make: Callable[..., Basins]) -> Basins:
+        """Put a file of basins in the place of the checkpoint."""
+
+        def fill(file: Checkpoint, labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
+            for part in slices(self.total, BLOCK):
+                labels[part], times[part] = renumber(self.labels[part]), self.times[part]
+                self.forget()
+                file.release()
+            return make(labels.reshape(self.shape), times.reshape(self.shape))
+
+        return write_picture(self._path, self.shape, fill, self._belongs)
+
+    def forget(self) -> None:
+        """Give pages of the file back to the system."""
+        self._file.release()
+
+    def _known(self, labels: NDArray[np.int16], now: Pass) -> bool:
+        return within(labels, min(LABEL_NAMES), len(now.attractors) - 1)
+
+    def _arrays(self, now: Pass) -> Arrays:
+        """Arrays of the file of a pass."""
+        labels, times, tiles = (self.total,), (self.total,), (len(now.parts),)
+        return {"labels": (labels, np.int16), "settling_time": (times, np.int32), "tiles": (tiles, TILE)}
+
+    def _use(self, file: Checkpoint) -> None:
+        self._file = file
+        self.labels, self.times, self.tallies = file["labels"], file["settling_time"], file["tiles"]["tally"]
+
+    def _copy_to(self, fresh: Checkpoint) -> None:
+        labels, times = fresh["labels"], fresh["settling_time"]
+        for part in slices(self.total, BLOCK):
+            labels[part], times[part] = self.labels[part], self.times[part]
+            self.forget()
+            fresh.release()
+
+    def _settled_before(self, now: Pass) -> list[int]:
+        """Checksums of what a pass leaves as it is, block by block."""
+        if now.rows.bits is None:
+            return []
+        codes = []
+        for part in slices(self.total, BLOCK):
+            others = ~now.rows.inside(part)
+            codes.append(
+                zlib.crc32(self.times[part][others].tobytes(), zlib.crc32(self.labels[part][others].tobytes()))
+            )
+            self.forget()
+        return codes
+
+
+def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
+    group = file.create_group("pass")
+    group.attrs.update(legs=np.array(now.legs, np.int64), horizon=now.horizon, tally=np.array(now.tally, np.int64))
+    group.attrs.update(repeats=now.repeats, undecided=-1 if now.undecided is None else now.undecided)
+    write_attractors(group.create_group("attractors"), now.attractors)
+    if now.rows.bits is not None:
+        group["rows"] = now.rows.bits
+        group["settled"] = np.array(settled, np.uint32)
+    _write_examined(group.create_group("examined"), now.examined)
+
+
+def _read_pass(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Pass, list[int]]:
+    rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
+    legs, horizon = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
+    if not all(0 < one < other <= limit for one, other in pairwise([*legs, horizon])) or horizon > limit:
+        raise ValueError(f"its passes come to {horizon} periods")
+    now = Pass(
+        attractors=read_attractors(group["attractors"], examined.coordinates),
+        examined=_read_examined(group["examined"], examined),
+        rows=rows,
+        legs=tuple(legs),
+        horizon=horizon,
+        repeats=get_number(group, "repeats"),
+        undecided=None if get_number(group, "undecided", -1) < 0 else get_number(group, "undecided"),
+        tally=Tally(*group.attrs["tally"].tolist()),
+    )
+    return now, array_of(group, "settled", np.uint32, (None,)).tolist() if "settled" in group else []
+
+
+def _write_examined(group: h5py.Group, examined: Examined) -> None:
+    d = examined.points.shape[1]
+    nothing = np.full(d, np.nan)
+    group["points"] = examined.points
+    group["guesses"] = np.array([np.frombuffer(bits) for bits, _ in examined.ends]).reshape(-1, d)
+    group["periods"] = np.array([period for _, period in examined.ends], np.int64)
+    group["solved"] = np.array([end is not None for end in examined.ends.values()], bool)
+    group["ends"] = np.array([nothing if end is None else end for end in examined.ends.values()]).reshape(-1, d)
+
+
+def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
+    d = empty.points.shape[1]
+    guesses, ends = (array_of(group, name, np.float64, (None, d)) for name in ("guesses", "ends"))
+    periods, solved = array_of(group, "periods", np.int64, (None,)), array_of(group, "solved", np.bool_, (None,))
+    known = {
+        (guess.tobytes(), int(period)): end if success else None
+        for guess, period, success, end in zip(guesses, periods, solved, ends, strict=True)
+    }
+    return replace(empty, points=array_of(group, "points", np.float64, (None, d)), ends=known)
+
+
+def describe_attractors(attractors: Sequence[Attractor]) -> str:
+    """Return plain text that tells attractors from others."""
+    if not attractors:
+        return "none"
+    return f"{len(attractors)}, {zlib.crc32(json.dumps([_described(a) for a in attractors]).encode()):08x}"
+
+
+def _described(value: Any) -> Any:
+    if is_dataclass(value):
+        return {f.name: _described(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), value.shape, zlib.crc32(np.ascontiguousarray(value).tobytes())]
+    return repr(value)

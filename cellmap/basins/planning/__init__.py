@@ -1,0 +1,1 @@
+"""Plans: the strategy that reaches a wanted accuracy in the least time."""

@@ -1,0 +1,178 @@
+"""What ways to a picture cost and how accurate they are, predicted from measured probes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import ceil
+
+from ..._lib.checks import finite_number, in_bytes
+from ..._lib.signatures import checked
+from ...maps.grid import CellGrid
+from ...maps.interpolation.interpolated import table_memory
+from ...maps.interpolation.spline_coefficients import tabulated_nodes
+from ...maps.orbit_batch import CHUNK
+from ..record import basins_memory
+from .extrapolation import error_of, fallback_of, slower, table_grids
+from .measurements import ExactProbe, Measurements, TableProbe
+
+SAFETY = 2.0
+"""Factor by which a predicted error stays below the accuracy that is wanted."""
+
+_CARRIED = 2.0  # how much of the exact map's own error the splines of a table can make of it
+
+
+@dataclass(frozen=True)
+class Option:
+    """One way to a picture, with what it is expected to cost.
+
+    Parameters
+    ----------
+    kind : {"direct", "table"}
+        Whether starts are integrated or looked up.
+    method, tolerance : str, float
+        Of the exact map, or of that which a table is made from.
+    order, shape : int or None, tuple of int or None
+        Of the table.
+    error : float
+        Of one period: the 99th percentile, over random places of the window, of the largest component of the
+        difference to the true image, in the units of the coordinates.
+    tabulation, iteration, search : float
+        Seconds to make the table, to label the starts, and for what does not depend on their number: the search for
+        attractors.
+    memory : int
+        Bytes.
+    obstacle : str
+        Why this way is closed; empty for one that is open.
+    """
+
+    kind: str
+    method: str
+    tolerance: float
+    order: int | None
+    shape: tuple[int, ...] | None
+    error: float
+    tabulation: float
+    iteration: float
+    search: float
+    memory: int
+    obstacle: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """Seconds from nothing to the picture."""
+        return self.tabulation + self.iteration + self.search
+
+    @property
+    def family(self) -> str:
+        """What options that differ by one dial have in common."""
+        return self.method if self.order is None else f"order {self.order}"
+
+    @checked
+    def meets(self, accuracy: float) -> bool:
+        """Tell whether the error is expected to stay below an accuracy, with a margin for the prediction."""
+        return SAFETY * self.error <= finite_number("accuracy", accuracy)
+
+    def __str__(self) -> str:
+        source = f"{self.method} {self.tolerance:.0e}"
+        if self.shape is None:
+            return source
+        return f"order {self.order}, {' x '.join(map(str, self.shape))} of {source}"
+
+
+def choose(options: Sequence[Option], accuracy: float) -> tuple[Option, bool]:
+    """Return the fastest open option that meets an accuracy, and True; or the most accurate one, and False.
+
+    As the options do not depend on the accuracy, a stricter one is never expected to be cheaper.
+    """
+    possible = [o for o in options if not o.obstacle]
+    if not possible:
+        raise MemoryError(f"no way to the picture fits into memory: {options[0].obstacle}; take fewer starts")
+    good = [o for o in possible if o.meets(accuracy)]
+    if good:
+        return min(good, key=lambda o: (o.seconds, o.error)), True
+    return min(possible, key=lambda o: (o.error, o.seconds)), False
+
+
+def options_of(measured: Measurements) -> tuple[Option, ...]:
+    """Return what can be done, without what is slower and less accurate than another option of its family."""
+    direct = [_direct(measured, source) for source in measured.exact]
+    tables = [
+        _table(measured, probe, grid, source)
+        for probe in measured.tables
+        for grid in table_grids(measured, probe)
+        for source in measured.exact
+    ]
+    return tuple(_worthwhile([*direct, *tables]))
+
+
+def _worthwhile(options: Iterable[Option]) -> list[Option]:
+    """Keep what no option of the same family beats in both error and time, by family, the least accurate first."""
+    families: dict[tuple[str, bool], list[Option]] = {}
+    for option in options:
+        families.setdefault((option.family, bool(option.obstacle)), []).append(option)
+    kept = []
+    for members in families.values():
+        best = float("inf")
+        front = []
+        for option in sorted(members, key=lambda o: (o.error, o.seconds)):
+            if option.seconds < best:
+                best = option.seconds
+                front.append(option)
+        kept += front[::-1]
+    return kept
+
+
+def _direct(measured: Measurements, source: ExactProbe) -> Option:
+    ratio = source.seconds / measured.base.seconds
+    memory = basins_memory(measured.starts)
+    return Option(
+        kind="direct",
+        method=source.method,
+        tolerance=source.tolerance,
+        order=None,
+        shape=None,
+        error=source.error,
+        tabulation=0.0,
+        iteration=ratio * _wall(measured, measured.direct.per_start),
+        search=ratio * measured.direct.fixed,
+        memory=memory,
+        obstacle=_obstacle(memory, measured.free),
+    )
+
+
+def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: ExactProbe) -> Option:
+    cells = max(grid.shape)
+    memory = table_memory(grid, probe.order) + basins_memory(measured.starts)
+    each = probe.labelling.per_start * slower(probe, grid) + fallback_of(probe, cells) * source.seconds
+    return Option(
+        kind="table",
+        method=source.method,
+        tolerance=source.tolerance,
+        order=probe.order,
+        shape=grid.shape,
+        error=error_of(probe, grid) + _CARRIED * source.error,
+        tabulation=(tabulated_nodes(grid, probe.order) + grid.size)
+        * (source.seconds + probe.surplus)
+        / measured.threads,
+        iteration=_wall(measured, each),
+        search=probe.labelling.fixed,
+        memory=memory,
+        obstacle=_obstacle(memory, measured.free),
+    )
+
+
+def _wall(measured: Measurements, per_start: float) -> float:
+    """Seconds for all starts on all threads; slices of work are not divided."""
+    return per_start * measured.starts / parallel(measured.starts, measured.threads)
+
+
+def parallel(starts: int, threads: int) -> int:
+    """Return how many threads a number of starts keeps at work."""
+    return max(1, min(threads, ceil(starts / CHUNK)))
+
+
+def _obstacle(memory: int, free: int | None) -> str:
+    if free is None or memory <= free:
+        return ""
+    return f"needs {in_bytes(memory)} of memory, {in_bytes(free)} are free"

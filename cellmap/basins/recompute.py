@@ -1,0 +1,51 @@
+"""Basins found again from what a stored result says about itself."""
+
+from __future__ import annotations
+
+from .._lib.signatures import checked
+from ..maps.point_map import PointMap
+from ..maps.rebuild import rebuild_map
+from ..maps.system import ForcedSystem
+from .finding import find_basins
+from .record import Basins
+
+
+@checked
+def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
+    """Find basins again, from what a stored result says about itself and its system.
+
+    Parameters
+    ----------
+    basins : Basins
+        A result, as :func:`load_basins` returns it.
+    source : ForcedSystem or PointMap
+        The system, or the discrete map.
+
+    Returns
+    -------
+    Basins
+        The same labels again, now with their map.
+
+    Raises
+    ------
+    ValueError
+        For a source whose parameters are not those of the basins.
+    """
+    if "method" in basins.settings:
+        raise ValueError(
+            f"basins are from a {basins.settings['method']}, not from find_basins: make that mapping again"
+        )
+    if dict(source.params) != dict(basins.params):
+        raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
+    axes = source.axes if isinstance(source, ForcedSystem) else source.coordinates
+    recipe = basins.settings["map"]
+    across = recipe.get("exact", recipe).get("coordinate")  # of a section, on which it is not a coordinate
+    axes = tuple(c for c in axes if c.name != across)
+    if axes != basins.coordinates:
+        theirs, ours = (", ".join(map(repr, c)) for c in (axes, basins.coordinates))
+        raise ValueError(f"source has the coordinates ({theirs}) and the basins ({ours})")
+    starts = basins.grid if basins.grid is not None else basins.starts
+    assert starts is not None
+    point_map = rebuild_map(source, recipe)
+    limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
+    return find_basins(point_map, starts, **limits)

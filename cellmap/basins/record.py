@@ -1,0 +1,273 @@
+"""Basins of attraction: labels of starts, with their evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import affordable_number, one_of, random_numbers
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED, Catalogue, settle
+from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import CHUNK, Cost, Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, distinct_names
+from .initial_conditions import BLOCK, Starts
+
+LABEL_NAMES = {ESCAPED: "left the window", DIVERGED: "diverged", UNDECIDED: "undecided", NO_RETURN: "did not return"}
+"""Names of the labels that are not attractors."""
+
+HELD = 2**20
+"""Starts whose states are kept from one pass over the starts to the next; of more the states are computed again."""
+
+_HELD_BYTES = 256  # for each of them, while they are put together
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """Share of the starts that carry one label.
+
+    Parameters
+    ----------
+    share : float
+        Between 0 and 1.
+    standard_error : float
+        Of the share, as an estimate of the basin's share of the window, if the starts were random; for the centres of a
+        grid this is an upper bound.
+    count : int
+        Number of starts.
+    """
+
+    share: float
+    standard_error: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Agreement of labels with exact integration.
+
+    Parameters
+    ----------
+    starts : int
+        Random starts that were compared.
+    wrong : int
+        Starts whose label differs.
+    share : float
+        ``wrong / starts``.
+    low, high : float
+        95 % confidence interval of the share (Wilson 1927), of all starts drawn but the excluded ones: from none of the
+        undecided being wrong to all of them.
+    excluded : int
+        Starts drawn that left the window, where there is nothing to compare.
+    undecided : int
+        Starts drawn that are undecided, and stay so by the exact map: neither right nor wrong, and not in `starts`.
+    """
+
+    starts: int
+    wrong: int
+    share: float
+    low: float
+    high: float
+    excluded: int
+    undecided: int = 0
+
+    @classmethod
+    def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
+        """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
+        low, _ = _wilson(wrong, starts + undecided)
+        _, high = _wilson(wrong + undecided, starts + undecided)
+        return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
+
+
+def _wilson(hits: int, number: int) -> tuple[float, float]:
+    """Return the 95 % confidence interval of a share (Wilson 1927)."""
+    if not number:
+        return 0.0, 1.0
+    z, share = 1.959963984540054, hits / number
+    centre = share + z * z / (2 * number)
+    half = z * np.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
+    low, high = ((centre + way * half) / (1 + z * z / number) for way in (-1, 1))
+    return float(max(low, 0.0)) if hits else 0.0, float(min(high, 1.0)) if hits < number else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """Labels of starts, and the attractors that they name.
+
+    Parameters
+    ----------
+    labels : ndarray of int16
+        For each start the number of its attractor, or -1 (left the window), -2 (diverged), -3 (undecided), -4 (did not
+        return to the section); shape of the grid, or of the starts without their last axis.
+    attractors : tuple of Attractor
+        Attractor k has the label k.
+    settling_time : ndarray of int32
+        Period in which the orbit was first inside a region that is known to belong to its attractor; -1 without one.
+    grid : CellGrid or None
+        Cells whose centres are the starts.
+    starts : ndarray or None
+        Starts, where no grid was given.
+    name : str
+        Name of the system.
+    params : mapping of str to float
+        Its parameters.
+    coordinates : tuple of Coordinate
+        State variables.
+    settings : mapping
+        Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.
+    inaccurate : int
+        Starts on whose way the integrator missed its tolerance.
+    undecided : mapping of str to int
+        Why initial conditions are undecided: reasons, in words, and how many orbits have each.  At most 32 of the
+        undecided orbits are examined, evenly spread; empty where none is undecided.
+    cost : Cost
+        Wall time and number of steps of the map.
+    point_map : PointMap or None
+        The map; None after loading from a file.
+    """
+
+    labels: NDArray[np.int16]
+    attractors: tuple[Attractor, ...]
+    settling_time: NDArray[np.int32]
+    grid: CellGrid | None
+    starts: NDArray[np.float64] | None
+    name: str
+    params: Mapping[str, float]
+    coordinates: tuple[Coordinate, ...]
+    settings: Mapping[str, Any]
+    inaccurate: int = 0
+    undecided: Mapping[str, int] = field(default_factory=dict)
+    cost: Cost = Cost()
+    point_map: PointMap | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        shares = "; ".join(f"{self.label_name(k)} {100 * f.share:.4g} %" for k, f in self.fractions.items())
+        return f"Basins({self.name}, {self.labels.size:,} starts: {shares})"
+
+    @checked
+    def label_name(self, label: int) -> str:
+        """Return what a label stands for."""
+        one_of("label", label, (*range(len(self.attractors)), *LABEL_NAMES))
+        return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
+
+    @property
+    def fractions(self) -> dict[int, Fraction]:
+        """Share of the starts for each label: all attractors, then the other labels that occur."""
+        total, counts = self.labels.size, self._counts()
+        result = {}
+        for label in [*range(len(self.attractors)), *(label for label in LABEL_NAMES if counts[label])]:
+            count = counts[label]
+            share = count / total
+            result[label] = Fraction(share, float(np.sqrt(share * (1 - share) / total)), count)
+        return result
+
+    def _counts(self) -> dict[int, int]:
+        """Count the starts of each label; a block at a time, for labels may be more than memory holds."""
+        lowest = min(LABEL_NAMES)
+        counts = np.zeros(len(self.attractors) - lowest, np.int64)
+        labels = self.labels.reshape(-1)
+        for part in slices(labels.size, BLOCK):
+            numbers = labels[part].astype(np.int64) - lowest
+            counts += np.bincount(numbers, minlength=len(counts))[: len(counts)]
+        return {lowest + k: int(count) for k, count in enumerate(counts)}
+
+    @checked
+    def verify(self, n: int = 1000, seed: int = 0) -> Verification:
+        """Label random starts again by the exact map and compare.
+
+        Starts that are undecided by both are counted apart, for nothing says that they are right.
+
+        Parameters
+        ----------
+        n : int, optional
+            Starts, drawn with replacement.
+        seed : int, optional
+            Seed of the draw.
+
+        Returns
+        -------
+        Verification
+            Share of wrong labels with its confidence interval.
+
+        Raises
+        ------
+        ValueError
+            For basins without their map, as they come from a file.
+        """
+        if self.point_map is None:
+            raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
+        n = affordable_number("n", n, 8 * (3 * len(self.coordinates) + 5), at_least=1)
+        exact = self.point_map.exact or self.point_map
+        drawn = random_numbers(seed).integers(0, self.labels.size, n)
+        drawn = drawn[self.labels.ravel()[drawn] != ESCAPED]
+        starts = Starts(self.grid, self.starts).wrapped(drawn, exact)
+        # Far inside the neighbourhoods, so that these are not taken on trust.
+        catalogue = Catalogue.of(self.attractors, exact)
+        close = catalogue.shrunk(0.01)
+        labels = np.empty(len(drawn), np.int16)
+        # Neighbourhoods of a cycle are not all of one size, and in a round an orbit visits each.
+        round_ = max((a.period for a in self.attractors), default=1)
+
+        def label(part: slice) -> None:
+            orbits = Orbits.starting(starts[part].copy())
+            half = self.settings["max_periods"] // 2
+            early = settle(exact, orbits, close, half)
+            labels[part] = early.labels
+            before = _closest(exact, early.orbits, catalogue, round_)
+            late = settle(exact, early.orbits, close, self.settings["max_periods"] - half, half)
+            # One that converges slowly is still on its way; one at rest elsewhere is not.
+            slow = late.undecided
+            nearer = _closest(exact, late.orbits, catalogue, round_) < before[slow] * (1.0 - 1e-9)
+            owners = settle(exact, late.orbits, catalogue, round_).labels
+            late.labels[slow] = np.where((owners >= 0) & nearer, owners, UNDECIDED)
+            labels[part.start + early.undecided] = late.labels
+
+        run_over(slices(len(drawn), CHUNK // 8), label)
+        given = self.labels.ravel()[drawn]
+        wrong = int(np.count_nonzero(labels != given))
+        undecided = int(np.count_nonzero((labels == UNDECIDED) & (given == UNDECIDED)))
+        return Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided)
+
+
+def basins_memory(starts: int, checkpoint: bool = False) -> int:
+    """Return the bytes of memory that the labels and settling times of a number of starts need.
+
+    With a checkpoint these are on the disk, and what remains is a few bits for each start, which say what the present
+    pass and the next one are about, and the states of those that are left, as long as they are few.
+
+    Examples
+    --------
+    >>> basins_memory(10**8) // 10**6, basins_memory(10**8, checkpoint=True) // 10**6
+    (625, 305)
+    """
+    if checkpoint:
+        return 3 * (starts // 8) + _HELD_BYTES * min(starts, HELD)
+    return 6 * starts + 24 * min(starts, BLOCK)
+
+
+def basins_disk(starts: int) -> int:
+    """Return the bytes on the disk that a checkpoint needs: twice, for a file is made before the older one goes.
+
+    Examples
+    --------
+    >>> basins_disk(10**8) // 10**6
+    1225
+    """
+    return 2 * (6 * starts + starts // 8) + 2**20 // 4
+
+
+def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:
+    """Return how close orbits come to attractors within some periods, in radii of their neighbourhoods."""
+    moving = Orbits.starting(orbits.points.copy())
+    closest = catalogue.distances_of(moving.points)
+    for _ in range(periods - 1):
+        exact.advance(moving, 1)
+        closest = np.fmin(closest, catalogue.distances_of(moving.points))
+    return closest

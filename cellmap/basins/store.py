@@ -1,0 +1,313 @@
+"""Basins in HDF5 files: self-describing, written whole or not at all, read without running code."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import platform
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checkpoint import PART, SLACK, Checkpoint, add_unwritten, describe, digest_of, made_with_room, plain
+from .._lib.checks import claim_memory
+from .._lib.files import StoreError as StoreError
+from .._lib.files import as_path, as_target, written_whole
+from .._lib.sealed import (
+    UnsealedError,
+    get_number,
+    get_text,
+    image_of,
+    opened,
+    put_text,
+    reserve,
+    rows_of,
+    seal,
+    within,
+    write_sealed,
+)
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
+from .record import LABEL_NAMES, Basins, basins_memory
+from .stored_attractors import read_attractors, write_attractors
+
+FORMAT = "cellmap basins"
+SCHEMA = 2
+"""Number of the layout; readers take their own and older ones."""
+
+
+_ONLY = "basins"  # name of a picture that is alone in its file
+
+
+@checked
+def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
+    """Write basins to an HDF5 file.
+
+    The file is complete or it is not there: it is written beside its place and moved into it.
+
+    Parameters
+    ----------
+    basins : Basins or mapping of str to Basins
+        What to store, several pictures under names of their own.  Maps are stored as recipes, not as tables:
+        :func:`rebuild_map` makes them again.
+    path : path-like
+        Name of the file, such as ``"basins.h5"``; an older file of that name is replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    FileNotFoundError
+        For a folder that does not exist.
+    ValueError
+        For an empty mapping, or a name that is empty or holds a slash.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> halves = find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (8,)))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     same = load_basins(save_basins(halves, Path(folder) / "halves.h5"))
+    >>> bool((same.labels == halves.labels).all())
+    True
+    """
+    path = as_path("path", path)
+    pictures = basins if isinstance(basins, Mapping) else {_ONLY: basins}
+    for picture in pictures.values():
+        if not isinstance(picture, Basins):
+            raise TypeError(
+                f"basins={picture!r}: give Basins, as find_basins returns them, or a mapping of names to them"
+            )
+    if not pictures or any(not name or "/" in name for name in pictures):
+        raise ValueError(
+            f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
+        )
+
+    def fill(file: h5py.File) -> None:
+        for key, picture in pictures.items():
+            _write(file.create_group(key), picture)
+        _describe(file)
+
+    with written_whole(as_target("path", path)) as temporary:
+        write_sealed(temporary, fill)
+    return path
+
+
+def write_picture(
+    path: Path,
+    shape: tuple[int, ...],
+    fill: Callable[[Checkpoint, NDArray[np.int16], NDArray[np.int32]], Basins],
+    belongs: Mapping[str, Any],
+) -> Basins:
+    """Write basins whose labels need not fit into memory, and return them with labels that stay in the file.
+
+    ``fill(file, labels, times)`` fills flat arrays of a file, and returns the basins that are made of them; `belongs`
+    says which run they come from.
+    """
+    with written_whole(path, kind=PART) as temporary:
+        with made_with_room(temporary, 6 * math.prod(shape), lambda file: None) as file:
+            group = file.create_group(_ONLY)
+            add_unwritten(group, "labels", shape, np.int16)
+            add_unwritten(group, "settling_time", shape, np.int32)
+        reserve(temporary)
+        arrays = Checkpoint(temporary)
+        basins = fill(arrays, *(arrays[f"{_ONLY}/{name}"].reshape(-1) for name in ("labels", "settling_time")))
+
+        def describe_all(group: h5py.Group, picture: Basins) -> None:
+            _write(group, picture)
+            put_text(group, "belongs", json.dumps(plain(belongs)))
+            _describe(group.file)
+
+        small = _with_arrays(basins, np.zeros(1, np.int16), np.zeros(1, np.int32))
+        reserve(temporary, SLACK + len(image_of(lambda file: describe_all(file.create_group(_ONLY), small))))
+        with h5py.File(temporary, "r+") as file:
+            describe_all(file[_ONLY], basins)
+        seal(temporary)
+        arrays.release()
+    return _with_arrays_of(path, basins)
+
+
+def is_picture(path: Path) -> bool:
+    """Tell whether there is a file of basins."""
+    try:
+        with opened(path) as file:
+            return get_text(file, "format") == FORMAT
+    except OSError:
+        return False
+
+
+def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
+    """Read what :func:`write_picture` wrote, with labels that stay in the file; also return which run it comes from."""
+    belongs: dict[str, Any] = {}
+
+    def read(group: h5py.Group) -> Basins:
+        belongs.update(
+            json.loads(get_text(group, "belongs")) if {"belongs", ".belongs"} & {*group.attrs, *group} else {}
+        )
+        return _read(group, in_file=True)
+
+    basins = _checked(path, None, read)
+    return (_with_arrays_of(path, basins), belongs) if belongs else (basins, belongs)
+
+
+def _with_arrays_of(path: Path, basins: Basins) -> Basins:
+    """Return basins whose arrays are those of a file; changes of them are not written there."""
+    arrays = Checkpoint(path, "c")
+    return _with_arrays(basins, arrays[f"{_ONLY}/labels"], arrays[f"{_ONLY}/settling_time"])
+
+
+def _with_arrays(basins: Basins, labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
+    return dataclasses.replace(basins, labels=labels, settling_time=times)
+
+
+def _describe(file: h5py.File) -> None:
+    """Say what a file is that holds its pictures already."""
+    describe(file, FORMAT, SCHEMA)
+    put_text(file, "written", datetime.now(UTC).isoformat(timespec="seconds"))
+    put_text(file, "machine", platform.machine())
+
+
+@checked
+def load_basins(path: str | os.PathLike[str], name: str | None = None, unverified: bool = False) -> Basins:
+    """Read basins from an HDF5 file.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that :func:`save_basins` wrote.
+    name : str, optional
+        Which picture, in a file of several.
+    unverified : bool, optional
+        Read a file without a checksum, as older versions of cellmap wrote them, or one that another program has changed
+        since.  Damage to such a file may be noticed late or not at all, and make HDF5's library hang.
+
+    Returns
+    -------
+    Basins
+        As stored, without the map: ``rebuild_map(system, basins.settings["map"])`` makes it again.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where there is no such file.
+    KeyError
+        For a name that the file does not hold, or none where it holds several.
+    StoreError
+        For a file that is truncated or damaged, that something else wrote, that holds what cellmap does not write, such
+        as links to other files, or that a newer cellmap wrote.
+    """
+    if name is not None and not isinstance(name, str):
+        raise TypeError(f"name={name!r}: give a name that the file holds")
+    return _checked(as_path("path", path), name, _read, unverified)
+
+
+def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins], unverified: bool = False) -> Basins:
+    """Read a picture of a file whose contents are those that were written."""
+    if not path.is_file():
+        raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
+    try:
+        with opened(path, unverified) as file:
+            if "format" not in file.attrs or get_text(file, "format") != FORMAT:
+                raise StoreError(f"{str(path)!r} is an HDF5 file, but not one of basins that cellmap wrote")
+            if (schema := get_number(file, "schema")) > SCHEMA:
+                raise StoreError(f"{str(path)!r} has layout {schema} and this cellmap knows {SCHEMA}: update cellmap")
+            if "digest" in file.attrs and get_text(file, "digest") != digest_of(file):  # of an older cellmap
+                raise ValueError("its contents are not those that were written")
+            names = list(file)
+            chosen = names[0] if name is None and len(names) == 1 else name
+            if chosen in names:
+                return read(file[chosen])
+    except UnsealedError as error:
+        raise StoreError(
+            f"{str(path)!r} is an HDF5 file, but not one of basins that cellmap wrote, or one of an older cellmap, "
+            "without a checksum: if you trust where it comes from, load_basins(path, unverified=True) reads it; then "
+            "save it again"
+        ) from error
+    raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
+
+
+def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+    """Store an array compressed, a scalar as it is."""
+    packed = {"compression": "gzip", "shuffle": True, "fletcher32": True} if np.ndim(values) else {}
+    return group.create_dataset(name, data=values, **packed)
+
+
+def _write(file: h5py.Group, basins: Basins) -> None:
+    put_text(file, "system", basins.name)
+    put_text(file, "params", json.dumps(dict(basins.params)))
+    put_text(file, "settings", json.dumps(plain(basins.settings)))
+    put_text(file, "coordinates", json.dumps([dataclasses.asdict(c) for c in basins.coordinates]))
+    file.attrs["inaccurate"] = basins.inaccurate
+    put_text(file, "undecided", json.dumps(dict(basins.undecided)))
+    put_text(file, "cost", json.dumps(dataclasses.asdict(basins.cost)))
+    for name in ("labels", "settling_time"):
+        if name not in file:
+            _add_array(file, name, getattr(basins, name))
+    names = {k: basins.label_name(k) for k in range(len(basins.attractors))} | dict(LABEL_NAMES)
+    put_text(file["labels"], "meaning", json.dumps(names))
+    put_text(file["settling_time"], "unit", "periods")
+    if basins.grid is not None:
+        grid = file.create_group("grid")
+        grid.attrs.update(
+            lower=basins.grid.lower, upper=basins.grid.upper, shape=basins.grid.shape, wraps=basins.grid.wraps
+        )
+    if basins.starts is not None:
+        _add_array(file, "starts", basins.starts)
+    write_attractors(file.create_group("attractors"), basins.attractors)
+
+
+def _read(file: h5py.Group, in_file: bool = False) -> Basins:
+    """Read a picture, with empty labels and settling times where these are to stay in the file."""
+    coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
+    grid, starts = None, None
+    if "grid" in file:
+        g = file["grid"].attrs
+        grid = CellGrid(*(tuple(g[n].tolist()) for n in ("lower", "upper", "shape", "wraps")))
+    if "starts" in file:
+        starts = file["starts"][()]
+        if starts.dtype != np.float64 or starts.shape[-1:] != (len(coordinates),) or not np.isfinite(starts).all():
+            raise ValueError("its starts are no places")
+    if grid is not None and starts is None and grid.dimension == len(coordinates):
+        shape = grid.shape
+    elif starts is not None and grid is None:
+        shape = starts.shape[:-1]
+    else:
+        raise ValueError("it has no starts, or two kinds of them")
+    attractors = read_attractors(file["attractors"], coordinates)
+    for name, kind, lowest, highest in (
+        ("labels", np.int16, min(LABEL_NAMES), len(attractors) - 1),
+        ("settling_time", np.int32, -1, np.iinfo(np.int32).max),
+    ):
+        if (file[name].dtype, file[name].shape) != (np.dtype(kind), shape):
+            raise ValueError(f"{name} are {file[name].dtype} of shape {file[name].shape}")
+        if not all(within(part, lowest, highest) for part in rows_of(file[name])):
+            raise ValueError(f"{name} are not between {lowest} and {highest}")
+    if not in_file:
+        claim_memory(f"labels of {file.file.filename}", basins_memory(math.prod(shape)), "close other programs")
+    return Basins(
+        labels=np.zeros(0, np.int16) if in_file else file["labels"][()],
+        attractors=attractors,
+        settling_time=np.zeros(0, np.int32) if in_file else file["settling_time"][()],
+        grid=grid,
+        starts=starts,
+        name=get_text(file, "system"),
+        params={name: float(value) for name, value in json.loads(get_text(file, "params")).items()},
+        coordinates=coordinates,
+        settings=json.loads(get_text(file, "settings")),
+        inaccurate=get_number(file, "inaccurate"),
+        undecided=json.loads(get_text(file, "undecided")) if "undecided" in file.attrs else {},
+        cost=Cost(**json.loads(get_text(file, "cost"))),
+    )

@@ -1,0 +1,75 @@
+"""Attractors in HDF5 files."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from .._lib.sealed import array_of, get_number, get_text, put_text
+from ..maps.coordinates import Coordinate
+from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
+
+
+def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None:
+    """Write attractors under their numbers."""
+    for k, attractor in enumerate(attractors):
+        _write_attractor(group.create_group(str(k)), attractor)
+
+
+def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> tuple[Attractor, ...]:
+    """Read what :func:`write_attractors` wrote."""
+    return tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group)))
+
+
+def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
+    put_text(group, "kind", str(attractor.kind))
+    put_text(group, "name", attractor.name)
+    group.attrs.update(period=attractor.period, turns=attractor.turns)
+    for name in ("points", "multipliers", "exponents"):
+        group[name] = getattr(attractor, name)
+    for part in ("neighbourhood", "cover"):
+        record = getattr(attractor, part)
+        if record is not None:
+            for field in dataclasses.fields(record):
+                if (value := getattr(record, field.name)) is not None:
+                    group[f"{part}/{field.name}"] = value
+
+
+def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> Attractor:
+    d = len(coordinates)
+    kind, period = Kind(get_text(group, "kind")), get_number(group, "period")
+    points = array_of(group, "points", np.float64, (None if kind in (Kind.CHAOTIC, Kind.EQUILIBRIA) else period, d))
+    if not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"{group.name} has no points")
+    neighbourhood, cover = None, None
+    if "neighbourhood" in group:
+        neighbourhood = Neighbourhood(
+            array_of(group, "neighbourhood/centres", np.float64, (None, d)),
+            array_of(group, "neighbourhood/metrics", np.float64, (None, d, d)),
+            float(array_of(group, "neighbourhood/contraction", np.float64, ())),
+        )
+    if "cover" in group:
+        boxes = array_of(group, "cover/boxes", np.int64, (None, d))
+        cover = Cover(
+            array_of(group, "cover/lower", np.float64, (d,)),
+            array_of(group, "cover/widths", np.float64, (d,)),
+            boxes,
+            array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
+        )
+    turns = group.attrs["turns"]
+    if np.shape(turns) != (d,) or turns.dtype.kind != "i":
+        raise ValueError(f"{group.name} has the turns {turns}")
+    return Attractor(
+        kind=kind,
+        period=period,
+        points=points,
+        turns=tuple(turns.tolist()),
+        multipliers=array_of(group, "multipliers", np.complex128, (None,)),
+        exponents=array_of(group, "exponents", np.float64, (None,)),
+        coordinates=coordinates,
+        neighbourhood=neighbourhood,
+        cover=cover,
+    )

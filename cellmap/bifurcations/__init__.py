@@ -1,0 +1,5 @@
+"""Orbits over parameters: stability, continuation, bifurcations and their curves, diagrams."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

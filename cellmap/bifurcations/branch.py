@@ -1,0 +1,143 @@
+"""Branches of periodic orbits over a parameter, and the bifurcations on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number
+from .._lib.signatures import checked
+from ..maps.coordinates import wrap
+from ..maps.point_map import PointMap
+from ..orbits.multipliers import unstable_count
+from ..orbits.newton import closed_orbit
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .arclength import corrected
+from .orbit_equations import OrbitProblem
+
+
+class BifurcationKind(StrEnum):
+    """Kinds of bifurcations of periodic orbits in one parameter."""
+
+    FOLD = "fold"
+    """The branch turns back: two orbits meet (saddle-node)."""
+    PERIOD_DOUBLING = "period doubling"
+    """A multiplier passes -1."""
+    PITCHFORK = "pitchfork"
+    """A multiplier passes +1, and a branch that lies on one side of the parameter crosses."""
+    TRANSCRITICAL = "transcritical"
+    """A multiplier passes +1, and a branch that goes on to both sides crosses."""
+    NEIMARK_SACKER = "Neimark-Sacker"
+    """A complex pair of multipliers passes the unit circle; without damping two pairs collide on it (Krein)."""
+    DEGENERATE = "degenerate"
+    """Several multipliers cross together, as a symmetry or chance has it; what is born there is not said."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A bifurcation on a branch.
+
+    Parameters
+    ----------
+    kind : BifurcationKind
+        Which one.
+    value : float
+        The parameter, in its unit.
+    point : ndarray, shape (dimension,)
+        First point of the orbit, angles in their turn.
+    multipliers : ndarray of complex, shape (dimension,)
+        Multipliers there.
+    before, after : int
+        Number of unstable multipliers on the branch on either side, in the order of the branch.
+    place : int
+        The bifurcation lies between the points `place` and ``place + 1`` of the branch.
+    """
+
+    kind: BifurcationKind
+    value: float
+    point: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    before: int
+    after: int
+    place: int
+    _unknowns: NDArray[np.float64] = field(repr=False)
+    _along: NDArray[np.float64] = field(repr=False)
+    _aside: NDArray[np.float64] | None = field(repr=False, default=None)
+
+    def __repr__(self) -> str:
+        return f"Bifurcation({self.kind} at {self.value:.12g}, {self.before} -> {self.after} unstable)"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Periodic orbits along a curve over one parameter.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    period : int
+        Steps of the map in one round; along a branch it may be a multiple of the least period.
+    values : ndarray, shape (n,)
+        The parameter, in its unit.
+    points : ndarray, shape (n, dimension)
+        First points of the orbits, angles in their turn.
+    multipliers : ndarray of complex, shape (n, dimension)
+        Multipliers, the largest modulus first.
+    bifurcations : tuple of Bifurcation
+        In the order of the branch.
+    ends : tuple of str
+        Why the branch ends at its first and at its last point.
+    point_map : PointMap
+        The map, with the parameters from which the branch was begun.
+    """
+
+    name: str
+    period: int
+    values: NDArray[np.float64]
+    points: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    bifurcations: tuple[Bifurcation, ...]
+    ends: tuple[str, str]
+    point_map: PointMap
+    _problem: OrbitProblem = field(repr=False)
+
+    def __repr__(self) -> str:
+        found = "; ".join(f"{b.kind} at {b.value:.9g}" for b in self.bifurcations) or "no bifurcation"
+        span = f"{self.values.min():.6g} to {self.values.max():.6g}"
+        early = {end for end in self.ends if end not in ("left the interval", "bifurcation")}
+        ends = f"; ends: {', '.join(sorted(early))}" if early else ""
+        return f"Branch(period {self.period}, {len(self.values)} points, {self.name} from {span}: {found}{ends})"
+
+    @property
+    def unstable(self) -> NDArray[np.int64]:
+        """Number of multipliers outside the unit circle, shape (n,)."""
+        return unstable_count(self.multipliers)
+
+    @checked
+    def of_kind(self, kind: BifurcationKind) -> tuple[Bifurcation, ...]:
+        """Return the bifurcations of one kind."""
+        return tuple(b for b in self.bifurcations if b.kind is kind)
+
+    @checked
+    def orbits_at(self, value: float) -> tuple[PeriodicOrbit, ...]:
+        """Return the orbits of the branch at one value of the parameter, in the order of the branch."""
+        value = finite_number("value", value)
+        sides = np.sign(self.values - value)
+        found = []
+        problem = self._problem
+        passed = (sides[:-1] != sides[1:]) & ((sides[1:] != 0) | (np.arange(1, len(sides)) == len(sides) - 1))
+        for k in np.flatnonzero(passed):
+            share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
+            guess = problem.between(self.points[k], self.points[k + 1], share)
+            place = corrected(
+                problem, np.append(guess / problem.scale[:-1], value / problem.scale[-1]), problem.upright
+            )
+            if place is not None:
+                exact = self.point_map.with_params(**{self.name: value})
+                state = wrap(place.unknowns[:-1] * problem.scale[:-1], exact.coordinates)
+                found.append(closed_orbit(exact, state, self.period, problem.scale[:-1]))
+        return tuple(found)

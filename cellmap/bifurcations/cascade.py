@@ -1,0 +1,156 @@
+"""Cascades of period doublings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number, whole_number
+from .._lib.signatures import checked
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .arclength import corrected
+from .branch import Bifurcation, BifurcationKind, Branch
+from .branch_tracer import Walker, born_orbit
+from .orbit_equations import begin_orbit, orbit_problem
+
+_STEP = 0.02  # of the parameter's interval that is looked at
+_AHEAD = 2.0  # gaps between doublings that are looked through for the next one
+_SHRINKING = 2.5  # of an orbit's parts from doubling to doubling (Feigenbaum's alpha)
+_POINTS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Cascade:
+    """Period doublings of an orbit, one after the other.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    bifurcations : tuple of Bifurcation
+        Where each orbit loses its stability: period doublings, and pitchforks in which symmetric orbits, which cannot
+        double, lose their symmetry first.
+    branches : tuple of Branch
+        From each bifurcation to the next one.
+    end : str
+        Why there are not more.
+    """
+
+    name: str
+    bifurcations: tuple[Bifurcation, ...]
+    branches: tuple[Branch, ...]
+    end: str
+
+    def __repr__(self) -> str:
+        ratio = f", last ratio {self.ratios[-1]:.6g}" if len(self.ratios) else ""
+        return f"Cascade({len(self.values)} doublings of {self.name}, to period {self.periods[-1]}{ratio}; {self.end})"
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The parameter at the period doublings."""
+        return np.array([b.value for b in self.bifurcations if b.kind is BifurcationKind.PERIOD_DOUBLING])
+
+    @property
+    def periods(self) -> NDArray[np.int64]:
+        """Periods of the orbits that are born in the doublings; before the first one of none, that of the orbit."""
+        doubled = [2 * b.period for b, kind in self._with_kinds() if kind is BifurcationKind.PERIOD_DOUBLING]
+        return np.array(doubled or [self.branches[0].period])
+
+    def _with_kinds(self) -> list[tuple[Branch, BifurcationKind]]:
+        return [(branch, b.kind) for branch, b in zip(self.branches, self.bifurcations, strict=False)]
+
+    @property
+    def ratios(self) -> NDArray[np.float64]:
+        """Ratios of neighbouring gaps, which tend to Feigenbaum's delta = 4.669201609."""
+        gaps = np.diff(self.values)
+        return gaps[:-1] / gaps[1:]
+
+    @property
+    def accumulation(self) -> float:
+        """Value at which the doublings accumulate, from the last three (Aitken); NaN with fewer."""
+        if len(self.values) < 3:
+            return float("nan")
+        return float(self.values[-1] + (self.values[-1] - self.values[-2]) / (self.ratios[-1] - 1.0))
+
+
+@checked
+def period_doubling_cascade(
+    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str, limit: float, doublings: int = 6
+) -> Cascade:
+    """Follow a stable orbit to its period doubling, the doubled orbit to the next one, and so on.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map at the parameters of the orbit; of an interpolated map the exact map is taken.
+    orbit : PeriodicOrbit or Attractor
+        A stable orbit.
+    name : str
+        Name of the parameter.
+    limit : float
+        Value up to which, or down to which, the parameter is followed, in its unit.
+    doublings : int, optional
+        Most period doublings.  Gaps shrink by 4.67 from one to the next, so that 8 to 10 are what double precision
+        resolves.
+
+    Returns
+    -------
+    Cascade
+        Bifurcations, branches and ratios.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`continue_orbit`; and for a limit that is the present value, or an orbit that is not stable.
+
+    References
+    ----------
+    Feigenbaum, Journal of Statistical Physics 19 (1978) 25.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
+    >>> cascade = period_doubling_cascade(logistic, periodic_orbit(logistic, [0.5]), "r", 4.0)
+    >>> cascade.values.round(6)
+    array([3.      , 3.44949 , 3.54409 , 3.564407, 3.568759, 3.569692])
+    >>> round(cascade.accumulation, 5)
+    3.56995
+    """
+    most = whole_number("doublings", doublings, at_least=1)
+    last = finite_number("limit", limit)
+    exact, state, period = begin_orbit(point_map, orbit, name)
+    value = float(exact.params[name])
+    if last == value:
+        raise ValueError(f"limit={limit!r}: give another value than the present {name}={value:g}")
+    problem = orbit_problem(exact, state, period, (name,), (abs(last - value),))
+    start = corrected(problem, np.append(state, value) / problem.scale, problem.upright)
+    ends = frozenset({BifurcationKind.PERIOD_DOUBLING, BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER})
+    interval = (min(value, last), max(value, last))
+    walker = Walker(exact, name, problem, interval, _STEP, _POINTS, None, ends)
+    if start is None or walker.watch.unstable(start):
+        raise ValueError(f"orbit={orbit!r}: give a stable orbit of this map")
+    start = replace(start, tangent=start.tangent * np.sign((last - value) * start.tangent[-1]))
+    found: list[Bifurcation] = []
+    branches: list[Branch] = []
+    while True:
+        walk = walker.walk(start)
+        branches.append(walker.branch(None, walk))
+        if walk.end != "bifurcation":
+            return Cascade(name, tuple(found), tuple(branches), f"then the branch {walk.end}")
+        found.append(walk.found[-1])
+        if found[-1].kind is BifurcationKind.NEIMARK_SACKER:
+            return Cascade(name, tuple(found), tuple(branches), "then Neimark-Sacker")
+        values = [b.value for b in found if b.kind is BifurcationKind.PERIOD_DOUBLING]
+        if len(values) == most:
+            return Cascade(name, tuple(found), tuple(branches), "as many as asked for")
+        before = found[-2].value if len(found) > 1 else value
+        span = min(_AHEAD * abs(found[-1].value - before), abs(last - value))
+        born = born_orbit(walker, found[-1], span, 1.0 / _SHRINKING)
+        if born is None:
+            return Cascade(name, tuple(found), tuple(branches), "then no orbit is found")
+        walker, start = born

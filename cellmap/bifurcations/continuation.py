@@ -1,0 +1,193 @@
+"""Branches of periodic orbits by pseudo-arclength, with their bifurcations located on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import finite_number, finite_points, whole_number
+from .._lib.signatures import checked
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .arclength import Place, corrected, tangent_of
+from .branch import Bifurcation, Branch
+from .branch_tracer import Walker, born_orbit
+from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
+
+_SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
+
+
+@checked
+def continue_orbit(
+    point_map: PointMap,
+    orbit: PeriodicOrbit | Attractor,
+    name: str,
+    lower: float,
+    upper: float,
+    step: float = 0.01,
+    points: int = 1000,
+    sizes: ArrayLike | None = None,
+    progress: bool = False,
+) -> Branch:
+    """Follow a periodic orbit through a parameter, around folds, and find its bifurcations.
+
+    Pseudo-arclength continuation (Keller 1977) with derivatives by state and parameter from the variational equation.
+    Test functions are watched from step to step: the tangent's component along the parameter (folds), the bordered
+    determinant (branches that cross), det(M + I) (period doublings) and the product of all mu_i mu_j - 1
+    (Neimark-Sacker); their zeros are located by Brent's method on the branch itself.  A step in which the number of
+    unstable multipliers changes more than these explain is repeated with half its length.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map at the parameters of the orbit; of an interpolated map the exact map is taken.
+    orbit : PeriodicOrbit or Attractor
+        The orbit to begin with, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`.
+    name : str
+        Name of the parameter.
+    lower, upper : float
+        Interval of its values, in its unit, that holds the present one.
+    step : float, optional
+        Longest step, where the interval has the length 1 and a coordinate its natural size, or the size that it has
+        come to on the branch.
+    points : int, optional
+        Most points to either side; `ends` of the branch says where they did not suffice.
+    sizes : array_like, shape (dimension,), optional
+        Natural sizes of displacements, in units of the coordinates.  By default a radian for an angle, and for others
+        what goes with it, or what the state and its drift with the parameter tell; give them for an equilibrium at 0
+        in unusual units.
+    progress : bool, optional
+        Show progress on a terminal.
+
+    Returns
+    -------
+    Branch
+        From the end towards `lower` to the one towards `upper`, in the directions in which the branch leaves the orbit.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an orbit that is not periodic or not one of this map, an unknown parameter, an empty interval or one that
+        does not hold the present value.
+
+    References
+    ----------
+    Keller, in *Applications of Bifurcation Theory* (1977) 359; Kuznetsov, *Elements of Applied Bifurcation Theory*
+    (2004), chapter 10.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
+    >>> continue_orbit(logistic, periodic_orbit(logistic, [0.5]), "r", 0.5, 3.5).bifurcations
+    (Bifurcation(transcritical at 1, 1 -> 0 unstable), Bifurcation(period doubling at 3, 0 -> 1 unstable))
+    """
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    if not low < high:
+        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
+    longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
+    exact, state, period = begin_orbit(point_map, orbit, name)
+    value = float(exact.params[name])
+    if not low <= value <= high:
+        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must hold {name}={value:g} of the map")
+    own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
+    if own is not None and not (own > 0.0).all():
+        raise ValueError(f"sizes={own.tolist()}: give positive numbers")
+    for end in (low, high):
+        exact.with_params(**{name: end})
+    label = f"continuation in {name}" if progress else None
+
+    def follow(span: float) -> Branch:
+        problem = orbit_problem(exact, state, period, (name,), (span,), own)
+        unknowns = np.append(state, value) / problem.scale
+        start = corrected(problem, unknowns, problem.upright) or _at_a_fold(problem, unknowns)
+        walker = Walker(exact, name, problem, (low, high), longest, most, label)
+        start = walker.clear_start(start)
+        ahead = walker.walk(start)
+        if ahead.end == "closed":
+            return replace(walker.branch(None, ahead), ends=("closed", "closed"))
+        back = walker.walk(replace(start, tangent=-start.tangent))
+        return walker.branch(back.reversed(), ahead)
+
+    branch = follow(high - low)
+    extent = float(np.ptp(branch.values))
+    if "no convergence" in branch.ends and 0.0 < extent < _SMALL * (high - low):
+        # In units of the interval the ends of a small isola are too sharp to be followed around.
+        near = follow(extent)
+        branch = near if near.ends == ("closed", "closed") else branch
+    return branch
+
+
+@checked
+def switch_branch(
+    branch: Branch,
+    bifurcation: Bifurcation,
+    lower: float,
+    upper: float,
+    step: float = 0.01,
+    points: int = 1000,
+    side: int = 1,
+    progress: bool = False,
+) -> Branch:
+    """Follow the branch that is born at, or crosses in, a bifurcation.
+
+    Parameters
+    ----------
+    branch : Branch
+        The branch on which the bifurcation was found.
+    bifurcation : Bifurcation
+        A period doubling, from which orbits of twice the period are followed, or a pitchfork or transcritical one.
+    lower, upper : float
+        Interval of the parameter.
+    step, points, progress
+        As for :func:`continue_orbit`.
+    side : {1, -1}, optional
+        Which side of the new branch; those of a pitchfork are mirror images, those of a period doubling the same orbit
+        begun half a round later.
+
+    Returns
+    -------
+    Branch
+        From the bifurcation on.
+
+    Raises
+    ------
+    ValueError
+        For a bifurcation from which no branch of periodic orbits leaves, or one where it is not found.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
+    >>> fixed = continue_orbit(logistic, periodic_orbit(logistic, [0.5]), "r", 1.5, 3.5)
+    >>> switch_branch(fixed, fixed.bifurcations[-1], 1.5, 3.5)
+    Branch(period 2, ... points, r from 3.00... to 3.5: period doubling at 3.44948974)
+    """
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    if not low <= bifurcation.value <= high:
+        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must hold the bifurcation {bifurcation!r}")
+    if side not in (1, -1):
+        raise ValueError(f"side={side!r}: give 1 or -1")
+    if bifurcation._aside is None:
+        raise ValueError(f"bifurcation={bifurcation!r}: no branch of periodic orbits leaves it")
+    longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
+    label = f"continuation in {branch.name}" if progress else None
+    walker = Walker(branch.point_map, branch.name, branch._problem, (low, high), longest, most, label)
+    born = born_orbit(walker, bifurcation, high - low, side=side)
+    if born is None:
+        raise ValueError(
+            f"bifurcation={bifurcation!r}: no orbit is found on the branch that leaves it; give a smaller step"
+        )
+    further, start = born
+    return further.branch(None, further.walk(start))
+
+
+def _at_a_fold(problem: OrbitProblem, unknowns: NDArray[np.float64]) -> Place:
+    """Return the place of a given solution whose parameter cannot be held fixed."""
+    derivatives = problem(unknowns)[1]
+    direction = np.linalg.svd(derivatives)[2][-1]
+    along = tangent_of(derivatives, direction)
+    return Place(unknowns, derivatives, direction if along is None else along)

@@ -1,0 +1,318 @@
+"""Bifurcation diagrams: what orbits end on, against a parameter, with Lyapunov exponents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import (
+    claim_memory,
+    finite_number,
+    finite_points,
+    known_parameter,
+    monotone_values,
+    one_of,
+    real_array,
+    shown,
+    whole_number,
+)
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
+from ..maps.orbit_batch import Status
+from ..maps.point_map import PointMap, warn_of_tolerance
+from ..maps.swept import swept_map
+from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, swept_derivatives
+from .parameter_sweep import Recorded, record_each, record_followed
+
+_CHAOTIC = 1e-3  # a largest exponent below this, per step, is no evidence of chaos, as in the search for attractors
+_ERRORS = 5.0  # nor is one within as many standard errors of zero
+_UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
+_DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none": ("none",)}
+
+
+@dataclass(frozen=True, eq=False)
+class BifurcationDiagram:
+    """Sampled orbits against a parameter.
+
+    A branch is one start followed in one direction: all starts upwards, then all starts downwards.
+
+    Parameters
+    ----------
+    system, name : str
+        Name of the system and of its parameter.
+    values : ndarray, shape (n,)
+        Values of the parameter, increasing, in its unit.
+    directions : tuple of str
+        ``"up"``, ``"down"`` or ``"none"`` for each branch.
+    starts : ndarray, shape (branches, dimension)
+        The given start of each branch.
+    points : ndarray, shape (branches, n, periods, dimension)
+        Orbits after the transient, angles in their turn; NaN where `status` is ESCAPED or DIVERGED.
+    status : ndarray of uint8, shape (branches, n)
+        A :class:`Status` for each orbit.
+    restarted : ndarray of bool, shape (branches, n)
+        Where an orbit that was to be followed begins at the given start, because it had ended.
+    period : ndarray of int, shape (branches, n)
+        Least number of steps after which the orbit returns within the tolerance; 0 where there is none, or where the
+        orbit has not settled.
+    rotation_numbers : ndarray, shape (branches, n, dimension)
+        Mean turns of each coordinate in one step.
+    exponents, standard_errors : ndarray, shape (branches, n, dimension)
+        Lyapunov exponents per step of the map, the largest first, and their standard errors: 0 for a periodic orbit,
+        whose exponents come from its multipliers.  NaN where there are no points, or where none were asked for.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        The other parameters.
+    settings : mapping
+        Arguments of :func:`bifurcation_diagram`.
+    """
+
+    system: str
+    name: str
+    values: NDArray[np.float64]
+    directions: tuple[str, ...]
+    starts: NDArray[np.float64]
+    points: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    restarted: NDArray[np.bool_]
+    period: NDArray[np.int64]
+    rotation_numbers: NDArray[np.float64]
+    exponents: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+    settings: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        branches, n = self.status.shape
+        ended = np.count_nonzero(self.status >= Status.ESCAPED)
+        text = f"{self.name} from {self.values[0]:g} to {self.values[-1]:g}: {n} values, {branches} branches"
+        return f"BifurcationDiagram({self.system}, {text}, {np.mean(self.chaotic):.3g} chaotic, {ended} orbits ended)"
+
+    @property
+    def chaotic(self) -> NDArray[np.bool_]:
+        """Orbits without a period whose largest exponent is positive beyond doubt, shape (branches, n)."""
+        with np.errstate(invalid="ignore"):
+            largest, error = self.exponents[..., 0], self.standard_errors[..., 0]
+            return (self.period == 0) & (largest > np.maximum(_ERRORS * error, _CHAOTIC))
+
+
+@checked
+def bifurcation_diagram(
+    point_map: PointMap,
+    name: str,
+    values: ArrayLike,
+    start: ArrayLike,
+    follow: str = "both",
+    transient: int = 500,
+    periods: int = 128,
+    max_period: int = 32,
+    tolerance: float = 1e-6,
+    nudge: ArrayLike = 1e-6,
+    exponents: bool = True,
+    progress: bool = False,
+) -> BifurcationDiagram:
+    """Sample what orbits end on for many values of a parameter.
+
+    With `follow`, the orbit at each value begins where that at the neighbouring value ended, so that attractors that
+    coexist show as a difference between both directions (hysteresis).  An orbit that ends begins again at the given
+    start; if that ends too, its status tells.  All branches, and without following all values, are lanes of one batch.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; of an interpolated map the exact map behind it is taken.
+    name : str
+        Name of the parameter.
+    values : array_like, shape (n,)
+        Its values, increasing or decreasing, in its unit.
+    start : array_like, shape (dimension,) or (starts, dimension)
+        Where orbits begin.
+    follow : {"both", "up", "down", "none"}, optional
+        Whether orbits are followed to larger values, to smaller values or both; ``"none"`` begins each at its start.
+    transient : int, optional
+        Steps of the map that are left out at each value.
+    periods : int, optional
+        Steps that are recorded after these, at least 20.
+    max_period : int, optional
+        Longest period that is looked for, at most half of `periods`.
+    tolerance : float, optional
+        Distance at which an orbit has returned, in turns of angles and relative to the largest size that other
+        coordinates have in the diagram, or to `nudge` if that is more.
+    nudge : float or array_like, shape (dimension,), optional
+        Shift of orbits that are followed, at each value, in the units of the coordinates: without one, an orbit on an
+        equilibrium stays on it when it has become unstable.
+    exponents : bool, optional
+        Compute Lyapunov exponents, from exact derivatives along the recorded orbits.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    BifurcationDiagram
+        Points, statuses, periods, rotation numbers and exponents.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    MemoryError
+        Where the points do not fit into memory.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",), "logistic")
+    >>> diagram = bifurcation_diagram(logistic, "r", [2.8, 3.2, 3.5, 4.0], [0.3], follow="none")
+    >>> diagram.period[0], diagram.chaotic[0]
+    (array([1, 2, 4, 0]), array([False, False, False,  True]))
+    """
+    exact = point_map.exact or point_map
+    swept = swept_map(exact, known_parameter("name", name, exact.params))
+    d = exact.dimension
+    axis = np.sort(monotone_values("values", values))
+    given = state_points("start", start, point_map.coordinates)
+    if not 1 <= given.ndim <= 2 or not given.size:
+        raise ValueError(f"start has shape {given.shape}: give one start, or several in an array (starts, {d})")
+    one_of("follow", follow, tuple(_DIRECTIONS))
+    transient = whole_number("transient", transient)
+    periods = whole_number("periods", periods, at_least=20)
+    max_period = whole_number("max_period", max_period, at_least=1)
+    if 2 * max_period > periods:
+        raise ValueError(
+            f"max_period={max_period!r}: a period shows in twice as many steps; give periods={2 * max_period}"
+        )
+    tolerance = finite_number("tolerance", tolerance, above=0.0)
+    shift = real_array("nudge", nudge)
+    shift = finite_points("nudge", np.full(d, shift) if shift.ndim == 0 else shift, d)
+    if shift.ndim != 1:
+        raise ValueError(f"nudge={shown(nudge)}: give one number, or one for each of {d} coordinates")
+    directions = tuple(way for way in _DIRECTIONS[follow] for _ in given.reshape(-1, d))
+    starts = np.tile(wrap(given.reshape(-1, d), exact.coordinates), (len(_DIRECTIONS[follow]), 1))
+    samples = len(directions) * axis.size * periods
+    needed = 8 * samples * (2 * d + (d * d if exponents else 0))
+    claim_memory(f"a diagram of {axis.size:,} values x {len(directions)} branches", needed, "take fewer of them")
+
+    recorded = Recorded.empty(len(directions), axis.size, periods, d)
+    label = f"diagram of {exact.name}" if progress else None
+    if follow == "none":
+        record_each(swept, axis, starts, transient, recorded, label)
+    else:
+        record_followed(swept, axis, starts, directions, shift, transient, recorded, label)
+    warn_of_tolerance(recorded.status, exact)
+
+    alive = recorded.status < Status.ESCAPED
+    period = _periods(
+        recorded.points, exact, np.maximum(np.abs(starts).max(axis=0), np.abs(shift)), max_period, tolerance, alive
+    )
+    spectrum = np.full((2, *recorded.status.shape, d), np.nan)
+    if exponents:
+        _fill_exponents(exact, swept, name, axis, recorded.points, period, alive, spectrum)
+    return BifurcationDiagram(
+        system=exact.name,
+        name=name,
+        values=axis,
+        directions=directions,
+        starts=starts,
+        points=recorded.points,
+        status=recorded.status,
+        restarted=recorded.restarted,
+        period=period,
+        rotation_numbers=_rotation_numbers(recorded, exact, period, alive),
+        exponents=spectrum[0],
+        standard_errors=spectrum[1],
+        coordinates=exact.coordinates,
+        params={key: value for key, value in exact.params.items() if key != name},
+        settings={
+            "follow": follow,
+            "transient": transient,
+            "periods": periods,
+            "max_period": max_period,
+            "tolerance": tolerance,
+        },
+    )
+
+
+def _periods(
+    points: NDArray[np.float64],
+    exact: PointMap,
+    smallest: NDArray[np.float64],
+    max_period: int,
+    tolerance: float,
+    alive: NDArray[np.bool_],
+) -> NDArray[np.int64]:
+    """Return after how many steps the second halves of orbits repeat what came before; 0 for none.
+
+    An orbit that comes in slowly, turning round or from side to side, seems to have a longer period than what it
+    approaches.  The way that it has still to go, by Aitken's extrapolation of its returns, tells that from a cycle.
+    """
+    period = np.zeros(alive.shape, np.int64)
+    if not alive.any():
+        return period
+    turn = turns_of(exact.coordinates)[1]
+    size = np.maximum(np.abs(points[alive]).max(axis=(0, 1)), smallest)
+    extent = np.where(turn > 0, turn, np.where(size > 0, size, 1.0))
+    half = points.shape[2] // 2
+    last = np.empty((max_period, *alive.shape))
+    for q in range(1, max_period + 1):
+        shift = difference(points[:, :, half:], points[:, :, half - q : -q], exact.coordinates)
+        apart = np.abs(shift / extent).max(axis=-1)
+        first, last[q - 1] = apart[:, :, :q].max(axis=-1), apart[:, :, -q:].max(axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factor = (last[q - 1] / first) ** (q / max(apart.shape[2] - q, 1))
+            remaining = last[q - 1] * np.where(factor < 1.0, factor / (1.0 - factor), 1.0)
+            returns = (period == 0) & (apart <= tolerance).all(axis=-1)
+            for p in range(1, q):
+                if q % p == 0:
+                    returns &= ~(last[p - 1] < _UNSETTLED * remaining)
+        period[returns] = q
+    return period
+
+
+def _rotation_numbers(
+    recorded: Recorded, exact: PointMap, period: NDArray[np.int64], alive: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Mean turns a step: over one round of a periodic orbit, else over all that is recorded."""
+    turn = turns_of(exact.coordinates)[1]
+    steps = np.where(period > 0, period, recorded.points.shape[2] - 1)
+    first = (recorded.points.shape[2] - 1 - steps)[..., None, None]
+    start, whole = (np.take_along_axis(a, first, axis=2)[:, :, 0] for a in (recorded.points, recorded.turns))
+    moved = recorded.points[:, :, -1] - start + (recorded.turns[:, :, -1] - whole) * turn
+    rounds = np.where(turn > 0, moved / np.where(turn > 0, turn, 1.0), 0.0)
+    rounds = np.where((period > 0)[..., None], np.round(rounds), rounds)
+    return np.where(alive[..., None], rounds / steps[..., None] + 0.0, np.nan)
+
+
+def _fill_exponents(
+    exact: PointMap,
+    swept: PointMap,
+    name: str,
+    axis: NDArray[np.float64],
+    points: NDArray[np.float64],
+    period: NDArray[np.int64],
+    alive: NDArray[np.bool_],
+    spectrum: NDArray[np.float64],
+) -> None:
+    """Fill in exponents and standard errors (2, branches, n, d): derivatives of all orbits together."""
+    periods, d = points.shape[2:]
+    steps = np.where(alive, np.where(period > 0, period, periods), 0)
+    wanted = np.arange(periods) >= (periods - steps)[..., None]
+    column = np.broadcast_to(np.arange(axis.size)[:, None], wanted.shape)[wanted]
+    matrices = np.full((*wanted.shape, d, d), np.nan)
+    matrices[wanted] = swept_derivatives(exact, swept, name, points[wanted], axis[column])
+    for q in np.unique(period[alive]):
+        mine = alive & (period == q)
+        if q:
+            spectrum[0][mine], spectrum[1][mine] = exponents_of_cycles(matrices[mine][:, -q:]), 0.0
+        else:
+            spectrum[0][mine], spectrum[1][mine] = exponents_along(matrices[mine])

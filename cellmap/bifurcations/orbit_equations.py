@@ -1,0 +1,141 @@
+"""The equations of a periodic orbit, in state variables and parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
+
+from .._lib.checks import known_parameter
+from ..maps.coordinates import difference, turns_of
+from ..maps.point_map import PointMap
+from ..maps.swept import swept_map
+from ..maps.tangent import tangent
+from ..orbits.attractor import Attractor
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .arclength import Place
+
+_FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitProblem:
+    """The equations P^period(x; q) = x, up to turns of angles, for unknowns (x, q) in units of `scale`."""
+
+    point_map: PointMap
+    swept: PointMap
+    period: int
+    scale: NDArray[np.float64]
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return self.point_map.dimension
+
+    @property
+    def around(self) -> NDArray[np.float64]:
+        """Turns of the state variables, 0 for those on the line."""
+        return turns_of(self.point_map.coordinates)[1]
+
+    @property
+    def circles(self) -> NDArray[np.float64]:
+        """Turns of the unknowns in their units, 0 for those on the line."""
+        return np.append(self.around, np.zeros(len(self.scale) - self.dimension)) / self.scale
+
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """State variables on the line: their natural size is theirs along the branch."""
+        return np.append(self.around == 0, np.zeros(len(self.scale) - self.dimension, bool))
+
+    @property
+    def upright(self) -> NDArray[np.float64]:
+        """Unit vector along the last parameter."""
+        return np.eye(len(self.scale))[-1]
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (..., d) and their derivatives (..., d, d + m) at unknowns (..., d + m)."""
+        d = self.dimension
+        state = unknowns * self.scale
+        images, matrices = tangent(self.swept, state, self.period)
+        moved = images[..., :d] - state[..., :d]
+        # Where an angle that enters other images crosses its cut, these jump by whole turns.
+        residual = (moved - self.around * np.round(moved / np.where(self.around > 0, self.around, 1.0))) / self.scale[
+            :d
+        ]
+        slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
+        return residual, slopes
+
+    def matrix(self, place: Place) -> NDArray[np.float64]:
+        """Return the derivative of one round by the state, in units of `scale`."""
+        return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
+
+    def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+        """Return a state between two neighbours, along angles the shorter way."""
+        return first + share * difference(second, first, self.point_map.coordinates)
+
+
+def begin_orbit(
+    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str
+) -> tuple[PointMap, NDArray[np.float64], int]:
+    """Return the exact map, a point of the orbit and its period; refuse what is no periodic orbit of the map."""
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if not isinstance(orbit, PeriodicOrbit | Attractor):
+        raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
+    exact = point_map.exact or point_map
+    known_parameter("name", name, exact.params)
+    if not orbit.period:
+        raise ValueError(f"orbit={orbit!r}: give a periodic orbit")
+    if orbit.coordinates != exact.coordinates:
+        raise ValueError(f"orbit={orbit!r}: its coordinates are not those of {exact!r}")
+    return exact, np.array(orbit.points[0]), orbit.period
+
+
+def orbit_problem(
+    exact: PointMap,
+    state: NDArray[np.float64],
+    period: int,
+    names: tuple[str, ...],
+    spans: tuple[float, ...],
+    sizes: NDArray[np.float64] | None = None,
+) -> OrbitProblem:
+    """Return the equations of a periodic orbit near a state, scaled by coordinates' natural sizes and by the spans."""
+    swept = swept_map(exact, *names)
+    d = exact.dimension
+    values = [exact.params[name] for name in names]
+    images, matrices = tangent(swept, np.append(state, values), period)
+    moved = difference(images[:d], state, exact.coordinates)
+    if not (np.abs(moved) <= 1e-4 * (1.0 + np.abs(state))).all():
+        raise ValueError(
+            f"orbit through {state.tolist()} is no orbit of period {period} of {exact!r}: it moves by "
+            f"{moved.tolist()}; take it from this map with its present parameters"
+        )
+    if sizes is None:
+        # Balancing the derivative tells what displacements of different coordinates go together.
+        ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
+        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], ratios, spans)
+    return OrbitProblem(exact, swept, period, np.append(sizes, spans))
+
+
+def _sizes(
+    state: NDArray[np.float64],
+    matrices: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    ratios: NDArray[np.float64],
+    spans: tuple[float, ...],
+) -> NDArray[np.float64]:
+    """Return the natural sizes of displacements (d,), where those that go together have given ratios.
+
+    A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
+    """
+    d, angles = len(state), turn > 0
+    drift = np.linalg.lstsq(np.eye(d) - matrices[:d, :d], matrices[:d, d:] * spans, rcond=1e-3)[0]
+    furthest = np.abs(drift).max(axis=1)
+    if angles.any():
+        size = float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
+        return np.where(angles, size * ratios, np.clip(furthest, size * ratios, _FARTHEST * size * ratios))
+    size, longest = float(np.abs(state / ratios).max()), float((furthest / ratios).max())
+    size = max(size, min(longest, 10.0 * size) if size > 1e-9 else longest)
+    return (size if size > 1e-9 else 1.0) * ratios

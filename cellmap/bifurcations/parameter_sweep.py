@@ -1,0 +1,105 @@
+"""Orbits at many values of a parameter, each begun at its start or where its neighbour has ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.threads import progress_bar, run_over, slices
+from ..maps.coordinates import wrap
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
+
+_SLICE = CHUNK // 16
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Orbits at values of a parameter: points and whole turns (branches, n, periods, d), the rest (branches, n)."""
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    restarted: NDArray[np.bool_]
+
+    @classmethod
+    def empty(cls, branches: int, n: int, periods: int, d: int) -> Recorded:
+        """Begin with nothing recorded."""
+        shape = (branches, n, periods, d)
+        return cls(
+            np.full(shape, np.nan), np.zeros(shape, np.int64), *(np.zeros((branches, n), t) for t in (np.uint8, bool))
+        )
+
+    def run(
+        self,
+        swept: PointMap,
+        states: NDArray[np.float64],
+        rows: NDArray[np.int64],
+        columns: NDArray[np.int64],
+        transient: int,
+    ) -> NDArray[np.float64]:
+        """Run orbits from states (m, d + 1), keep them at places (row, column), and return where they end."""
+        d = self.points.shape[-1]
+        orbits = Orbits.starting(states.copy())
+        swept.advance(orbits, transient)
+        orbits.turns[:] = 0
+        for k in range(self.points.shape[2]):
+            swept.advance(orbits, 1)
+            self.points[rows, columns, k] = orbits.points[:, :d]
+            self.turns[rows, columns, k] = orbits.turns[:, :d]
+        self.points[rows[~orbits.alive], columns[~orbits.alive]] = np.nan
+        self.status[rows, columns] = orbits.status
+        return orbits.points
+
+
+def record_each(
+    swept: PointMap,
+    axis: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    transient: int,
+    recorded: Recorded,
+    label: str | None,
+) -> None:
+    """Run every start at every value."""
+    rows, columns = (index.ravel() for index in np.indices((len(starts), axis.size)))
+    states = np.column_stack([starts[rows], axis[columns]])
+
+    def work(part: slice) -> None:
+        recorded.run(swept, states[part], rows[part], columns[part], transient)
+
+    run_over(slices(len(states), _SLICE), work, label)
+
+
+def record_followed(
+    swept: PointMap,
+    axis: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    directions: tuple[str, ...],
+    shift: NDArray[np.float64],
+    transient: int,
+    recorded: Recorded,
+    label: str | None,
+) -> None:
+    """Run every branch from value to value."""
+    branches, coordinates = len(starts), swept.coordinates[:-1]
+    rows = np.arange(branches)
+    upwards = np.array([way == "up" for way in directions])
+    now, followed = starts, np.zeros(branches, bool)
+    with progress_bar(axis.size, label) as tick:
+        for step in range(axis.size):
+            columns = np.where(upwards, step, axis.size - 1 - step)
+            begin = np.where(followed[:, None], wrap(now + shift, coordinates), starts)
+            states = np.column_stack([begin, axis[columns]])
+            ends = np.empty(states.shape)
+            for part in slices(branches, _SLICE):
+                ends[part] = recorded.run(swept, states[part], rows[part], columns[part], transient)
+            ended = np.asarray(np.isnan(ends).any(axis=-1))
+            again = np.flatnonzero(ended & followed)
+            if len(again):
+                states[again, :-1] = starts[again]
+                ends[again] = recorded.run(swept, states[again], rows[again], columns[again], transient)
+            recorded.restarted[rows, columns] = (ended | ~followed) & (step > 0)
+            now, followed = ends[:, :-1], np.asarray(np.isfinite(ends).all(axis=-1))
+            tick(1)

@@ -1,0 +1,163 @@
+"""Coordinates of a phase space: names, units, and which of them live on a circle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, nan, pi
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.kernels.blocks import MOST_TURNS
+from .._lib.checks import finite_points, listed, real_number, shown
+from .._lib.signatures import checked
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One state variable.
+
+    Parameters
+    ----------
+    name : str
+        Name on axes, in tables and in files.
+    unit : str, optional
+        Unit, such as ``"rad/s"``; empty for a pure number.
+    turn : float or None, optional
+        Length of the circle for an angle, in `unit`; None for a variable on the line.
+    lower : float or None, optional
+        Where the circle is cut: angles are kept in ``[lower, lower + turn)``.  Default ``-turn/2``.
+
+    Examples
+    --------
+    >>> Coordinate("theta", "rad", turn=2 * pi).lower
+    -3.141592653589793
+    """
+
+    name: str
+    unit: str = ""
+    turn: float | None = None
+    lower: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name={shown(self.name)}: a coordinate needs a name, such as 'theta'")
+        if not isinstance(self.unit, str):
+            raise TypeError(f"unit={shown(self.unit)}: give a unit, such as 'rad', or '' for a pure number")
+        if self.turn is None:
+            if self.lower is not None:
+                raise ValueError(f"lower={self.lower!r}: only an angle is cut somewhere; give turn= as well")
+            return
+        turn = real_number("turn", self.turn)
+        if not 0.0 < turn < inf:
+            raise ValueError(f"turn={self.turn!r}: an angle's turn is a positive length, such as 2*pi")
+        lower = -0.5 * turn if self.lower is None else real_number("lower", self.lower)
+        if not isfinite(lower):
+            raise ValueError(f"lower={self.lower!r}: the cut of an angle is a finite number")
+        object.__setattr__(self, "turn", turn)
+        object.__setattr__(self, "lower", lower)
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether the variable lives on a circle."""
+        return self.turn is not None
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+@checked
+def angle(name: str, unit: str = "rad", turn: float = 2 * pi, lower: float | None = None) -> Coordinate:
+    """Return the coordinate of an angle.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and unit.
+    turn : float, optional
+        One turn in that unit.
+    lower : float, optional
+        Where the circle is cut, by default ``-turn/2``.
+
+    Returns
+    -------
+    Coordinate
+        An angle kept in ``[lower, lower + turn)``.
+
+    Examples
+    --------
+    >>> angle("theta").is_angle
+    True
+    """
+    return Coordinate(name, unit, turn, lower)
+
+
+def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
+    """Turn names and coordinates into coordinates, all of different names."""
+    if isinstance(given, str | Coordinate):
+        given = (given,)
+    given = listed("coordinates", given)
+    if not all(isinstance(c, Coordinate) or (isinstance(c, str) and c) for c in given):
+        raise TypeError(f"coordinates={shown(given)}: give a name or a Coordinate for each state variable")
+    coordinates = tuple(c if isinstance(c, Coordinate) else Coordinate(c) for c in given)
+    names = [c.name for c in coordinates]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"coordinates={names!r}: one different name for each state variable is needed")
+    return coordinates
+
+
+def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return cuts and turns of all coordinates as arrays; a turn of 0 marks a variable on the line."""
+    lower = np.array([c.lower if c.lower is not None else -inf for c in coordinates])
+    turn = np.array([c.turn or 0.0 for c in coordinates])
+    return lower, turn
+
+
+def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase."""
+    states = finite_points(name, points, len(coordinates))
+    for j, c in enumerate(coordinates):
+        if c.turn is None or not states.size:
+            continue
+        angles, most = states[..., j], MOST_TURNS * c.turn
+        if angles.min() <= -most or angles.max() >= most:
+            far = np.argwhere(np.abs(angles) >= most)[0]
+            raise ValueError(
+                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} turns of {c.turn:g} and beyond "
+                "numbers are too far apart for an angle to have a phase; give it within a few turns"
+            )
+    return states
+
+
+def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return points (..., dimension) with every angle in its turn; NaN where it is too large to have a phase."""
+    wrapped = np.array(points, dtype=float)
+    for j, c in enumerate(coordinates):
+        if c.turn is not None and c.lower is not None:
+            angles = wrapped[..., j]
+            inside = (angles >= c.lower) & (angles < c.lower + c.turn)
+            whole = np.floor((angles - c.lower) / c.turn)
+            turned = np.maximum(angles - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * c.turn, c.lower)
+            wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.turn, c.lower, turned))
+    return wrapped
+
+
+def difference(
+    a: NDArray[np.float64], b: NDArray[np.float64], coordinates: Sequence[Coordinate]
+) -> NDArray[np.float64]:
+    """Return a - b, along angles the shorter way round."""
+    d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
+    for j, c in enumerate(coordinates):
+        if c.turn is not None:
+            d[..., j] -= c.turn * np.round(d[..., j] / c.turn)
+    return d
+
+
+def from_edge(
+    values: NDArray[np.float64], lower: NDArray[np.float64], turn: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return values with angles in the turn that begins at an edge."""
+    around = np.where(turn > 0.0, turn, np.inf)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(turn > 0.0, values - turn * np.floor((values - lower) / around), values))

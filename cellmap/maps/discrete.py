@@ -1,0 +1,194 @@
+"""Discrete maps."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
+from .._compiled.codegen.machine_code import MachineCode
+from .._compiled.codegen.period import CompiledPeriod
+from .._compiled.codegen.trace import parameter_record
+from .._compiled.kernels.frames import carrying
+from .._compiled.kernels.periods import iterate
+from .._lib.checks import parameter_values, shown, text
+from .._lib.signatures import checked
+from .coordinates import Coordinate, as_coordinates, turns_of
+from .orbit_batch import Orbits, Status, legs
+from .point_map import Family, Origin, PointMap
+from .swept import swept_axes, swept_function
+from .tangent import NotDifferentiableError, tangent_by_lanes
+
+_BOUND = 1e100
+
+
+@checked
+def discrete_map(
+    function: Callable[[Sequence[float], Any], Sequence[float]],
+    params: Mapping[str, float],
+    coordinates: Iterable[str | Coordinate],
+    name: str = "",
+) -> PointMap:
+    """Return the point map of a plain function.
+
+    Parameters
+    ----------
+    function : callable
+        Pure function ``function(x, p)`` of the tuple of state variables and the named tuple of parameters; returns the
+        tuple of images.  Angles need not be wrapped.
+    params : mapping of str to float
+        Parameters by name.
+    coordinates : sequence of str or Coordinate
+        State variables.
+    name : str, optional
+        Name for files and plots; by default the name of `function`.
+
+    Returns
+    -------
+    PointMap
+        The map, vectorised over points.  Orbits that exceed 1e100 have diverged.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parameters that are not finite numbers, or a function that returns a wrong number of components.
+
+    Examples
+    --------
+    >>> def henon(x, p):
+    ...     return 1 - p.a * x[0] ** 2 + x[1], p.b * x[0]
+    >>> discrete_map(henon, {"a": 1.4, "b": 0.3}, ("x", "y"))([0.0, 0.0])
+    array([1., 0.])
+    """
+    if not callable(function):
+        raise TypeError(f"function={function!r}: give a function of (x, p)")
+    values = parameter_values(params)
+    axes = as_coordinates(coordinates)
+    names, d = tuple(values), len(axes)
+    name = text("name", name) or getattr(function, "__name__", type(function).__name__)
+    _check_components(function, values, axes)
+    timeless = _timeless(function)
+    symbolic = traces_faithfully(timeless, d, values)
+    try:
+        kernel = discrete_kernel(timeless, d, names, False, symbolic)
+    except TypeError as error:
+        raise TypeError(f"function={shown(function)}: {error}") from error
+    assert kernel is not None, "without tangents there is always one"
+    parameters = np.array([float(v) for v in values.values()])
+    lower, turn = turns_of(axes)
+    anywhere = np.zeros(2 * d)
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        _apply(kernel, parameters, lower, turn, orbits, periods)
+
+    @functools.cache
+    def with_tangent() -> CompiledPeriod | None:
+        return discrete_kernel(timeless, d, names, True, symbolic)
+
+    def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        compiled = with_tangent()
+        if compiled is None:
+            raise NotDifferentiableError(f"no derivatives of {name} are known")
+        return tangent_by_lanes(functools.partial(_apply, compiled, parameters, anywhere, anywhere), points, d)
+
+    @functools.cache
+    def rows_with_tangents() -> MachineCode | None:
+        return tangent_step(timeless, d, names)
+
+    def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        step = rows_with_tangents()
+        if step is None:
+            raise NotDifferentiableError(f"no derivatives of {name} are known")
+        growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
+        carrying(d)(
+            step.address("step"),
+            parameters,
+            lower,
+            turn,
+            _BOUND,
+            orbits.points,
+            orbits.turns,
+            frames,
+            ended,
+            periods,
+            growth,
+        )
+        orbits.end(ended & ~before, Status.DIVERGED)
+        return growth
+
+    def swept(names_swept: tuple[str, ...]) -> PointMap | None:
+        if not symbolic:
+            return None
+        return discrete_map(
+            swept_function(function, d, names, names_swept), values, swept_axes(axes, names_swept), name
+        )
+
+    return PointMap(
+        name=name,
+        coordinates=axes,
+        params=values,
+        advance=advance,
+        recipe={"kind": "discrete"},
+        tangent=derivative,
+        stretch=stretch if symbolic else None,
+        family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
+        origin=Origin(discrete_map, (function, values, axes, name), advance),
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function with a time that it does not use; the same object for the same function."""
+
+    def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        return function(x, p)
+
+    at_any_time.__qualname__ = getattr(function, "__qualname__", type(function).__name__)  # for error messages
+    return at_any_time
+
+
+def _apply(
+    kernel: CompiledPeriod,
+    parameters: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    orbits: Orbits,
+    times: int = 1,
+) -> None:
+    """Apply a compiled map some times, in place; a turn of 0 leaves a coordinate as it is."""
+    state = (orbits.points, orbits.turns, orbits.status)
+    for some in legs(times, len(orbits)):
+        orbits.work.evaluations += iterate(
+            kernel.address, kernel.context, parameters, _BOUND, *state, lower, turn, some
+        )
+
+
+def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:
+    record = parameter_record(tuple(params))(*params.values())
+    for start in (0.1, 0.37, 1.3):
+        try:
+            image = function(tuple(start + 0.1 * j for j in range(len(axes))), record)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the function
+        except AttributeError as error:
+            raise ValueError(f"function asks for a parameter that params lacks ({error})") from error
+        except IndexError as error:
+            names = ", ".join(c.name for c in axes)
+            raise ValueError(
+                f"function asks for more state variables than there are coordinates ({names}): name each ({error})"
+            ) from error
+        except TypeError as error:
+            raise TypeError(f"function must be callable as function(x, p) and return a tuple: {error}") from error
+        try:
+            count = len(image)
+        except TypeError:
+            raise TypeError(f"function returns {image!r}: return a tuple, one image for each coordinate") from None
+        if count != len(axes):
+            raise ValueError(
+                f"function returns {count} components for {len(axes)} coordinates: return one image for each"
+            )
+        return

@@ -1,0 +1,154 @@
+"""Ways from a section back to it: a system that stands still where it has crossed, and its trips."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.codegen.rebind import over_arrays
+from .coordinates import Coordinate
+from .flow import Flow
+from .orbit_batch import Orbits, Status
+from .system import ForcedSystem
+from .tangent import tangent_by_lanes
+
+_LAST = 1e-9  # share of a stretch before its end in which an arrival is left to the next one
+_AT_REST = 1e-13  # largest move in a stretch, relative to 1 or to the point, of an orbit that rests
+EXTRA = 3  # states besides those of the system: time under way, side of the section, its value
+
+
+def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
+    """Return the system that stands still where it has crossed the section.
+
+    Further states are the time under way, the sign of the side on which it moves, and the value on the section.
+    """
+    turn = system.axes[place].turn
+    rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
+    taken = {c.name for c in system.axes}
+    names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
+    # As the sign tells one side from the other, a turn later all is not the same: here the angle is on the line.
+    axes = [Coordinate(c.name) if j == place else c for j, c in enumerate(system.axes)]
+    return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches)
+
+
+@functools.lru_cache(maxsize=256)
+def _gated_functions(
+    rhs: Callable[..., Any], dimension: int, place: int, turn: float | None
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return right-hand side and switches with a gate at the section; the same ones every time."""
+
+    def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float]) -> Sequence[float]:
+        gate = 0.5 * (1.0 + x[dimension + 1] * s[0])
+        return (*[gate * rate for rate in rhs(t, x[:dimension], p)], gate, 0.0, 0.0)
+
+    def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        beyond = x[place] - x[dimension + 2]
+        return (beyond if turn is None else sin(np.pi / turn * beyond),)
+
+    return moving, switching
+
+
+@dataclass(frozen=True, eq=False)
+class Trip:
+    """Takes points on the section to where they come back."""
+
+    system: ForcedSystem
+    place: int
+    value: float
+    direction: int
+    longest: float
+    stretch: float
+    motion: Flow
+
+    def __call__(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.float64] | None]:
+        """Return images (n, d - 1) with angles unwrapped, times, status, and derivatives where these are carried."""
+        n, d = len(points), self.system.dimension
+        size = d + EXTRA
+        states = np.zeros((n, size))
+        others = [j for j in range(d) if j != self.place]
+        states[:, others] = points
+        times, status = np.zeros(n), np.zeros(n, np.uint8)
+        carries = self.motion.largest.size > size
+        total = np.broadcast_to(np.eye(size), (n, size, size)).copy() if carries else None
+        resting = self._begin(states)
+        status[resting] = Status.NO_RETURN
+        pending = np.flatnonzero(~resting)
+        while len(pending):
+            states[pending, d] = 0.0
+            moved = self._move(states[pending], status, pending, total)
+            states[pending] = moved
+            alive = status[pending] < Status.ESCAPED
+            pending, moved = pending[alive], moved[alive]
+            times[pending] += moved[:, d]
+            stopped = moved[:, d] < self.stretch * (1.0 - _LAST)
+            across = self._across(moved)
+            wanted = (self.direction == 0) | (across == self.direction)
+            lost = ~(stopped & wanted) & (times[pending] >= self.longest * (1.0 - _LAST))
+            lost |= stopped & (times[pending] == 0.0)
+            status[pending[lost]] = Status.NO_RETURN
+            onwards = stopped & ~wanted & ~lost
+            passed = pending[onwards]
+            again = states[passed]
+            self._put(again, across[onwards])
+            states[passed] = again
+            pending = pending[~lost & ~(stopped & wanted)]
+        ended = status >= Status.ESCAPED
+        late = times > self.longest
+        status[late & ~ended] = Status.NO_RETURN
+        ended |= late
+        images = states[:, others]
+        images[ended], times[ended] = np.nan, np.nan
+        return images, times, status, None if total is None else total[:, others][:, :, others]
+
+    def _begin(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Put states on the section, on the side to which they go; tell which of them rest there."""
+        system, d = self.system, self.system.dimension
+        states[:, self.place] = self.value
+        with np.errstate(all="ignore"):
+            speeds = over_arrays(system.rhs)(0.0, tuple(states[:, :d].T), system.parameters)
+        rates = np.stack([np.broadcast_to(v, len(states)) for v in speeds], axis=-1)
+        self._put(states, np.where(rates[:, self.place] < 0.0, -1.0, 1.0))
+        moves = np.abs(rates) * self.stretch
+        return np.asarray((moves <= _AT_REST * np.maximum(1.0, np.abs(states[:, :d]))).all(axis=1))
+
+    def _put(self, states: NDArray[np.float64], side: NDArray[np.float64]) -> None:
+        """Put states exactly on the section, on one of its sides."""
+        d = self.system.dimension
+        states[:, self.place] = states[:, d + 2] = self.value
+        states[:, d + 1] = side
+
+    def _across(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the direction in which states cross the section at which they have stopped.
+
+        They come back from the side on which they were, except after a whole turn of an angle.
+        """
+        d, turn = self.system.dimension, self.system.axes[self.place].turn
+        round_ = np.inf if turn is None else 0.5 * turn
+        back = np.abs(states[:, self.place] - states[:, d + 2]) < round_
+        return np.where(back, -states[:, d + 1], states[:, d + 1])
+
+    def _move(
+        self,
+        states: NDArray[np.float64],
+        status: NDArray[np.uint8],
+        rows: NDArray[np.int64],
+        total: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64]:
+        """Return states after a stretch, or where they have come to the section; collect status and derivatives."""
+        if total is None:
+            orbits = Orbits.starting(states)
+            self.motion(orbits)
+            status[rows] = np.maximum(status[rows], orbits.status)
+            return orbits.points
+        images, matrices = tangent_by_lanes(self.motion, states, states.shape[1])
+        status[rows[~np.isfinite(images).all(axis=1)]] = Status.DIVERGED
+        total[rows] = matrices @ total[rows]
+        return images

@@ -1,0 +1,210 @@
+"""Grids of cells over a window of phase space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, nextafter, ulp
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.kernels.blocks import MOST_TURNS
+from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
+from .._lib.signatures import checked
+from .coordinates import Coordinate
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """A box of equal cells.
+
+    Cells are half-open: a cell owns its lower edges, not its upper ones.  An axis that wraps covers one turn of a
+    circle, and every number falls into one of its cells.  Centres and edges are counted from the nearer end of an axis,
+    so that those of a window that is symmetric about 0 are mirror images of one another to the last bit.
+
+    Parameters
+    ----------
+    lower, upper : sequence of float
+        Corners of the window, one number for each coordinate, ``lower < upper``.
+    shape : sequence of int
+        Cells along each axis.
+    wraps : sequence of bool, optional
+        Which axes are circles.  :func:`interpolated_map` and :func:`find_basins` set it themselves for axes that cover
+        one whole turn of an angle.
+
+    Raises
+    ------
+    ValueError
+        For an empty, inverted or non-finite window, or a number of cells below one.
+
+    Examples
+    --------
+    >>> grid = CellGrid(lower=(-1, 0), upper=(1, 1), shape=(4, 2))
+    >>> grid.centres().shape
+    (4, 2, 2)
+    >>> grid.locate([[-1.0, 1.0], [-1.0, 0.5]])
+    array([-1,  1])
+    """
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    shape: tuple[int, ...]
+    wraps: tuple[bool, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            values = real_array(name, getattr(self, name), "one number for each coordinate")
+            if values.ndim > 1 or not np.isfinite(values).all():
+                raise ValueError(
+                    f"{name}={shown(getattr(self, name))}: a window has finite corners, one number for each axis"
+                )
+            object.__setattr__(self, name, tuple(np.atleast_1d(values).tolist()))
+        counts = self.shape if is_sequence(self.shape) else (self.shape,)
+        object.__setattr__(self, "shape", tuple(whole_number("shape", n, at_least=1) for n in counts))
+        if not is_sequence(self.wraps) or not all(isinstance(w, bool | np.bool_) for w in self.wraps):
+            raise TypeError(f"wraps={shown(self.wraps)}: give True or False for each coordinate")
+        object.__setattr__(self, "wraps", tuple(map(bool, self.wraps)) or (False,) * len(self.lower))
+        given = {name: getattr(self, name) for name in ("lower", "upper", "shape", "wraps")}
+        if len(set(map(len, given.values()))) != 1 or not self.shape:
+            entries = ", ".join(f"{name}={value}" for name, value in given.items())
+            raise ValueError(f"{entries}: a grid needs one entry for each coordinate in each argument")
+        for a, b, n in zip(self.lower, self.upper, self.shape, strict=True):
+            if not a < b:
+                raise ValueError(
+                    f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it"
+                )
+            if not ulp(max(abs(a), abs(b))) <= (b - a) / n < inf:
+                raise ValueError(
+                    f"lower={a!r}, upper={b!r}, shape={n}: no floating-point numbers separate cells of this width; "
+                    "take fewer cells, or a window of another size"
+                )
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return int(np.prod([int(n) for n in self.shape], dtype=object))
+
+    @property
+    def widths(self) -> NDArray[np.float64]:
+        """Width of a cell along each axis."""
+        return (np.array(self.upper) - np.array(self.lower)) / np.array(self.shape)
+
+    @checked
+    def axis(self, j: int) -> NDArray[np.float64]:
+        """Return the cell centres along axis `j`."""
+        self._own(j)
+        return self.along(j, np.arange(self.shape[j]) + 0.5)
+
+    @checked
+    def edges(self, j: int) -> NDArray[np.float64]:
+        """Return the cell edges along axis `j`, one more than cells."""
+        self._own(j)
+        return self.along(j, np.arange(self.shape[j] + 1))
+
+    @checked
+    def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
+        """Return the coordinates that lie `numbers` cells behind the lower end of axis `j`."""
+        self._own(j)
+        return between(self.lower[j], self.upper[j], self.shape[j], real_array("numbers", numbers))
+
+    def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
+        """Return the points that lie `numbers` (..., dimension) of cells from the corner of lowest coordinates."""
+        given = real_array("numbers", numbers)
+        if given.shape[-1:] != (self.dimension,):
+            raise ValueError(f"numbers has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
+        return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), given)
+
+    def centres(self) -> NDArray[np.float64]:
+        """Return the centres of all cells, shape ``(*shape, dimension)``."""
+        needed = 8 * self.size * self.dimension
+        claim_memory(f"the centres of {self.size:,} cells", needed, "take fewer cells")
+        return np.stack(np.meshgrid(*map(self.axis, range(self.dimension)), indexing="ij"), axis=-1)
+
+    def locate(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return the flat number (row-major) of the cell of each point, -1 for a point outside or not a number."""
+        p = real_array("points", points)
+        if p.ndim == 0 or p.shape[-1] != self.dimension:
+            raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
+        index = np.zeros(p.shape[:-1], dtype=np.int64)
+        inside = np.ones(p.shape[:-1], dtype=bool)
+        for j, n in enumerate(self.shape):
+            x, lower, upper, width = p[..., j], self.lower[j], self.upper[j], self.widths[j]
+            with np.errstate(invalid="ignore", over="ignore"):
+                within = (x >= lower) & (x < upper)
+                if self.wraps[j]:
+                    turned = np.minimum(lower + np.mod(x - lower, upper - lower), nextafter(upper, -inf))
+                    x = np.where(within, x, turned)
+                place = (x - lower) / width
+                cell = np.array(np.floor(place))
+                # The division rounds: a point next to an edge may have come to the wrong side of it.
+                near = np.abs(place - np.round(place)) <= 4.0 * (ulp(n) + ulp(max(abs(lower), abs(upper))) / width)
+                k, y = cell[near], np.asarray(x)[near]
+                cell[near] = k + (y >= self.along(j, k + 1.0)) - (y < self.along(j, k))
+                cell = np.where(within | self.wraps[j], np.clip(cell, 0, n - 1), np.nan)
+            inside &= ~np.isnan(cell)
+            index = index * n + np.nan_to_num(cell).astype(np.int64)
+        return np.where(inside, index, -1)
+
+    @checked
+    def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
+        """Return this grid with wrapping set: an axis wraps where it covers one whole turn of an angle.
+
+        Parameters
+        ----------
+        coordinates : sequence of Coordinate
+            State variables of a system, one for each axis.
+        name : str, optional
+            Name of the grid in errors.
+
+        Raises
+        ------
+        ValueError
+            For a wrong number of axes, or an axis that is longer than one turn.
+        """
+        if len(coordinates) != self.dimension:
+            names = ", ".join(c.name for c in coordinates)
+            raise ValueError(f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}")
+        wraps = []
+        for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
+            excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
+            if excess > 1e-9:
+                raise ValueError(f"{name} covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
+            if c.turn is not None and max(-a, b) >= MOST_TURNS * c.turn:
+                raise ValueError(
+                    f"{name} lies {max(-a, b) / c.turn:.0e} turns off in {c}, which has no phase there: shift it"
+                )
+            wraps.append(excess > -1e-9)
+        return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))
+
+    def _own(self, j: int) -> None:
+        if not 0 <= j < self.dimension:
+            raise ValueError(f"j={j}: the grid has the axes 0 to {self.dimension - 1}")
+
+    def __str__(self) -> str:
+        cells = " x ".join(map(str, self.shape))
+        return f"{cells} cells ({in_bytes(8 * self.size)} for each number that is kept of a cell)"
+
+
+def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:
+    """Return the coordinates that lie `numbers` cells behind a lower end, counted from the end that is nearer.
+
+    In a window that is symmetric about 0, ``cells - numbers`` gives the mirror image of ``numbers`` to the last bit.
+    """
+    first, last, n = np.asarray(lower, float), np.asarray(upper, float), np.asarray(cells)
+    k, width = np.asarray(numbers), (last - first) / n
+    side = np.sign(2 * k - n)
+    near = np.where(side < 0, first + k * width, last - (n - k) * width)
+    return np.where(side == 0, 0.5 * first + 0.5 * last, near)
+
+
+def grid_points(axes: Sequence[NDArray[np.float64]], part: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return some points of the product of axes, by their flat row-major numbers; shape (n, dimension)."""
+    numbers = np.arange(part.start, part.stop) if isinstance(part, slice) else part
+    index = np.unravel_index(numbers, tuple(map(len, axes)))
+    return np.stack([a[i] for a, i in zip(axes, index, strict=True)], axis=-1)

@@ -1,0 +1,330 @@
+"""Interpolated cell maps: one period tabulated on a grid, iterated by look-ups (Tongue and Gu 1988)."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._lib.checks import claim_memory, finite_number, one_of, warn_caller, whole_number
+from ..._lib.files import as_target, locked
+from ..._lib.signatures import checked
+from ..._lib.tiles import check_client
+from ..cell_table import CellTable
+from ..coordinates import turns_of
+from ..grid import CellGrid, grid_points
+from ..orbit_batch import Cost, Orbits
+from ..point_map import Family, Origin, PointMap
+from .look_ups import LookUps
+from .spline_coefficients import ORDERS, PADDING, filtered, line_memory, nodes_of, tabulated_nodes, with_spare_doubles
+from .spline_errors import leading_errors
+from .tabulation import TableTiles, table_checkpoint
+
+ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # error in a cell, in cell widths
+_LEAP = 0.01  # of that difference, for tables of several periods
+_FARTHEST = 100.0  # an image so many windows away counts as none
+_HERE = TableTiles()
+
+
+@checked
+def interpolated_map(
+    exact: PointMap,
+    grid: CellGrid,
+    order: int = 5,
+    outside: str = "escape",
+    tolerance: float | None = None,
+    progress: bool = False,
+    leap: int = 1,
+    client: Any = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> PointMap:
+    """Return the interpolated cell map of a point map.
+
+    The images of one period are tabulated at the nodes of the grid, and their displacements interpolated by tensor
+    B-splines.  For a smooth map the error falls as h^2, h^4, h^6 with the node distance h for orders 1, 3, 5.  The
+    error in each cell is estimated from its leading terms along the axes, which the coefficients give, and from the
+    exact image of its centre; fallback cells, where it is too large, across kinks of the map for instance, are
+    evaluated with the exact map.
+
+    Parameters
+    ----------
+    exact : PointMap
+        The map to tabulate.
+    grid : CellGrid
+        Cells between the nodes.  An axis that covers one turn of an angle wraps; along other axes some nodes past the
+        ends are tabulated too, so that the window is accurate up to its edge.
+    order : {5, 3, 1}
+        Degree of the B-splines; 1 is Tongue and Gu's bilinear method.
+    outside : {"escape", "integrate"}
+        What becomes of an orbit that leaves the window: it ends with the status ESCAPED, or the exact map carries it
+        on until it is back.
+    tolerance : float, optional
+        Largest error allowed in a cell, in the units of the coordinates.  By default a share of a cell's width in each
+        coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+    leap : int, optional
+        Most periods that one look-up may make, a power of two.  Tables of 2, 4, ..., `leap` periods are made from that
+        of one; each cell takes the longest leap whose error in it, against single periods, is no more than
+        `tolerance`, or a hundredth of the default.  The map itself stays that of one period.
+    client : distributed.Client, optional
+        Dask cluster that computes the exact images; by default the threads of this process do.
+    checkpoint : path-like, optional
+        File in which exact images are kept as they are found.  A call that was interrupted or killed is taken up by the
+        same call, with the same result; after the end the same call reads the table from there.
+
+    Returns
+    -------
+    PointMap
+        The interpolated map; its `exact` is the map it was made from, its `table` holds the coefficients.
+
+    Raises
+    ------
+    ValueError
+        For arguments out of range, a grid that does not fit the coordinates, or a checkpoint of another table.
+    MemoryError
+        Where the table does not fit into memory.
+    OSError
+        Where a checkpoint does not fit on the disk.
+    StoreError
+        For a checkpoint that is damaged or in use by another run, or a file of another kind.
+
+    References
+    ----------
+    Tongue, Gu, Journal of Applied Mechanics 55 (1988) 461; Unser, Aldroubi, Eden, IEEE Transactions on Pattern Analysis
+    and Machine Intelligence 13 (1991) 277.
+
+    Examples
+    --------
+    >>> from math import pi, sin
+    >>> from cellmap import CellGrid, angle, discrete_map
+    >>> def standard(x, p):
+    ...     y = x[1] + p.k * sin(x[0])
+    ...     return x[0] + y, y
+    >>> exact = discrete_map(standard, {"k": 0.5}, (angle("theta"), "y"))
+    >>> icm = interpolated_map(exact, CellGrid((-pi, -1), (pi, 1), (128, 64)))
+    >>> bool(icm.error().largest < 1e-8)
+    True
+    """
+    if not isinstance(exact, PointMap) or exact.table is not None:
+        raise TypeError(f"exact={exact!r}: give an exact map, from stroboscopic_map or discrete_map")
+    one_of("order", order, ORDERS)
+    one_of("outside", outside, ("escape", "integrate"))
+    if tolerance is not None:
+        tolerance = finite_number("tolerance", tolerance, above=0.0)
+    leap = whole_number("leap", leap, at_least=1)
+    if leap & (leap - 1):
+        raise ValueError(f"leap={leap}: give a power of two")
+    check_client(client)
+    grid = grid.on(exact.coordinates)
+    began = time.perf_counter()
+    claim_memory(f"a table of {grid}", table_memory(grid, order, leap), "take fewer cells or a lower order")
+    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    with locked(path):
+        file = None
+        if path is not None:
+            settings = {"order": order, "tolerance": tolerance}
+            file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
+        tiles = TableTiles(client, file)
+        coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
+        allowed = _allowed(grid, order, tolerance)
+        smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
+        indicator, rough = _errors_in_cells(exact, smooth, allowed, progress, tiles)
+    rough |= spoilt
+    share = float(rough.mean())
+    if share > 0.5:
+        warn_caller(
+            f"{100 * share:.0f} % of the cells are left to the exact map: the table is too coarse or the map not "
+            "smooth; take more cells, or iterate the exact map itself",
+        )
+    cost = Cost(
+        seconds=time.perf_counter() - began,
+        steps=tabulated_nodes(grid, order) + grid.size,
+        evaluations=tiles.work.evaluations,
+    )
+    table = CellTable(grid, order, coefficients, indicator, rough)
+    return _with_table(exact, table, outside, tolerance, leap, cost, progress)
+
+
+def _made_again(
+    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost
+) -> PointMap:
+    """Return the map of a table that comes from another process."""
+    table = replace(table, coefficients=with_spare_doubles(table.coefficients))
+    return _with_table(exact, table, outside, tolerance, leap, cost, False)
+
+
+def _with_table(
+    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost, progress: bool
+) -> PointMap:
+    """Return the map of a finished table; the tables of several periods follow from it."""
+    grid, order = table.grid, table.order
+    allowed = _allowed(grid, order, tolerance)
+    began = time.perf_counter()
+    tables = [table]
+    while 2 ** len(tables) <= leap:
+        tables.append(_leap_table(exact, tables, outside, allowed * (_LEAP if tolerance is None else 1.0), progress))
+    advance = LookUps(exact, tables, outside)
+    kept = replace(table, coefficients=advance.coefficients)
+    seconds = cost.seconds + time.perf_counter() - began
+    return PointMap(
+        name=exact.name,
+        coordinates=exact.coordinates,
+        params=exact.params,
+        advance=advance,
+        recipe={
+            "kind": "interpolated",
+            "order": order,
+            "outside": outside,
+            "tolerance": tolerance,
+            "lower": grid.lower,
+            "upper": grid.upper,
+            "shape": grid.shape,
+            "exact": dict(exact.recipe),
+            **({"leap": leap} if leap > 1 else {}),
+        },
+        period=exact.period,
+        tolerance=exact.tolerance,
+        exact=exact,
+        table=kept,
+        family=Family(
+            lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance, leap=leap)
+        ),
+        origin=Origin(_made_again, (exact, kept, outside, tolerance, leap, cost), advance),
+        cost=replace(cost, seconds=seconds, tabulation=seconds),
+    )
+
+
+def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
+    """Return the largest error in a cell that is allowed, for each coordinate."""
+    return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
+
+
+def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
+    """Return the bytes that tables of up to `leap` periods and the making of them need.
+
+    Examples
+    --------
+    >>> table_memory(CellGrid((0, 0), (1, 1), (1000, 1000)), 1) // 10**6
+    38
+    """
+    d, nodes = grid.dimension, tabulated_nodes(grid, order)
+    along = sum(line_memory(n, nodes // n, order, wraps) for n, wraps in zip(grid.shape, grid.wraps, strict=True))
+    return (16 * d * nodes + 6 * grid.size + along) * leap.bit_length()
+
+
+def _coefficients(
+    exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles = _HERE
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
+    values = _displacements(exact, nodes_of(grid, order), progress, tiles)
+    extent = np.array(grid.upper) - np.array(grid.lower)
+    with np.errstate(invalid="ignore"):
+        failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
+    if failed.any():
+        _fill_from_neighbours(values, failed)
+    for j in range(grid.dimension):
+        values = filtered(values, j, order, grid.wraps[j])
+    return with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
+
+
+def _displacements(
+    exact: PointMap, axes: list[NDArray[np.float64]], progress: bool, tiles: TableTiles = _HERE
+) -> NDArray[np.float64]:
+    """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
+    shape = tuple(map(len, axes))
+    moved = np.empty((int(np.prod(shape)), len(axes)))
+
+    def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        arrays["displacement"][part] = images - grid_points(axes, part)
+
+    bar = f"tabulating {exact.name}" if progress else None
+    tiles.images(exact, axes, {"displacement": moved}, subtract, bar)
+    return moved.reshape(*shape, len(axes))
+
+
+def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.bool_]) -> None:
+    """Give nodes without image the value of the nearest node with one, lest they spoil the filter far around."""
+    if failed.all():
+        displacement[:] = 0.0
+        return
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(failed, return_distances=False, return_indices=True)
+    displacement[:] = displacement[tuple(nearest)]
+
+
+def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: int) -> NDArray[np.bool_]:
+    corner = failed
+    for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
+        first = 0 if wraps else PADDING[order]
+        lower = np.take(corner, np.arange(first, first + n), axis=j)
+        upper = np.take(corner, np.arange(first + 1, first + n + 1) % corner.shape[j], axis=j)
+        corner = lower | upper
+    return corner
+
+
+def _errors_in_cells(
+    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles = _HERE
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
+    grid = table.grid
+    indicator = np.empty(grid.size, np.float32)
+    rough = np.empty(grid.size, bool)
+    turn = turns_of(exact.coordinates)[1]
+    interpolated = LookUps(exact, [table], "escape")
+    axes = [grid.axis(j) for j in range(grid.dimension)]
+    leading = leading_errors(table.coefficients, table.order, grid.wraps)
+    sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
+
+    def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        orbits = Orbits.starting(grid_points(axes, part))
+        interpolated(orbits, 1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            error = np.abs(images - (orbits.points + orbits.turns * turn) - sums[part])
+            error += 0.5 * (absolute[part] + np.abs(sums[part]))
+            worst = (error / grid.widths).max(axis=-1)
+            arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
+            arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
+
+    bar = f"checking the table of {exact.name}" if progress else None
+    tiles.images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
+    return indicator.reshape(grid.shape), rough.reshape(grid.shape)
+
+
+def _leap_table(
+    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
+) -> CellTable:
+    """Tabulate twice as many periods as the last table has, by look-ups of the table of one period."""
+    grid, order = tables[0].grid, tables[0].order
+    periods = 2 ** len(tables)
+    # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
+    carried = _several(exact, LookUps(exact, tables[:1], "integrate"), periods)
+    coefficients, spoilt = _coefficients(carried, grid, order, progress)
+    smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
+    single = _several(exact, LookUps(exact, tables[:1], outside), periods)
+    indicator, rough = _errors_in_cells(single, smooth, allowed, progress)
+    if outside == "escape":
+        ended = np.isnan(
+            _displacements(single, nodes_of(grid, order), progress)[..., 0]
+        )  # an end takes all coordinates
+        spoilt |= _cells_with_failed_corner(ended, grid, order)
+        # Where no corner of the cells around leaves the window on its way, no point of the cell does.
+        for j in range(grid.dimension):
+            spoilt |= np.roll(spoilt, 1, axis=j) | np.roll(spoilt, -1, axis=j)
+    return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
+
+
+def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
+    """Return the map whose step is several periods of a table."""
+
+    def make(orbits: Orbits, steps: int) -> None:
+        advance(orbits, steps * periods)
+
+    recipe = {"kind": "several", "periods": periods, "of": dict(exact.recipe)}
+    return replace(exact, advance=make, recipe=recipe, tangent=None, stretch=None, family=None)

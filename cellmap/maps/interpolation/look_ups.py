@@ -1,0 +1,99 @@
+"""Look-ups in tables: orbits moved on by periods without integration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compiled.codegen.lookup import lookup_kernel
+from ..._compiled.codegen.spline_basis import WIDTH
+from ..cell_table import CellTable
+from ..coordinates import turns_of
+from ..grid import CellGrid
+from ..orbit_batch import Orbits, Status
+from ..point_map import PointMap
+
+
+class LookUps:
+    """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
+
+    `coefficients` are those of the first table, in the memory that all of them share.
+    """
+
+    def __init__(self, exact: PointMap, tables: Sequence[CellTable], outside: str) -> None:
+        grid, coefficients = tables[0].grid, tables[0].coefficients
+        self._exact, self._integrate, self._grid = exact, outside == "integrate", grid
+        self._look_up = lookup_kernel(grid.dimension, tables[0].order)
+        lower, turn = turns_of(exact.coordinates)
+        strides = np.array([*coefficients.strides[:-1], coefficients.nbytes]) // coefficients.itemsize
+        if len(tables) == 1:
+            # Tables come with the spare doubles that the look-up reads behind them.
+            flat = np.lib.stride_tricks.as_strided(coefficients, (coefficients.size + WIDTH,), (coefficients.itemsize,))
+        else:
+            flat = np.concatenate([*(t.coefficients.ravel() for t in tables), np.zeros(WIDTH)])
+        self.coefficients = flat[: coefficients.size].reshape(coefficients.shape)
+        reach = np.zeros(0, np.uint8)
+        if len(tables) > 1 or tables[0].rough.any():
+            reach = np.sum([~t.rough.ravel() for t in tables], axis=0, dtype=np.uint8)
+        circle = np.where(grid.wraps, np.array(grid.shape, float), turn / grid.widths)
+        self._description = (
+            flat,
+            strides,
+            np.array(grid.lower),
+            _inverse_widths(grid),
+            np.array(grid.shape),
+            circle,
+            reach,
+            lower,
+            turn,
+        )
+
+    def __call__(self, orbits: Orbits, periods: int) -> None:
+        """Move a batch on, in place."""
+        for now in orbits.living():
+            left = np.full(len(now), periods, np.int64)
+            for part in self._moving(now, left):
+                stopped = now[part]
+                if not self._integrate:
+                    stopped.end(self._outside(stopped.points), Status.ESCAPED)
+                for carried in stopped.living():
+                    self._exact.advance(carried, 1)
+                now[part] = stopped
+                left[part] = np.where(stopped.alive, left[part] - 1, 0)
+
+    def _moving(self, orbits: Orbits, left: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+        """Look up until every orbit is through, yielding those that the table cannot carry on."""
+        everyone = np.arange(len(orbits))
+        part = everyone
+        while len(part):
+            if part is everyone:
+                made = self._look_up(orbits.points, orbits.turns, left, *self._description)
+            else:
+                some, remaining = orbits[part], left[part]
+                made = self._look_up(some.points, some.turns, remaining, *self._description)
+                orbits[part], left[part] = some, remaining
+            orbits.work.look_ups += made
+            part = part[left[part] > 0]
+            if len(part):
+                yield part
+
+    def _outside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        outside = np.zeros(len(points), bool)
+        _, _, origin, inverse, cells, circle, *_ = self._description
+        place = (points - origin) * inverse
+        for j in range(points.shape[1]):
+            if circle[j]:
+                place[:, j] -= circle[j] * np.floor(place[:, j] / circle[j])
+                place[:, j] = np.where((place[:, j] >= 0.0) & (place[:, j] < circle[j]), place[:, j], 0.0)
+            outside |= ~((place[:, j] >= 0.0) & (place[:, j] <= cells[j]))
+        return outside
+
+
+def _inverse_widths(grid: CellGrid) -> NDArray[np.float64]:
+    """Return what turns distances into cells, rounded so that the upper edges of the window are inside of it."""
+    inverse, span = 1.0 / grid.widths, np.subtract(grid.upper, grid.lower)
+    while (beyond := span * inverse > grid.shape).any():
+        inverse[beyond] = np.nextafter(inverse[beyond], 0.0)
+    return inverse

@@ -1,0 +1,113 @@
+"""B-spline coefficients of a table from its values at the nodes."""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compiled.codegen.spline_basis import WIDTH, basis_polynomials
+from ..._lib.threads import run_over, slices, thread_count
+from ..grid import CellGrid
+
+ORDERS = (1, 3, 5)
+PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
+_SLAB = 8192  # numbers that are filtered at a time, at least; fewer cost more than they take
+
+
+def tabulated_nodes(grid: CellGrid, order: int) -> int:
+    """Count the nodes of a table, those past the ends of intervals included."""
+    past = 1 + 2 * PADDING[order]
+    return int(
+        np.prod([n if wraps else n + past for n, wraps in zip(grid.shape, grid.wraps, strict=True)], dtype=object)
+    )
+
+
+def nodes_of(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
+    """Coordinates of the tabulated nodes along each axis."""
+    axes = []
+    for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
+        past = PADDING[order]
+        numbers = np.arange(n) if wraps else np.arange(-past, n + 1 + past)
+        axes.append(grid.along(j, numbers))
+    return axes
+
+
+def line_memory(cells: int, lines: int, order: int, wraps: bool) -> int:
+    """Return the bytes for the coordinates along an axis, and for solving for its coefficients, a line a thread."""
+    numbers = 6
+    if order > 1 and not wraps:
+        reach = order + 1
+        # The band, and two copies with room for its factors.
+        numbers += ((2 * reach + 1) + 2 * (3 * reach + 1) + 6) * min(thread_count(), max(1, lines))
+    return 8 * numbers * (cells + 2 * PADDING[order] + 1)
+
+
+def filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
+    """Return B-spline coefficients along one axis, those that the cells need: one for each cell and `order` more."""
+    shape = list(values.shape)
+    past = PADDING[order]
+    shape[axis] = shape[axis] + order if wraps else shape[axis] - 1 - 2 * past + order
+    result = np.empty(shape)
+    # In slabs across another axis: little memory besides the result, and work for all threads.
+    across = 0 if axis else values.ndim - 1 if values.ndim == 2 else 1
+    numbers = values.size // shape[across]
+    size = max(1, shape[across] // 32, _SLAB // max(numbers, 1))
+
+    def filter_slab(part: slice) -> None:
+        slab = (slice(None),) * across + (part,)
+        result[slab] = _filtered_slab(values[slab], axis, order, wraps)
+
+    run_over(slices(shape[across], size), filter_slab)
+    return result
+
+
+def _filtered_slab(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
+    if wraps:
+        n = values.shape[axis]
+        if order > 1 and n > 1:
+            from scipy.ndimage import spline_filter1d
+
+            values = spline_filter1d(values, order, axis=axis, mode="grid-wrap")
+        return np.take(values, np.arange(-(order // 2), n - order // 2 + order) % n, axis=axis)
+    if order == 1:
+        return values
+    solved = _interval_coefficients(np.moveaxis(values, axis, 0), order)
+    past = PADDING[order]
+    return np.moveaxis(solved[past : len(solved) - past], 0, axis)
+
+
+def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Solve for the coefficients along the first axis of values at consecutive nodes; `order` - 1 more than nodes.
+
+    The surplus is fixed at the ends by differences of order `order` + 1 of the coefficients that vanish: the
+    polynomial pieces next to an end are one polynomial, so the order of convergence holds up to the end.
+    """
+    from scipy.linalg import solve_banded
+
+    nodes, half, reach = len(values), order // 2, order + 1
+    size = nodes + 2 * half
+    band = np.zeros((2 * reach + 1, size))  # band[reach + row - column, column]
+    spline = [row[0] for row in basis_polynomials(order)][:order]  # values at a node
+    vanishing = [(-1.0) ** k * comb(reach, k) for k in range(reach + 1)]
+    for k, value in enumerate(spline):
+        rows = np.arange(half, half + nodes)
+        columns = rows - half + k
+        band[reach + rows - columns, columns] = value
+    for i in range(half):
+        for k, value in enumerate(vanishing):
+            band[reach + i - (i + k), i + k] = value
+            row, column = size - 1 - i, size - 1 - i - k
+            band[reach + row - column, column] = value
+    right = np.zeros((size, *values.shape[1:]))
+    right[half : half + nodes] = values
+    solved: NDArray[np.float64] = solve_banded((reach, reach), band, right.reshape(size, -1), overwrite_b=True)
+    return solved.reshape(size, *values.shape[1:])
+
+
+def with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return coefficients with memory behind them: look-ups read whole vectors, and so past the last coefficient."""
+    flat = np.zeros(values.size + WIDTH)
+    flat[: values.size] = values.ravel()
+    return flat[: values.size].reshape(values.shape)

@@ -1,0 +1,117 @@
+"""The tiles of a table: exact images of its points, computed anywhere, and kept in a checkpoint on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from ..._lib.checks import claim_disk
+from ..._lib.threads import slices
+from ..._lib.tiles import run_tiles
+from ..coordinates import turns_of
+from ..fingerprint import PROBES, fingerprint
+from ..grid import CellGrid, grid_points
+from ..orbit_batch import CHUNK, Orbits, Tally, Work
+from ..point_map import PointMap
+
+if TYPE_CHECKING:
+    from ..._lib.checkpoint import Checkpoint
+
+Axes = Sequence[NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Work of a tile: unwrapped images of some points of the product of axes, and the evaluations they took."""
+
+    exact: PointMap
+    axes: Axes
+
+    def __call__(self, part: slice) -> tuple[NDArray[np.float64], int]:
+        """Return the images of some points, by their flat numbers."""
+        orbits = Orbits.starting(grid_points(self.axes, part))
+        self.exact.advance(orbits, 1)
+        return orbits.points + orbits.turns * turns_of(self.exact.coordinates)[1], orbits.work.evaluations
+
+
+@dataclass(frozen=True, eq=False)
+class TableTiles:
+    """Where the tiles of a table are computed, the file that keeps them until all are done, and what they took."""
+
+    client: Any = None
+    file: Checkpoint | None = None
+    work: Work = field(default_factory=Work)
+
+    def images(
+        self,
+        exact: PointMap,
+        axes: Axes,
+        results: Mapping[str, NDArray[Any]],
+        deliver: Callable[[slice, NDArray[np.float64], Mapping[str, NDArray[Any]]], None],
+        progress: str | None,
+    ) -> None:
+        """Fill arrays, one number or row for each point of a product of axes, from the images of the points.
+
+        ``deliver(part, images, arrays)`` fills a slice of arrays of the names in `results`.
+        """
+        parts = slices(int(np.prod([len(axis) for axis in axes])), CHUNK)
+        tiles = tiles_of(next(iter(results)))
+        file = self.file
+        arrays = results if file is None else {name: file[name] for name in results}
+
+        def contents(number: int) -> list[NDArray[Any]]:
+            return [array[parts[number]] for array in arrays.values()]
+
+        evaluations = np.zeros(len(parts), np.int64)
+
+        def fill(number: int, done: tuple[NDArray[np.float64], int]) -> None:
+            images, evaluations[number] = done
+            deliver(parts[number], images, arrays)
+            if file is not None:
+                file.finish(tiles, number, Tally(evaluations=done[1]), contents(number))
+
+        missing = [k for k in range(len(parts)) if file is None or not file.is_done(tiles, k, contents(k))]
+        run_tiles(missing, parts.__getitem__, Images(exact, axes), fill, self.client, progress)
+        if file is not None:
+            for name, array in results.items():
+                array[...] = file[name]
+            evaluations[:] = file[tiles]["tally"][:, Tally._fields.index("evaluations")]
+            file.release()
+        self.work.evaluations += int(evaluations.sum())
+
+
+def tiles_of(array: str) -> str:
+    """Name in a file for the entries of the tiles of an array."""
+    return f"tiles of {array}"
+
+
+def table_checkpoint(
+    path: Path, exact: PointMap, grid: CellGrid, settings: Mapping[str, Any], nodes: int
+) -> Checkpoint:
+    """Open the file of a table, or make it."""
+    from ..._lib.checkpoint import TILE, made, resumed
+
+    cells = grid.size
+    d = grid.dimension
+    arrays: dict[str, tuple[tuple[int, ...], DTypeLike]] = {
+        "displacement": ((nodes, d), np.float64),
+        "indicator": ((cells,), np.float32),
+        "rough": ((cells,), np.bool_),
+        tiles_of("displacement"): ((len(slices(nodes, CHUNK)),), TILE),
+        tiles_of("indicator"): ((len(slices(cells, CHUNK)),), TILE),
+    }
+    axes = [grid.axis(j) for j in range(d)]
+    probes = grid_points(axes, np.unique(np.linspace(0, cells - 1, PROBES).astype(np.int64)))
+    window = {"lower": grid.lower, "upper": grid.upper, "shape": grid.shape}
+    belongs = {"what": "table", **window, **settings, **fingerprint(exact, probes)}
+    found = resumed(path, belongs, lambda _: arrays, lambda _: None)
+    if found is not None:
+        return found[0]
+    claim_disk(f"checkpoint={str(path)!r}", 8 * d * nodes + 5 * cells, path, "take fewer cells, or another disk")
+    with made(path, belongs, arrays) as file:
+        return file

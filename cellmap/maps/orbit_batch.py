@@ -1,0 +1,162 @@
+"""Batches of orbits: where they are, how each stands, and the work they take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.kernels.blocks import wrap_rows
+
+CHUNK = 16384
+"""Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
+
+
+class Status(IntEnum):
+    """What became of an orbit.
+
+    From ESCAPED on there is no point any more: it is NaN and stays NaN.
+    """
+
+    OK = 0
+    INACCURATE = 1
+    """The integrator did not meet its tolerance in some period; the point is its best value."""
+    ESCAPED = 2
+    """The orbit left the table of an interpolated map."""
+    DIVERGED = 3
+    """The orbit grew beyond all bounds, an angle to 1e15 turns, where it has no phase; or the right-hand side was not
+    finite on it, or no step was short enough."""
+    NO_RETURN = 4
+    """The orbit did not come back to the section of a map of first returns."""
+
+
+_PERIODS_AT_ONCE = 2**15  # of all orbits together
+_FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """What a map or a picture has cost.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall time.
+    steps : int
+        Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
+    tabulation : float
+        Wall time of making the table; for basins that of their map, which `seconds` leaves out.
+    iteration : float
+        Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
+    evaluations : int
+        Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, with
+        those of steps that were repeated; applications of a discrete map.
+    look_ups : int
+        Look-ups in the table that these steps took; one with a leap stands for several periods.
+    """
+
+    seconds: float = 0.0
+    steps: int = 0
+    tabulation: float = 0.0
+    iteration: float = 0.0
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+@dataclass(eq=False)
+class Work:
+    """What was done for a batch of orbits; maps count.  See :class:`Cost`."""
+
+    evaluations: int = 0
+    look_ups: int = 0
+
+
+class Tally(NamedTuple):
+    """What labelling some starts took.
+
+    ``steps``: periods made by all of them; ``inaccurate``: starts on whose way the integrator missed its tolerance;
+    ``evaluations``, ``look_ups``: see :class:`Cost`.
+    """
+
+    steps: int = 0
+    inaccurate: int = 0
+    evaluations: int = 0
+    look_ups: int = 0
+
+    def plus(self, other: Iterable[int]) -> Tally:
+        """Return the sum of two."""
+        return Tally(*(int(a + b) for a, b in zip(self, other, strict=True)))
+
+
+NOTHING = Tally()
+
+
+def legs(periods: int, orbits: int) -> Iterator[int]:
+    """Cut periods into numbers of them that compiled loops take at once: between two of them Ctrl-C is heard."""
+    most = max(1, _PERIODS_AT_ONCE // max(1, orbits))
+    for done in range(0, periods, most):
+        yield min(most, periods - done)
+
+
+@dataclass(eq=False)
+class Orbits:
+    """Working state of a batch of orbits; kernels change it in place.
+
+    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8; ``work``
+    is shared by all parts of a batch.
+    """
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    work: Work = field(default_factory=Work)
+
+    @classmethod
+    def starting(cls, points: NDArray[np.float64]) -> Orbits:
+        """Begin orbits at the rows of an array, which is kept and changed."""
+        return cls(points, np.zeros(points.shape, np.int64), np.zeros(len(points), np.uint8))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Orbits]) -> Orbits:
+        """Put batches one behind the other."""
+        points, turns, status = (np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "turns", "status"))
+        return cls(points, turns, status)
+
+    def __getitem__(self, part: Any) -> Orbits:
+        return Orbits(self.points[part], self.turns[part], self.status[part], self.work)
+
+    def __setitem__(self, part: Any, other: Orbits) -> None:
+        self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Orbits that have a point."""
+        return self.status < _FIRST_END
+
+    def living(self) -> Iterator[Orbits]:
+        """Yield those orbits that have a point, once, unless there are none; what is done to them is kept."""
+        alive = self.alive
+        if alive.all():
+            if len(self):
+                yield self
+        elif alive.any():
+            some = self[alive]
+            yield some
+            self[alive] = some
+
+    def wrap(self, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+        """Bring angles into their turn, and end orbits whose angle is so large that it has no phase."""
+        if wrap_rows(self.points, self.turns, lower, turn):
+            self.end(np.flatnonzero(np.isnan(self.points).any(axis=1) & self.alive), Status.DIVERGED)
+
+    def end(self, where: NDArray[Any], status: Status) -> None:
+        """Mark orbits as ended."""
+        self.status[where] = status
+        self.points[where] = np.nan

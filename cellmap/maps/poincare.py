@@ -1,0 +1,302 @@
+"""Maps of unforced systems: states a fixed time apart, and first returns to a section (Poincare 1892)."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.kernels.blocks import wrap_rows
+from .._lib.checks import finite_number, one_of, shown, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from .coordinates import state_points, turns_of
+from .first_return import Trip, gated_system
+from .flow import Flow, flow, tangent_flow
+from .orbit_batch import CHUNK, Orbits, Status
+from .point_map import Family, Origin, PointMap
+from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
+from .system import ForcedSystem
+from .tangent import NotDifferentiableError
+
+_STRETCHES = 100  # periods of the system within which an orbit has to return by default
+_TANGENT_TOLERANCE = 1e-12
+_ORDER_FOR = (
+    1e-9  # tolerance for which the order of the series is chosen: finer ones take more steps, not more compiling
+)
+
+
+@checked
+def flow_map(
+    system: ForcedSystem,
+    time: float,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    method: str = "auto",
+    max_steps: int = 16384,
+) -> PointMap:
+    """Return the map from a state of an unforced system to the state a fixed time later.
+
+    It is the stroboscopic map of the system with that time for its period.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        A system whose right-hand side does not depend on time; its own period does not matter.
+    time : float
+        Time of one step, above 0.
+    rtol, atol, method, max_steps
+        As for :func:`stroboscopic_map`.
+
+    Returns
+    -------
+    PointMap
+        The exact map.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a system that is forced, or arguments out of range.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v"))
+    >>> flow_map(oscillator, pi / 2)([1.0, 0.0]).round(8) + 0.0
+    array([ 0., -1.])
+    """
+    check_unforced(system)
+    length = finite_number("time", time, above=0.0)
+    return stroboscopic_map(replace(system, period=length), 0.0, rtol, atol, method, max_steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """First returns to a section.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dimension)
+        Where orbits come back, in the coordinates of the section; NaN where they do not.
+    times : ndarray, shape (...)
+        How long they are under way.
+    status : ndarray of uint8, shape (...)
+        A :class:`Status` for each orbit; NO_RETURN for one that is still under way after the longest time.
+    """
+
+    points: NDArray[np.float64]
+    times: NDArray[np.float64]
+    status: NDArray[np.uint8]
+
+    def __repr__(self) -> str:
+        back = self.times[np.isfinite(self.times)]
+        span = f", after {back.min():.6g} to {back.max():.6g}" if back.size else ""
+        return f"Returns({back.size} of {self.times.size} orbits{span})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SectionMap(PointMap):
+    """The map of a section to itself, with the times that returns take.
+
+    Parameters
+    ----------
+    section : tuple
+        Coordinate, value and direction.
+    first_returns : callable
+        ``first_returns(points)`` for at most CHUNK points (n, dimension): points, turns, times and status.
+    """
+
+    section: tuple[str, float, int] = ("", 0.0, 0)
+    first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] | None = field(default=None, repr=False)
+
+    def returns(self, points: ArrayLike) -> Returns:
+        """Return where and when orbits that begin on the section come back to it.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts on the section.
+        """
+        assert self.first_returns is not None
+        starts = state_points("points", points, self.coordinates)
+        flat = starts.reshape(-1, self.dimension)
+        images, times, status = np.empty_like(flat), np.empty(len(flat)), np.zeros(len(flat), np.uint8)
+
+        def work(part: slice) -> None:
+            assert self.first_returns is not None
+            images[part], _, times[part], status[part] = self.first_returns(flat[part])
+
+        run_over(slices(len(flat), CHUNK), work)
+        shape = starts.shape[:-1]
+        return Returns(images.reshape(starts.shape), times.reshape(shape), status.reshape(shape))
+
+
+@checked
+def section_map(
+    system: ForcedSystem,
+    section: tuple[str, float, int],
+    max_time: float | None = None,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    max_steps: int = 16384,
+) -> SectionMap:
+    """Return the map of first returns to a section through the state space of an unforced system.
+
+    An orbit begins on the section and comes back when it crosses it in the same direction as asked for.  The crossing
+    is a root of the Taylor polynomial of the step that passes it, so that it is as accurate as the states are: the
+    integrator's tolerance holds for each stretch of time of one period of the system.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        A system whose right-hand side does not depend on time, of analytic functions, without `switches`.  Its period
+        is the stretch of time between two looks at whether an orbit is back, and best of the order of the times that
+        returns take.
+    section : tuple (coordinate, value, direction)
+        Name of a state variable and its value on the section; 1 for crossings on which it grows, -1 for those on which
+        it falls, 0 for both.  An angle is on the section in every turn.
+    max_time : float, optional
+        Time after which an orbit that has not come back gets the status NO_RETURN; 100 periods by default.  So does one
+        that rests on the section.
+    rtol, atol : float, optional
+        Relative and absolute tolerance, at least 1e-14.
+    max_steps : int, optional
+        Most steps in a stretch.
+
+    Returns
+    -------
+    SectionMap
+        A PointMap of the remaining state variables; :meth:`SectionMap.returns` tells the times as well.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a system that is forced or cannot be compiled, or arguments out of range.
+
+    References
+    ----------
+    Henon, Physica D 5 (1982) 412, on landing on a section; Filippov, *Differential Equations with Discontinuous
+    Righthand Sides* (1988): here the motion is stopped at the section, as a right-hand side that jumps to zero.
+
+    Examples
+    --------
+    >>> spiral = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 0.2 * x[1]), {}, 6.0, ("q", "v"))
+    >>> back = section_map(spiral, ("q", 0.0, 1))
+    >>> frequency = (1.0 - 0.01) ** 0.5
+    >>> returns = back.returns([[1.0]])
+    >>> bool(abs(returns.times[0] - 2 * np.pi / frequency) < 1e-8)
+    True
+    >>> bool(abs(back([1.0])[0] - np.exp(-0.1 * 2 * np.pi / frequency)) < 1e-8)
+    True
+    """
+    check_unforced(system)
+    if system.switches is not None:
+        raise ValueError(
+            f"system={system!r} has switches, which no section can be laid through: take flow_map(system, time)"
+        )
+    place, value, direction = _section(system, section)
+    longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)
+    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
+    atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
+    max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
+    gated = gated_system(system, place)
+    stretch = min(system.length, longest)
+    motion = flow(gated, 0.0, stretch, max(rtol, _ORDER_FOR), atol, "auto", max_steps)
+    trip = Trip(system, place, value, direction, longest, stretch, replace(motion, rtol=rtol))
+    coordinates = tuple(c for j, c in enumerate(system.axes) if j != place)
+    lower, turn = turns_of(coordinates)
+
+    def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+        images, times, status, _ = trip(points)
+        turns = np.zeros(images.shape, np.int64)
+        if wrap_rows(images, turns, lower, turn):
+            status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
+            images[status >= Status.ESCAPED] = np.nan
+        return images, turns, times, status
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        for _ in range(periods):
+            for now in orbits.living():
+                images, turns, _, status = first_returns(now.points)
+                now.points[:], now.status[:] = images, np.maximum(now.status, status)
+                now.turns += turns
+
+    @functools.cache
+    def with_tangent() -> Flow | None:
+        return tangent_flow(gated, 0.0, stretch, min(rtol, _TANGENT_TOLERANCE), max_steps)
+
+    def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        carried = with_tangent()
+        if carried is None:
+            raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
+        images, _, _, matrices = replace(trip, motion=carried)(points.reshape(-1, len(coordinates)))
+        assert matrices is not None
+        return images.reshape(points.shape), matrices.reshape(*points.shape, len(coordinates))
+
+    def again(params: Any) -> PointMap:
+        other = system.with_params(**params)
+        return section_map(other, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps)
+
+    return SectionMap(
+        name=system.name,
+        coordinates=coordinates,
+        params=system.params,
+        advance=advance,
+        recipe={
+            "kind": "section",
+            "coordinate": system.axes[place].name,
+            "value": value,
+            "direction": direction,
+            "max_time": longest,
+            "rtol": rtol,
+            "atol": atol,
+            "max_steps": max_steps,
+            "period": system.length,
+        },
+        tolerance=(rtol, atol),
+        tangent=tangent,
+        family=Family(at=again),
+        origin=Origin(
+            section_map, (system, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps), advance
+        ),
+        section=(system.axes[place].name, value, direction),
+        first_returns=first_returns,
+    )
+
+
+def check_unforced(system: ForcedSystem) -> None:
+    """Refuse a system whose right-hand side depends on time."""
+    if not isinstance(system, ForcedSystem):
+        raise TypeError(f"system={system!r}: give a ForcedSystem; an unforced one takes any period")
+    for size in (0.1, 0.83):
+        state = tuple(size + 0.37 * j for j in range(system.dimension))
+        try:
+            rates = np.array([system.derivative(f * system.length, state) for f in (0.0, 0.21, 0.47, 0.83)])
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the right-hand side
+        if not np.allclose(rates, rates[0], rtol=1e-12, atol=1e-300, equal_nan=True):
+            raise ValueError(
+                f"system={system!r} depends on time: its map is stroboscopic_map(system); sections and fixed times "
+                "are for unforced systems"
+            )
+
+
+def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[int, float, int]:
+    """Return the place of the section's coordinate, its value, in the turn of an angle, and the direction."""
+    try:
+        name, value, direction = section
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"section={shown(section)}: give a coordinate, its value and a direction, ('z', 27.0, -1)"
+        ) from None
+    names = [c.name for c in system.axes]
+    if not isinstance(name, str) or name not in names:
+        raise ValueError(f"section={shown(section)}: the coordinates are {names}")
+    if len(names) < 2:
+        raise ValueError(f"section={shown(section)}: a section needs a system of at least two state variables")
+    direction = one_of("section[2]", direction, (-1, 0, 1))
+    return names.index(name), finite_number("section[1]", value), int(direction)

@@ -1,0 +1,337 @@
+"""Point maps: the one noun that carries all dynamics (Hsu 1980)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.kernels.blocks import wrap_rows
+from .._lib.checks import claim_memory, random_numbers, warn_caller, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import progress_bar, run_over, slices
+from .._lib.tiles import check_client, run_tiles
+from .cell_table import CellTable, MapError
+from .coordinates import Coordinate, difference, state_points, turns_of
+from .orbit_batch import CHUNK, Cost, Orbits, Status
+
+
+class ToleranceWarning(UserWarning):
+    """Some orbits did not meet the tolerance of the integrator."""
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """Images of points after some periods.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dimension)
+        Images, angles in their turn; NaN where `status` is ESCAPED or DIVERGED.
+    turns : ndarray of int, shape (..., dimension)
+        Whole turns made by each angle; ``points + turns * turn`` is the unwrapped image.
+    status : ndarray of uint8, shape (...)
+        A :class:`Status` for each orbit.
+    coordinates : tuple of Coordinate
+        Names and units of the last axis.
+    """
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        parts = [f"{np.count_nonzero(self.status == s)} {s.name.lower()}" for s in Status if (self.status == s).any()]
+        return f"Iterate({', '.join(parts)})"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.float64]:
+        return np.array(self.points, dtype=dtype) if copy or dtype is not None else self.points
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """Images with whole turns put back, shape (..., dimension)."""
+        return self.points + self.turns * turns_of(self.coordinates)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The maps that differ from a map in the values of its parameters.
+
+    Parameters
+    ----------
+    at : callable
+        ``at(params)`` returns the map with other values of its parameters, given all of them.
+    swept : callable
+        ``swept(names)`` returns the map with some parameters as further state variables that rest (see
+        :func:`swept_map`), or None where only `at` is known.
+    """
+
+    at: Callable[[Mapping[str, float]], PointMap]
+    swept: Callable[[tuple[str, ...]], PointMap | None] = lambda names: None
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """The call that made a map: as this it travels to other processes, where it is made again.
+
+    Parameters
+    ----------
+    make : callable
+        Function of a module that returns the map.
+    arguments : tuple
+        Its arguments; they can be pickled.
+    advance : callable
+        `advance` of the map that was made, by which a map that has been changed since is told from it.
+    """
+
+    make: Callable[..., PointMap]
+    arguments: tuple[Any, ...]
+    advance: Callable[[Orbits, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class PointMap:
+    """A map of phase space to itself: stroboscopic, interpolated or discrete, all of one type.
+
+    Make one with :func:`stroboscopic_map`, :func:`interpolated_map` or :func:`discrete_map`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the system.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        Parameters of the system.
+    advance : callable
+        ``advance(orbits, periods)`` moves a batch of at most CHUNK :class:`Orbits` on, in place; safe to call from
+        several threads at once.  A new kind of map is a function that returns a PointMap with its own `advance`.
+    recipe : mapping
+        Plain values from which :func:`rebuild_map` makes the map again, given the system.
+    period : float
+        Time that one step takes; 1 for a discrete map.
+    tolerance : tuple of float
+        Relative and absolute error of one step of an exact map.
+    exact : PointMap or None
+        The map that an interpolated map was made from.
+    table : CellTable or None
+        Table of an interpolated map.
+    tangent : callable or None
+        ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
+    stretch : callable or None
+        ``stretch(orbits, frames, periods)`` moves a batch of orbits on, in place, and orthonormal frames (n, d, d) with
+        them, by their columns; returns the logarithms (n, d) of what each column grew by.  Without it `tangent` does.
+    family : Family or None
+        How the map changes with its parameters.
+    origin : Origin or None
+        The call that made the map, for use in other processes.
+    cost : Cost
+        What making the map has cost.
+    """
+
+    name: str
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+    advance: Callable[[Orbits, int], None] = field(repr=False)
+    recipe: Mapping[str, Any]
+    period: float = 1.0
+    tolerance: tuple[float, float] = (4e-16, 0.0)
+    exact: PointMap | None = None
+    table: CellTable | None = None
+    tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
+    stretch: Callable[[Orbits, NDArray[np.float64], int], NDArray[np.float64]] | None = field(default=None, repr=False)
+    family: Family | None = field(default=None, repr=False)
+    origin: Origin | None = field(default=None, repr=False)
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        return f"PointMap({self.recipe.get('kind', 'map')} of {self.name}: {values})"
+
+    def __reduce__(self) -> tuple[Callable[..., PointMap], tuple[Any, ...]]:
+        if self.origin is None or self.origin.advance is not self.advance:
+            raise TypeError(
+                f"{self!r} cannot be pickled, and so not be used by other processes: give its PointMap an origin, the "
+                "call that makes it"
+            )
+        return self.origin.make, self.origin.arguments
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return len(self.coordinates)
+
+    def with_params(self, **changes: float) -> PointMap:
+        """Return the map with some parameters changed: of a system, or of a function, or a new table.
+
+        Raises
+        ------
+        ValueError
+            For a name that the map does not have, or a map that was made without its family.
+        """
+        unknown = changes.keys() - self.params.keys()
+        if unknown:
+            raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self.params)}")
+        if self.family is None:
+            raise ValueError(f"{self!r} does not know how its parameters change it: give its PointMap a family")
+        return self.family.at({**self.params, **changes})
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
+        images = follow(self, points, 1)
+        warn_of_tolerance(images.status, self)
+        return images.points
+
+    @checked
+    def iterate(self, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
+        """Return the images of points after a number of periods.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts; angles may have any number of turns.
+        periods : int
+            Steps of the map.
+        progress : bool, optional
+            Show a bar on a terminal for work of more than two seconds.
+        client : distributed.Client, optional
+            Dask cluster that does the work; by default the threads of this process do.
+
+        Returns
+        -------
+        Iterate
+            Images with turns and status.
+
+        Warns
+        -----
+        ToleranceWarning
+            Where the tolerance of the integrator was not met; those images have the status INACCURATE.
+        """
+        images = follow(self, points, periods, progress, client)
+        warn_of_tolerance(images.status, self)
+        return images
+
+    @checked
+    def orbit(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+        """Return points and all their images, the number of the period on the first axis.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., dimension)
+            Starts.
+        periods : int
+            Steps of the map.
+        progress : bool, optional
+            Show a bar on a terminal for work of more than two seconds.
+
+        Returns
+        -------
+        Iterate
+            Arrays with a leading axis of length ``periods + 1``.
+        """
+        starts = state_points("points", points, self.coordinates)
+        periods = whole_number("periods", periods)
+        needed = (periods + 1) * 2 * starts.nbytes
+        claim_memory(
+            f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less"
+        )
+        history = np.empty((periods + 1, starts.size // self.dimension, self.dimension))
+        turns = np.zeros(history.shape, np.int64)
+        status = np.zeros(history.shape[:2], np.uint8)
+        history[0] = starts.reshape(-1, self.dimension)
+        lower, turn = turns_of(self.coordinates)
+        wrap_rows(history[0], turns[0], lower, turn)
+        turns[0] = 0
+        label = f"orbits of {self.name}" if progress else None
+        with progress_bar(periods, label) as tick:
+            for k in range(periods):
+                history[k + 1], turns[k + 1], status[k + 1] = history[k], turns[k], status[k]
+                orbits = Orbits(history[k + 1], turns[k + 1], status[k + 1])
+                run_over(slices(len(orbits), CHUNK), lambda part, o=orbits: self.advance(o[part], 1))  # type: ignore[misc]
+                tick(1)
+        warn_of_tolerance(status[-1], self)
+        shape = (periods + 1, *starts.shape)
+        return Iterate(history.reshape(shape), turns.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
+
+    @checked
+    def error(self, points: int = 10_000, seed: int = 0) -> MapError:
+        """Measure the error of one period against the exact map.
+
+        Parameters
+        ----------
+        points : int, optional
+            Random points in the window of the table.
+        seed : int, optional
+            Seed of the random points; the same seed gives the same result.
+
+        Returns
+        -------
+        MapError
+            Median, 99th percentile and maximum.
+
+        Raises
+        ------
+        ValueError
+            For a map that is exact itself.
+        """
+        if self.exact is None or self.table is None:
+            raise ValueError(f"{self!r} is exact; only an interpolated map has an error to measure")
+        points = whole_number("points", points, at_least=1)
+        grid = self.table.grid
+        places = random_numbers(seed).uniform(grid.lower, grid.upper, (points, self.dimension))
+        shift = difference(self.iterate(places, 1).points, self.exact.iterate(places, 1).points, self.coordinates)
+        errors = np.abs(shift).max(axis=-1)
+        errors = errors[np.isfinite(errors)]
+        if not errors.size:
+            return MapError(np.nan, np.nan, np.nan, 0)
+        median, high, largest = (float(q) for q in np.quantile(errors, (0.5, 0.99, 1.0)))
+        return MapError(median, high, largest, errors.size)
+
+
+def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
+    """Iterate points as :meth:`PointMap.iterate` does, without a warning of missed tolerances."""
+    starts = state_points("points", points, point_map.coordinates)
+    periods = whole_number("periods", periods)
+    check_client(client)
+    claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
+    orbits = Orbits.starting(starts.reshape(-1, point_map.dimension))
+    lower, turn = turns_of(point_map.coordinates)
+    orbits.wrap(lower, turn)
+    orbits.turns[:] = 0
+    label = f"{periods} periods of {point_map.name}" if progress else None
+    parts = slices(len(orbits), CHUNK)
+
+    def deliver(number: int, images: Orbits) -> None:
+        orbits[parts[number]] = images
+
+    run_tiles(range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), deliver, client, label)
+    shape = starts.shape
+    return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates)
+
+
+@dataclass(frozen=True, eq=False)
+class _Advanced:
+    """Work of a tile: orbits moved on by some periods."""
+
+    point_map: PointMap
+    periods: int
+
+    def __call__(self, orbits: Orbits) -> Orbits:
+        images = Orbits.joined([orbits])
+        self.point_map.advance(images, self.periods)
+        return images
+
+
+def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
+    """Warn where orbits carry the status INACCURATE."""
+    missed = np.count_nonzero(status == Status.INACCURATE)
+    if missed:
+        warn_caller(
+            f"{missed} of {status.size} orbits of {point_map.name} did not meet the tolerance; their status says so. "
+            "Loosen rtol and atol, or allow more steps with max_steps",
+            ToleranceWarning,
+        )

@@ -1,0 +1,177 @@
+"""Parameters that differ from orbit to orbit.
+
+A parameter becomes a further state variable that rests.  All that works on starts then works on parameters too: lanes
+over parameter values, and the derivative of an image by a parameter.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._compiled.codegen.kernel import traced_switching, traces_faithfully
+from .._compiled.codegen.trace import parameter_record
+from .._lib.checks import known_parameter
+from .._lib.signatures import checked
+from .coordinates import Coordinate
+from .orbit_batch import Orbits
+from .point_map import Origin, PointMap
+from .system import ForcedSystem
+
+
+@checked
+def swept_map(point_map: PointMap, *names: str) -> PointMap:
+    """Return a map with some parameters as further state variables, which rest.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        A map of some dimension d; of an interpolated map the exact map behind it is taken.
+    names : str
+        Names of m different parameters.
+
+    Returns
+    -------
+    PointMap
+        Map of (x, q), dimension d + m: x moves as it does under the map with the parameters q, and q stays.
+
+    Raises
+    ------
+    ValueError
+        For a name that the map does not have, or for a parameter on which the right-hand side's period depends while
+        the period is given as a number.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
+    >>> swept_map(logistic, "r")([[0.5, 2.0], [0.5, 4.0]])
+    array([[0.5, 2. ],
+           [1. , 4. ]])
+    """
+    exact = point_map.exact or point_map
+    for name in names:
+        known_parameter("names", name, exact.params)
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"names={names!r}: give the names of one or several different parameters")
+    made = exact.family.swept(names) if exact.family is not None else None
+    return _row_by_row(exact, names) if made is None else made
+
+
+def swept_axes(axes: Sequence[Coordinate], names: Sequence[str]) -> tuple[Coordinate, ...]:
+    """Return coordinates followed by those of parameters; a parameter called like a state variable is marked."""
+    taken = {c.name for c in axes}
+    return (*axes, *(Coordinate(f"parameter {name}" if name in taken else name) for name in names))
+
+
+def swept_system(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | None:
+    """Return a system with some parameters as further states; None where its right-hand side cannot be traced.
+
+    Where the period is a function of parameters, time is counted in periods.
+    """
+    period = system.period if callable(system.period) else None
+    functions = (system.rhs, system.switches, period)
+    if system.switches is None:
+        traceable = traces_faithfully(system.rhs, system.dimension, system.params)
+    else:
+        traceable = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params)) is not None
+    if not traceable:
+        return None
+    rhs, switches = _swept_functions(functions, system.dimension, tuple(system.params), names)
+    try:
+        return ForcedSystem(
+            rhs,
+            system.params,
+            system.period if period is None else 1.0,
+            swept_axes(system.axes, names),
+            system.name,
+            switches,
+        )
+    except ValueError as error:
+        if period is None and "period" in str(error):
+            raise ValueError(
+                f"names={names!r}: the period of the right-hand side changes with a parameter, and period="
+                f"{system.period!r} is a number; give a function, such as period=lambda p: 2 * pi / p.omega"
+            ) from error
+        raise
+
+
+@functools.lru_cache(maxsize=256)
+def _swept_functions(
+    functions: tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None],
+    dimension: int,
+    all_names: tuple[str, ...],
+    names: tuple[str, ...],
+) -> tuple[Callable[..., Any], Callable[..., Any] | None]:
+    """Return right-hand side and switches that read some parameters from the state; the same ones every time."""
+    rhs, switches, period = functions
+    record = parameter_record(all_names)
+    places = tuple(dimension + names.index(name) if name in names else -1 for name in all_names)
+    at_rest = (0.0,) * len(names)
+
+    def with_swept(x: Sequence[float], p: Any) -> Any:
+        return record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
+
+    def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float] = ()) -> Sequence[float]:
+        q = with_swept(x, p)
+        signs = (s,) if s else ()
+        if period is None:
+            return (*rhs(t, x[:dimension], q, *signs), *at_rest)
+        length = period(q)
+        return (*[length * rate for rate in rhs(length * t, x[:dimension], q, *signs)], *at_rest)
+
+    def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        assert switches is not None
+        q = with_swept(x, p)
+        return switches(t if period is None else period(q) * t, x[:dimension], q)
+
+    return moving, None if switches is None else switching
+
+
+@functools.lru_cache(maxsize=256)
+def swept_function(
+    function: Callable[..., Any], dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]
+) -> Callable[..., Any]:
+    """Return the function of a discrete map that reads some parameters from the state; the same one every time."""
+    record = parameter_record(all_names)
+    places = tuple(dimension + names.index(name) if name in names else -1 for name in all_names)
+
+    def mapped(x: Sequence[float], p: Any) -> Sequence[float]:
+        q = record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
+        return (*function(x[:dimension], q), *x[dimension:])
+
+    return mapped
+
+
+def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
+    """Return a swept map that makes a map for each set of parameters: the way that is always open."""
+    d = exact.dimension
+    if exact.family is None:
+        raise ValueError(f"{exact!r} does not know how its parameters change it: give its PointMap a family")
+    at = exact.family.at
+
+    def advance(orbits: Orbits, periods: int) -> None:
+        values, rows = np.unique(orbits.points[:, d:], axis=0, return_inverse=True)
+        for k, value in enumerate(values):
+            mine = np.flatnonzero((rows.ravel() == k) & orbits.alive)
+            if len(mine):
+                part = orbits[mine]
+                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status, part.work)
+                at({**exact.params, **dict(zip(names, value.tolist(), strict=True))}).advance(inner, periods)
+                part.points[:, :d], part.turns[:, :d], part.status = inner.points, inner.turns, inner.status
+                part.points[~part.alive] = np.nan
+                orbits[mine] = part
+
+    return PointMap(
+        name=exact.name,
+        coordinates=swept_axes(exact.coordinates, names),
+        params=exact.params,
+        advance=advance,
+        recipe={"kind": "swept", "names": list(names), "exact": dict(exact.recipe)},
+        period=exact.period,
+        tolerance=exact.tolerance,
+        origin=Origin(_row_by_row, (exact, names), advance),
+    )

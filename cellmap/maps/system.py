@@ -1,0 +1,262 @@
+"""Periodically forced systems, as plain right-hand sides."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.codegen.rebind import over_arrays
+from .._compiled.codegen.trace import parameter_record
+from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
+from .._lib.signatures import checked
+from .coordinates import Coordinate, as_coordinates
+
+RightHandSide = Callable[..., Sequence[float]]
+"""``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
+
+StateFunction = Callable[[float, Sequence[float], Any], Sequence[float]]
+"""Functions ``f(t, x, p)`` of time, state and parameters that return a tuple."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedSystem:
+    """A system dx/dt = rhs(t, x, p) whose right-hand side repeats itself after one period.
+
+    A right-hand side that jumps, as dry friction does, is given with its `switches`: functions whose zeros are the
+    surfaces where it jumps, and whose signs s it takes as a fourth argument.  On a surface that attracts from both
+    sides the solution slides or sticks, in the sense of Filippov (1988): s takes the value between -1 and 1 that keeps
+    it there.
+
+    Parameters
+    ----------
+    rhs : callable
+        Pure function ``rhs(t, x, p)`` of time, the tuple of state variables and the named tuple of parameters; returns
+        the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.  With `switches` it is
+        ``rhs(t, x, p, s)``, where s is the tuple of their signs.
+    params : mapping of str to float
+        Parameters by name; the right-hand side reads them as ``p.name``.
+    period : float or callable
+        Period of the forcing, in the unit of t, or a function of the parameters that returns it (for a period that
+        changes with a parameter).
+    coordinates : sequence of str or Coordinate
+        Name of each state variable; use :func:`angle` for those on a circle.
+    name : str, optional
+        Name for files and plots; by default the name of `rhs`.
+    switches : callable, optional
+        Switching functions: ``switches(t, x, p)`` returns the tuple of smooth functions at whose zeros `rhs` jumps.
+        Between the surfaces, and for fixed signs, `rhs` must be smooth; on a surface it must be affine in its sign
+        (any function of one sign is).
+    outputs : mapping of str to callable, optional
+        Further quantities by name, functions ``f(t, x, p)`` that return a tuple: energies, positions of parts; see
+        :meth:`output`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parameters that are not finite numbers, a right-hand side that returns a wrong number of components, or a
+        period or an angle that the right-hand side does not have.
+
+    References
+    ----------
+    Filippov, *Differential Equations with Discontinuous Righthand Sides* (1988).
+
+    Examples
+    --------
+    >>> from math import cos, pi
+    >>> def rhs(t, x, p):
+    ...     q, v = x
+    ...     return v, q - q**3 - p.delta * v + p.gamma * cos(t)
+    >>> duffing = ForcedSystem(rhs, {"delta": 0.15, "gamma": 0.2}, period=2 * pi, coordinates=("q", "v"))
+    >>> duffing.derivative(0.0, (1.0, 0.0))
+    (0.0, 0.2)
+    >>> duffing.with_params(gamma=0.3).parameters.gamma
+    0.3
+    """
+
+    rhs: RightHandSide
+    params: Mapping[str, float] = field(repr=False)
+    period: float | Callable[[Any], float]
+    coordinates: Iterable[str | Coordinate] = ()
+    name: str = ""
+    switches: StateFunction | None = None
+    outputs: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        if not callable(self.rhs):
+            raise TypeError(f"rhs={self.rhs!r}: give a function rhs(t, x, p)")
+        set_field = functools.partial(object.__setattr__, self)
+        set_field("params", parameter_values(self.params))
+        set_field("coordinates", as_coordinates(self.coordinates))
+        set_field("name", text("name", self.name) or getattr(self.rhs, "__name__", type(self.rhs).__name__))
+        if self.switches is not None and not callable(self.switches):
+            raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
+        if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
+            raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
+        finite_number("period", self.length, above=0.0)
+        self._try_right_hand_side()
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        return f"ForcedSystem({self.name}: {values}; period {self.length:g})"
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return len(self.axes)
+
+    @property
+    def axes(self) -> tuple[Coordinate, ...]:
+        """Coordinates, as records."""
+        return as_coordinates(self.coordinates)
+
+    @property
+    def length(self) -> float:
+        """Period as a number, for the present parameters."""
+        if not callable(self.period):
+            return self.period
+        try:
+            return self.period(self.parameters)
+        except (AttributeError, ArithmeticError, TypeError) as error:
+            raise ValueError(f"period={self.period!r} fails for the parameters {self.parameters}: {error}") from error
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters as the named tuple that the right-hand side receives."""
+        return parameter_record(tuple(self.params))(*self.params.values())
+
+    def with_params(self, **changes: float) -> ForcedSystem:
+        """Return the system with some parameters changed.
+
+        Raises
+        ------
+        ValueError
+            For a name that the system does not have.
+        """
+        unknown = changes.keys() - self.params.keys()
+        if unknown:
+            raise ValueError(f"params has no {sorted(unknown)}: this system has {sorted(self.params)}")
+        return replace(self, params={**self.params, **changes})
+
+    def signs(self, t: float, x: Sequence[float]) -> tuple[float, ...]:
+        """Return the signs of the switching functions at one time and state: -1, 1, and 0 on a surface."""
+        if self.switches is None:
+            return ()
+        values = map(float, self.switches(t, tuple(x), self.parameters))
+        return tuple(float(h > 0.0) - float(h < 0.0) for h in values)
+
+    def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
+        """Return the right-hand side at one time and state, evaluated in plain Python.
+
+        Where it jumps, `signs` choose the side; by default they are those of the switching functions, and on a surface
+        the mean of both sides is returned.
+        """
+        if self.switches is None:
+            return tuple(self.rhs(t, tuple(x), self.parameters))
+        own = self.signs(t, x)
+        chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
+        if len(chosen) != len(own):
+            raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
+        return tuple(self.rhs(t, tuple(x), self.parameters, chosen))
+
+    def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
+        return np.array(self.derivative(t, tuple(y)), dtype=float)
+
+    @checked
+    def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
+        """Return a further quantity along states.
+
+        Parameters
+        ----------
+        name : str
+            One of `outputs`.
+        t : array_like, shape (...)
+            Times, which broadcast against the states.
+        states : array_like, shape (..., dimension)
+            States.
+
+        Returns
+        -------
+        ndarray, shape (..., components)
+            Values of the function.
+        """
+        if not isinstance(name, str) or name not in self.outputs:
+            raise ValueError(f"name={shown(name)}: the outputs of {self.name} are {sorted(self.outputs) or 'none'}")
+        points = finite_points("states", states, self.dimension)
+        times = real_array("t", t)
+        try:
+            times, *columns = np.broadcast_arrays(times, *np.moveaxis(points, -1, 0))
+        except ValueError:
+            raise ValueError(
+                f"t has the shape {times.shape}, which does not go with states of {points.shape}"
+            ) from None
+        function = over_arrays(self.outputs[name])
+        return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
+
+    def _try_right_hand_side(self) -> None:
+        """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
+        places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        angles = [(j, c) for j, c in enumerate(self.axes) if c.turn is not None]
+        functions = "rhs" if self.switches is None else "rhs or switches"
+        failure: Exception | None = None
+        checked = False
+        for fraction in (0.0, 0.21, 0.47, 0.83):
+            t = fraction * self.length
+            try:
+                now, later = self.derivative(t, places), self.derivative(t + self.length, places)
+                turned = [
+                    self.derivative(t, [*places[:j], places[j] + (c.turn or 0.0), *places[j + 1 :]]) for j, c in angles
+                ]
+            except (ValueError, ZeroDivisionError, OverflowError) as error:
+                failure = error
+                continue  # outside the domain of the right-hand side; other places may be inside
+            except AttributeError as error:
+                raise ValueError(f"{functions} asks for a parameter that params lacks ({error})") from error
+            except IndexError as error:
+                names = ", ".join(c.name for c in self.axes)
+                signs = "" if self.switches is None else ", or for more signs than there are switches"
+                raise ValueError(
+                    f"{functions} asks for more state variables than there are coordinates ({names}){signs}: name each "
+                    f"({error})"
+                ) from error
+            except TypeError as error:
+                form = (
+                    "rhs(t, x, p)" if self.switches is None else "rhs(t, x, p, s), and switches as switches(t, x, p),"
+                )
+                raise TypeError(f"rhs must be callable as {form} and return a tuple: {error}") from error
+            if len(now) != self.dimension:
+                names = ", ".join(c.name for c in self.axes)
+                raise ValueError(
+                    f"rhs returns {len(now)} components for {self.dimension} coordinates ({names}): "
+                    "return one derivative for each coordinate"
+                )
+            if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
+                raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
+            if _differ(now, later):
+                raise ValueError(
+                    f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
+                    "of the forcing (any positive number for an unforced system)"
+                )
+            for (_, c), there in zip(angles, turned, strict=True):
+                if _differ(now, there):
+                    raise ValueError(
+                        f"coordinates: rhs is {now} and one turn of {c.name} further on {there}, so {c.name} is no "
+                        f"angle of turn {c.turn:g}; give its own turn, or its name alone if it lives on the line"
+                    )
+            checked = True
+        if not checked:
+            raise ValueError(
+                f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
+                "there is one coordinate for each state variable"
+            ) from failure
+
+
+def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether finite values differ by more than rounding and an approximate period explain."""
+    scale = max(1e-300, *(abs(v) for v in (*a, *b)))
+    return bool(np.isfinite((*a, *b)).all()) and max(abs(p - q) for p, q in zip(a, b, strict=True)) > 1e-7 * scale

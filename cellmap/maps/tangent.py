@@ -1,0 +1,116 @@
+"""Derivative matrices of point maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import whole_number
+from .._lib.signatures import checked
+from .coordinates import difference, state_points, wrap
+from .orbit_batch import Orbits
+from .point_map import PointMap, follow
+
+
+class NotDifferentiableError(TypeError):
+    """The map's function is not traceable, so its exact derivatives are not known."""
+
+
+def tangent_by_lanes(
+    tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return images (..., d) and derivative matrices (..., d, d) from a step of (x, v): a lane for each direction v."""
+    d = dimension
+    flat = points.reshape(-1, d)
+    states = np.zeros((len(flat), d, 2 * d))
+    states[:, :, :d] = flat[:, None, :]
+    states[:, :, d:] = np.eye(d)
+    orbits = Orbits.starting(states.reshape(-1, 2 * d))
+    tangent_step(orbits)
+    result = orbits.points.reshape(len(flat), d, 2 * d)
+    images = result[:, 0, :d].reshape(points.shape)
+    return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, d)
+
+
+def tangent(
+    point_map: PointMap, points: NDArray[np.float64], periods: int | NDArray[np.int64] = 1
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unwrapped images (..., d) after some periods and their derivatives by the starts (..., d, d).
+
+    ``periods`` is one number for all points or one for each.  Images come from the same integration as the
+    derivatives, whose tolerance is 1e-12 or better.
+    """
+    exact = point_map.exact or point_map
+    d = exact.dimension
+    place = np.array(points, dtype=float).reshape(-1, d)
+    total = np.broadcast_to(np.eye(d), (len(place), d, d)).copy()
+    rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
+    alike = np.ndim(periods) == 0
+    for k in range(int(rounds.max(initial=0))):
+        rows = slice(None) if alike else np.flatnonzero(rounds > k)
+        wrapped = wrap(place[rows], exact.coordinates)
+        images, matrices = _one_step(exact, wrapped)
+        place[rows] += images - wrapped
+        total[rows] = matrices @ total[rows]
+    return place.reshape(points.shape), total.reshape(*points.shape, d)
+
+
+@checked
+def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
+    """Return the derivative of the image after some periods by the start.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        An exact map; of an interpolated map the exact map behind it is taken.
+    points : array_like, shape (..., dimension)
+        Starts.
+    periods : int, optional
+        Steps of the map.
+
+    Returns
+    -------
+    ndarray, shape (..., dimension, dimension)
+        Entry (i, j) is the derivative of component i of the image by component j of the start.  It comes from the
+        variational equation; only where the right-hand side cannot be traced, from central differences of order 6.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+    >>> jacobian(henon, [0.5, 0.0])
+    array([[-1.4,  1. ],
+           [ 0.3,  0. ]])
+    """
+    exact = point_map.exact or point_map
+    starts = state_points("points", points, exact.coordinates)
+    return tangent(exact, starts, whole_number("periods", periods))[1]
+
+
+def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if exact.tangent is not None:
+        try:
+            return exact.tangent(points)
+        except NotDifferentiableError:
+            pass
+    return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
+
+
+def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative by symmetric differences at three distances."""
+    columns = []
+    centre = follow(exact, points, 1).unwrapped
+    for j in range(exact.dimension):
+        h = 1e-2 * np.maximum(np.abs(points[..., j]), 1e-1)
+        column = np.zeros(points.shape)
+        for k, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+            for sign in (1, -1):
+                moved = points.copy()
+                moved[..., j] += sign * k * h
+                image = follow(exact, moved, 1)
+                shift = difference(image.points, centre, exact.coordinates)
+                column = column + sign * weight * shift / (60.0 * h[..., None])
+        columns.append(column)
+    return np.stack(columns, axis=-1)

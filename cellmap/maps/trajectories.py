@@ -1,0 +1,218 @@
+"""Trajectories: states of a forced system between the strokes of its stroboscopic map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import progress_bar, run_over, slices
+from .coordinates import state_points, turns_of, wrap
+from .flow import flow
+from .orbit_batch import CHUNK, Orbits
+from .point_map import PointMap, warn_of_tolerance
+from .stroboscopic import stroboscopic_map
+from .system import ForcedSystem
+
+_FINEST = 1e-15  # tolerance between two samples that rounding leaves within reach
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States of a forced system at equally spaced times, for one start or many.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        The system.
+    times : ndarray, shape (n,)
+        Times, in the unit of the period.
+    states : ndarray, shape (n, ..., dimension)
+        States at these times, angles unwrapped; NaN from where an orbit has ended.
+    status : ndarray of uint8, shape (...)
+        A :class:`Status` for each start.
+    samples : int
+        Samples in a period; every so many states is a point of the stroboscopic map.
+    """
+
+    system: ForcedSystem
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    samples: int
+
+    def __repr__(self) -> str:
+        return (
+            f"Trajectory({self.system.name}: {self.status.size:,} starts, {self.periods:,} periods of "
+            f"{self.samples} samples)"
+        )
+
+    @property
+    def periods(self) -> int:
+        """Number of periods."""
+        return (len(self.times) - 1) // self.samples
+
+    @property
+    def wrapped(self) -> NDArray[np.float64]:
+        """States with every angle in its turn, shape (n, ..., dimension)."""
+        return wrap(self.states, self.system.axes)
+
+    @property
+    def strobe(self) -> NDArray[np.float64]:
+        """Points of the stroboscopic map, angles in their turn, shape (periods + 1, ..., dimension)."""
+        return wrap(self.states[:: self.samples], self.system.axes)
+
+    @checked
+    def output(self, name: str) -> NDArray[np.float64]:
+        """Return one of the system's outputs along the trajectory.
+
+        Parameters
+        ----------
+        name : str
+            One of the `outputs` of the system.
+
+        Returns
+        -------
+        ndarray, shape (n, ..., components)
+            Values; NaN from where an orbit has ended.
+
+        Raises
+        ------
+        ValueError
+            For a name that the system does not have.
+        """
+        present = np.isfinite(self.states).all(axis=-1)
+        times = np.broadcast_to(self.times.reshape(-1, *(1,) * (present.ndim - 1)), present.shape)
+        values = self.system.output(name, times[present], self.states[present])
+        result = np.full((*present.shape, values.shape[-1]), np.nan)
+        result[present] = values
+        return result
+
+
+@checked
+def trajectory(
+    system: ForcedSystem,
+    starts: ArrayLike,
+    periods: int,
+    samples: int = 64,
+    phase: float = 0.0,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    method: str = "auto",
+    max_steps: int = 16384,
+    progress: bool = False,
+) -> Trajectory:
+    """Integrate a forced system and record its states.
+
+    The stroboscopic map carries the starts from period to period; each period is then filled in from its first point.
+    So the stroboscopic points are those of :func:`stroboscopic_map`, and every sample meets ``error <= atol + rtol *
+    abs(state)``, by the estimate of the integrator, against the exact motion from the last stroboscopic point.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        The system.
+    starts : array_like, shape (..., dimension)
+        States at ``t = phase * period``.
+    periods : int
+        Periods of the forcing, at least 1.
+    samples : int, optional
+        States recorded in each period.
+    phase : float, optional
+        Where in the forcing period the motion begins, in turns.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of one period, at least 1e-14.
+    method : {"auto", "DOP853", "RK45", "Taylor"}, optional
+        Integration method, as for :func:`stroboscopic_map`.
+    max_steps : int, optional
+        Most steps a period, and most between two samples.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    Trajectory
+        ``periods * samples + 1`` times and states, the start among them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a right-hand side that cannot be compiled.
+    MemoryError
+        Where the states need more memory than is free.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the tolerance was not met; those starts have the status INACCURATE.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> def rhs(t, x, p):
+    ...     q, v = x
+    ...     return v, -q
+    >>> oscillator = ForcedSystem(rhs, {}, 2 * pi, ("q", "v"), outputs={"energy": lambda t, x, p: (x[0]**2 + x[1]**2,)})
+    >>> motion = trajectory(oscillator, [1.0, 0.0], periods=2, samples=4)
+    >>> motion.states[:, 0].round(6) + 0.0
+    array([ 1.,  0., -1.,  0.,  1.,  0., -1.,  0.,  1.])
+    >>> motion.strobe.shape
+    (3, 2)
+    >>> motion.output("energy")[:, 0].round(6)
+    array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
+    """
+    strobe = stroboscopic_map(system, phase, rtol, atol, method, max_steps)
+    places = state_points("starts", starts, system.axes)
+    periods = whole_number("periods", periods, at_least=1)
+    samples = whole_number("samples", samples, at_least=1)
+    count, moments = places.size // system.dimension, periods * samples + 1
+    needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
+    claim_memory(f"{moments:,} states of {count:,} starts", needed, "take fewer periods, samples or starts")
+    states = np.full((moments, count, system.dimension), np.nan)
+    states[0] = places.reshape(count, system.dimension)
+    lower, turn = turns_of(system.axes)
+
+    orbits = Orbits.starting(states[0].copy())
+    orbits.wrap(lower, turn)
+    begins = [orbits]
+    with progress_bar(periods, f"periods of {system.name}" if progress else None) as tick:
+        for k in range(1, periods + 1):
+            orbits = Orbits(orbits.points.copy(), orbits.turns.copy(), orbits.status.copy())
+            run_over(slices(count, CHUNK), lambda part, now=orbits: strobe.advance(now[part], 1))  # type: ignore[misc]
+            states[k * samples] = orbits.points + orbits.turns * turn
+            begins.append(orbits)
+            tick(1)
+    within = Orbits.joined(begins[:-1])
+    cells = states[:-1].reshape(periods, samples, count, system.dimension)
+    advances = _between_samples(system, strobe, samples)
+
+    def fill(part: slice) -> None:
+        now = within[part]
+        period, start = np.divmod(np.arange(part.start, part.stop), count)
+        for k, advance in enumerate(advances, 1):
+            for living in now.living():
+                advance(living)
+            cells[period, k, start] = now.points + now.turns * turn
+
+    label = f"trajectories of {system.name}" if progress else None
+    run_over(slices(len(within), CHUNK), fill, label)
+
+    status = np.maximum(orbits.status, within.status.reshape(periods, count).max(axis=0))
+    ended = np.logical_or.accumulate(np.isnan(states).any(axis=-1), axis=0)
+    states[ended] = np.nan
+    warn_of_tolerance(status, strobe)
+    times = (phase + np.arange(moments) / samples) * system.length
+    shape = (moments, *places.shape)
+    return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples)
+
+
+def _between_samples(system: ForcedSystem, strobe: PointMap, samples: int) -> list[Callable[[Orbits], None]]:
+    """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
+    recipe, length = strobe.recipe, system.length / samples
+    rtol, atol = (max(recipe[name] / samples, _FINEST) for name in ("rtol", "atol"))
+    first = flow(system, recipe["phase"] * system.length, length, rtol, atol, recipe["method"], recipe["max_steps"])
+    return [replace(first, begin=first.begin + k * length) for k in range(samples - 1)]

@@ -1,0 +1,5 @@
+"""Single orbits: periodic orbits, their multipliers, Lyapunov exponents and tests for chaos."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

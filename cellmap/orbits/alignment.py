@@ -1,0 +1,165 @@
+"""A test for chaos where volumes are preserved: how fast deviations align (Skokos, Bountis, Antonopoulos 2007)."""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import t as student
+
+from .._lib.checks import finite_number, random_numbers, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..maps.coordinates import state_points, wrap
+from ..maps.orbit_batch import CHUNK, Orbits, Status
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+from .chaos_tests import FOLDS, UNDECIDED, ChaosTest, settle_verdicts
+from .lyapunov import GROUPS
+
+_PARTS = GROUPS + 2  # of an orbit; the rate comes from the last half of them
+_PRESERVED = 1e-6  # mean logarithm of the factor by which volumes change in a step
+
+
+@checked
+def alignment_test(
+    point_map: PointMap,
+    starts: ArrayLike,
+    periods: int = 2000,
+    transient: int = 0,
+    order: int = 2,
+    confidence: float = 0.999,
+    seed: int = 0,
+) -> ChaosTest:
+    """Tell chaotic from regular orbits by the generalized alignment index of some deviations (GALI; of two, SALI).
+
+    The index is the volume that unit vectors along the deviations span.  Chaos turns them all into one direction, so
+    that it falls off exponentially, at the rate (order - 1) L1 - L2 - ... of the exponents; along a regular orbit it
+    stays, or falls off like a power of time that is the dimension at most.  Its logarithm is followed without a limit
+    by what machine numbers hold.  The verdict is that of :func:`exponent_test`, of the rate over the second half.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Map that preserves volumes; of an interpolated map the exact map behind it is taken.
+    starts : array_like, shape (..., d)
+        Starts of the orbits.
+    periods : int, optional
+        Length of the orbits after the transient, at least 44.
+    transient : int, optional
+        Periods before them.
+    order : int, optional
+        Number of deviations, from 2 to d.
+    confidence : float, optional
+        Of the interval, from the spread between 11 parts of the second half.
+    seed : int, optional
+        Seed of the first deviations.
+
+    Returns
+    -------
+    ChaosTest
+        Values are rates per step at which the logarithm of the index falls.  Where volumes are not preserved,
+        deviations align along regular orbits too, and the verdict is "undecided".
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+
+    References
+    ----------
+    Skokos, Journal of Physics A 34 (2001) 10029; Skokos, Bountis, Antonopoulos, Physica D 231 (2007) 30.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, ("x", "y"))
+    >>> float(alignment_test(cat, [0.0, 0.0]).value / (2.0 * np.log(1.5 + 1.25**0.5)))
+    1.0
+    """
+    exact = point_map.exact or point_map
+    points = state_points("starts", starts, exact.coordinates)
+    if not points.size:
+        raise ValueError("starts is empty: give at least one start")
+    periods = whole_number("periods", periods, at_least=2 * _PARTS)
+    transient = whole_number("transient", transient)
+    number = whole_number("order", order, at_least=2, at_most=exact.dimension)
+    confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
+    shape, d = points.shape[:-1], exact.dimension
+    states = points.reshape(-1, d)
+    # Means over parts, since along regular orbits the index swings; what is left over comes before the first.
+    length = periods // _PARTS
+    before = periods - length * _PARTS
+    first = np.linalg.qr(random_numbers(seed).standard_normal((d, d)))[0][:, :number]
+    logs = np.empty((_PARTS, len(states)))
+    volumes, ended = np.empty(len(states)), np.empty(len(states), bool)
+
+    def work(part: slice) -> None:
+        states[part], volumes[part], ended[part] = _follow(
+            exact, states[part], transient, first, before, length, logs[:, part]
+        )
+
+    run_over(slices(len(states), CHUNK // 16), work)
+    logs[:, ended] = np.nan
+    rates = -np.diff(logs[_PARTS // 2 :], axis=0) / length
+    value = rates.mean(axis=0)
+    error = rates.std(axis=0, ddof=1) / np.sqrt(len(rates))
+    reach = float(student.ppf(0.5 + 0.5 * confidence, len(rates) - 1)) * error
+    half = length * len(rates)
+    below, above = FOLDS / half, (d + 1.0) * log(2.0) / half
+    ends = np.where(ended[:, None], np.nan, states)
+    verdict = settle_verdicts(exact, ends, ended, value - reach, value + reach, below, above)
+    verdict[np.abs(volumes) > _PRESERVED] = UNDECIDED
+    at = np.asarray(before + length * (np.arange(_PARTS) + 0.5) + 0.5, dtype=float)
+    return ChaosTest(
+        verdict.reshape(shape),
+        value.reshape(shape),
+        (value - reach).reshape(shape),
+        (value + reach).reshape(shape),
+        confidence,
+        below,
+        above,
+        "rate of alignment per step",
+        periods,
+        (-logs / at[:, None]).reshape(-1, *shape),
+        at,
+    )
+
+
+def _follow(
+    exact: PointMap,
+    begin: NDArray[np.float64],
+    transient: int,
+    first: NDArray[np.float64],
+    before: int,
+    length: int,
+    logs: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Fill in mean logarithms of the index in each part; return last points, mean change of volume, what has ended."""
+    orbits = Orbits.starting(wrap(begin, exact.coordinates))
+    exact.advance(orbits, transient)
+    ended = np.asarray(orbits.status >= Status.ESCAPED)
+    places = np.where(ended[:, None], begin, orbits.points)
+    frames = np.broadcast_to(first, (len(begin), *first.shape)).copy()
+    vectors = frames.copy()
+    index, volume = np.zeros(len(begin)), np.zeros(len(begin))
+    logs[:] = 0.0
+    for step in range(-before, length * len(logs)):
+        images, matrices = tangent(exact, places)
+        ended |= ~(np.isfinite(images).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1)))
+        places = wrap(np.where(ended[:, None], places, images), exact.coordinates)
+        matrices = np.where(ended[:, None, None], np.eye(places.shape[1]), matrices)
+        # The volume of all deviations by an orthonormal frame, each of their lengths by itself: no difference of
+        # vectors that have become the same is ever taken.
+        frames, upper = np.linalg.qr(matrices @ frames)
+        vectors = matrices @ vectors
+        lengths = np.linalg.norm(vectors, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vectors /= lengths[:, None, :]
+            spanned = np.abs(np.diagonal(upper, axis1=-2, axis2=-1))
+            index += (np.log(spanned) - np.log(lengths)).sum(axis=-1)
+        volume += np.linalg.slogdet(matrices)[1]
+        if step >= 0:
+            logs[step // length] += index / length
+    return places, volume / (before + length * len(logs)), ended

@@ -1,0 +1,182 @@
+"""Attractors: what orbits end on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from math import isclose, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import Coordinate
+
+
+class Kind(StrEnum):
+    """Kinds of attractors of a point map."""
+
+    FIXED_POINT = "fixed point"
+    PERIODIC = "periodic"
+    ROTATING = "rotating"
+    """Periodic up to whole turns of an angle, which grows or falls for ever."""
+    EQUILIBRIA = "equilibria"
+    """A set of fixed points side by side: dry friction holds the state at each."""
+    CHAOTIC = "chaotic"
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """Ellipsoids around the points of a periodic attractor in which every orbit converges to it.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (period, dimension)
+        Points of the attractor.
+    metrics : ndarray, shape (period, dimension, dimension)
+        The ellipsoid of point c is ``(x - c) @ metric @ (x - c) <= 1``.
+    contraction : float
+        Largest measured factor by which one round of the attractor shortens the distance in that metric, or the mean
+        factor of two rounds where a multiplier is near -1; below 1.
+    """
+
+    centres: NDArray[np.float64]
+    metrics: NDArray[np.float64]
+    contraction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Boxes that a chaotic attractor visits, or that hold a set of equilibria.
+
+    Parameters
+    ----------
+    lower, widths : ndarray, shape (dimension,)
+        Corner of the first box and sides of a box.
+    boxes : ndarray of int, shape (number, dimension)
+        Whole-number places of the boxes, sorted.
+    certain : ndarray of bool, shape (number,), or None
+        For equilibria, the boxes that hold nothing else, or only orbits that approach them; in the others an orbit
+        belongs to the set if it rests.
+    """
+
+    lower: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    boxes: NDArray[np.int64]
+    certain: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def corners(self) -> NDArray[np.int64]:
+        """Least and largest place of the boxes along each axis, shape (2, dimension)."""
+        return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Attractor:
+    """An attractor of a point map.
+
+    Parameters
+    ----------
+    kind : Kind
+        Fixed point, periodic, rotating, equilibria or chaotic.
+    period : int
+        Steps of the map after which it repeats itself; 0 for a chaotic attractor.
+    points : ndarray, shape (period, dimension)
+        Its points in the order of the orbit, angles in their turn; for a chaotic attractor a sample of an orbit,
+        for a set of equilibria some of them.
+    turns : tuple of int
+        Whole turns of each coordinate in one round of `period` steps.
+    multipliers : ndarray of complex, shape (dimension,)
+        Eigenvalues of the derivative of one round, the largest first; for a chaotic attractor empty.
+    exponents : ndarray, shape (dimension,) or (1,)
+        Lyapunov exponents per step of the map.
+    neighbourhood : Neighbourhood or None
+        Region around a periodic attractor that is verified to belong to its basin.
+    cover : Cover or None
+        Boxes that hold a chaotic attractor or a set of equilibria.
+    coordinates : tuple of Coordinate
+        Names and units.
+    """
+
+    kind: Kind
+    period: int
+    points: NDArray[np.float64]
+    turns: tuple[int, ...]
+    multipliers: NDArray[np.complex128]
+    exponents: NDArray[np.float64]
+    coordinates: tuple[Coordinate, ...]
+    neighbourhood: Neighbourhood | None = None
+    cover: Cover | None = None
+
+    @property
+    def rotation_number(self) -> tuple[float, ...]:
+        """Mean turns of each coordinate in one step of the map; for a chaotic attractor NaN on angles."""
+        if not self.period:
+            return tuple(np.nan if c.is_angle else 0.0 for c in self.coordinates)
+        return tuple(t / self.period for t in self.turns)
+
+    @property
+    def name(self) -> str:
+        """Short description, such as ``"rotating, period 1, +1 turn"``."""
+        if self.kind is Kind.CHAOTIC:
+            return "chaotic"
+        if self.kind is Kind.FIXED_POINT:
+            return f"fixed point ({_place(self.points[0], self.coordinates)})"
+        if self.kind is Kind.EQUILIBRIA:
+            return f"equilibria around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
+        text = f"{self.kind}, period {self.period}"
+        for t in self.turns:
+            if t:
+                text += f", {t:+d} turn{'s' if abs(t) > 1 else ''}"
+        return text
+
+    def __repr__(self) -> str:
+        if self.kind is Kind.CHAOTIC:
+            return f"Attractor(chaotic, largest exponent {self.exponents[0]:.4g})"
+        place = ", ".join(f"{v:.6g}" for v in self.points[0])
+        return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g})"
+
+
+def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
+    """Return the names of attractors; those that several share are told apart by a point."""
+    names = [a.name for a in attractors]
+    for digits in range(3, 18):
+        repeated = {name for name, times in Counter(names).items() if times > 1}
+        for k, a in enumerate(attractors):
+            if names[k] in repeated:
+                place = _place(a.points[0], a.coordinates, digits)
+                names[k] = f"{a.kind} ({place})" if a.kind is Kind.FIXED_POINT else f"{a.name}, through ({place})"
+    return tuple(names)
+
+
+def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits: int = 3) -> str:
+    """Write a point with its angles in multiples of pi where they are whole ones; the seam has one name only."""
+    texts = []
+    for v, c in zip(point.tolist(), coordinates, strict=True):
+        if c.turn is not None and c.lower is not None:
+            rounds = (v - c.lower) / c.turn
+            if abs(rounds - round(rounds)) < 1e-6:
+                v = min(c.lower + c.turn, c.lower, key=abs)
+            half_turns = round(2.0 * v / c.turn)
+            if isclose(c.turn, 2 * pi) and half_turns and abs(v - half_turns * pi) < 1e-6:
+                texts.append({1: "π", -1: "-π"}.get(half_turns, f"{half_turns}π"))
+                continue
+        texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 else "0")
+    return ", ".join(texts)
+
+
+def sort_key(attractor: Attractor) -> tuple[Any, ...]:
+    """Key of the order of attractors: simple ones first, mirror images side by side."""
+    point = attractor.points[0]
+    rounded = np.round(point, 6) + 0.0
+    return (
+        list(Kind).index(attractor.kind),
+        attractor.period,
+        sum(map(abs, attractor.turns)),
+        round(float(np.linalg.norm(point)), 6),
+        tuple(-t for t in attractor.turns),
+        tuple(-rounded),
+    )

@@ -1,0 +1,178 @@
+"""Finite-time Lyapunov exponents over a grid: how much neighbouring starts part within some periods."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.kernels.stretching import append_steps
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..maps.coordinates import Coordinate, wrap
+from ..maps.grid import CellGrid, grid_points
+from ..maps.orbit_batch import CHUNK, Cost
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+
+
+@dataclass(frozen=True, eq=False)
+class ExponentField:
+    """Finite-time Lyapunov exponents of starts on a grid.
+
+    Parameters
+    ----------
+    forward : ndarray, shape of the grid
+        Logarithm of the largest factor by which a small displacement of the start grows, per step of the map; NaN
+        where the orbit ended.
+    backward : ndarray, shape of the grid
+        The same of the inverse map, at `images`: minus the logarithm of the smallest factor, per step; infinite where
+        a direction vanishes in some step, or shrinks below the rounding of the others.
+    images : ndarray, shape (*grid.shape, d)
+        Where the starts are after `periods`, angles in their turn.
+    periods : int
+        Steps of the map.
+    period : float
+        Time of one step; 1 for a discrete map.
+    grid : CellGrid
+        Cells whose centres are the starts.
+    name : str
+        Name of the system.
+    params : mapping of str to float
+        Its parameters.
+    coordinates : tuple of Coordinate
+        State variables.
+    cost : Cost
+        Wall time and number of steps.
+    """
+
+    forward: NDArray[np.float64]
+    backward: NDArray[np.float64]
+    images: NDArray[np.float64]
+    periods: int
+    period: float
+    grid: CellGrid
+    name: str
+    params: Mapping[str, float]
+    coordinates: tuple[Coordinate, ...]
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        known = self.forward[np.isfinite(self.forward)]
+        ended = self.forward.size - known.size
+        span = f"{known.min():.4g} to {known.max():.4g} per step" if known.size else "none"
+        lost = f", {ended} starts without" if ended else ""
+        return f"ExponentField({self.name}, {self.periods} periods on {self.grid.shape}: {span}{lost})"
+
+    @property
+    def per_time(self) -> NDArray[np.float64]:
+        """Forward exponents per unit of time, shape of the grid."""
+        return self.forward / self.period
+
+
+@checked
+def finite_time_exponents(
+    point_map: PointMap, grid: CellGrid, periods: int = 10, progress: bool = False
+) -> ExponentField:
+    """Return the finite-time Lyapunov exponents of the centres of all cells, forward and backward.
+
+    The forward exponent is the logarithm of the largest singular value of the derivative of `periods` steps, divided by
+    their number.  Its ridges lie along what repels: stable manifolds, among them the boundaries of basins.  The
+    smallest singular value gives the exponent of the way back, from the image (Haller and Sapsis 2011), whose ridges
+    lie along unstable manifolds; no map is inverted for it.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Stroboscopic or discrete map, in any dimension; of an interpolated map the exact map behind it is taken.
+    grid : CellGrid
+        Starts; axes of one cell make a slice.
+    periods : int, optional
+        Steps of the map, at least 1.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    ExponentField
+        Exponents per step and per time.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments of the wrong kind, or a grid of the wrong dimension.
+    MemoryError
+        Where the field does not fit into memory.
+
+    Notes
+    -----
+    These exponents depend on the coordinates and their units, which the Lyapunov exponents do not; the difference is of
+    order 1/periods.
+
+    References
+    ----------
+    Haller, Physica D 149 (2001) 248; Haller, Sapsis, Chaos 21 (2011) 023115; Shadden, Lekien, Marsden, Physica D 212
+    (2005) 271.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> saddle = discrete_map(lambda x, p: (2 * x[0], x[1] / 4), {}, ("x", "y"))
+    >>> field = finite_time_exponents(saddle, CellGrid((-1, -1), (1, 1), (3, 2)), periods=5)
+    >>> (field.forward / np.log(2.0)).round(12).tolist(), (field.backward / np.log(2.0)).round(12).tolist()
+    ([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]], [[2.0, 2.0], [2.0, 2.0], [2.0, 2.0]])
+    """
+    began = time.perf_counter()
+    exact = point_map.exact or point_map
+    grid = grid.on(exact.coordinates)
+    periods = whole_number("periods", periods, at_least=1)
+    d = grid.dimension
+    claim_memory(f"exponents of {grid.size:,} starts", 8 * (2 + d) * grid.size, "take fewer cells")
+    axes = [grid.axis(j) for j in range(d)]
+    forward, backward = np.empty(grid.size), np.empty(grid.size)
+    images = np.empty((grid.size, d))
+
+    def work(part: slice) -> None:
+        starts = wrap(grid_points(axes, part), exact.coordinates)
+        forward[part], backward[part], images[part] = growth(exact, starts, periods)
+
+    run_over(slices(grid.size, CHUNK // 16), work, f"exponents of {exact.name}" if progress else None)
+    return ExponentField(
+        forward=forward.reshape(grid.shape) / periods,
+        backward=backward.reshape(grid.shape) / periods,
+        images=images.reshape(*grid.shape, d),
+        periods=periods,
+        period=exact.period,
+        grid=grid,
+        name=exact.name,
+        params=dict(exact.params),
+        coordinates=exact.coordinates,
+        cost=Cost(time.perf_counter() - began, grid.size * periods),
+    )
+
+
+def growth(
+    exact: PointMap, places: NDArray[np.float64], periods: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return logarithms of the largest growth forward (n,) and backward (n,) of places, and the images (n, d)."""
+    n, d = places.shape
+    lost = np.zeros(n, bool)
+    there = np.broadcast_to(np.eye(d), (n, d, d)).copy()
+    back = there.copy()  # the inverse of the whole product: its largest singular value loses no digits
+    size_there, size_back = np.zeros(n), np.zeros(n)
+    for _ in range(periods):
+        images, matrices = tangent(exact, places)
+        lost |= ~(np.isfinite(images).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1)))
+        places = wrap(np.where(lost[:, None], places, images), exact.coordinates)
+        matrices = np.where(lost[:, None, None], np.eye(d), matrices)
+        append_steps(matrices, there, size_there, back, size_back)
+    with np.errstate(divide="ignore"):
+        forward = size_there + np.log(np.linalg.svd(there, compute_uv=False)[:, 0])
+        backward = size_back + np.log(np.linalg.svd(back, compute_uv=False)[:, 0])
+    forward[lost] = backward[lost] = np.nan
+    places[lost] = np.nan
+    return forward, backward, places

@@ -1,0 +1,294 @@
+"""Lyapunov exponents: the mean rates at which neighbouring orbits part or meet, with errors and their convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import t as student
+
+from .._compiled.kernels.frames import ROUNDING
+from .._lib.checks import claim_memory, finite_number, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import progress_bar, run_over, slices
+from ..maps.coordinates import Coordinate, state_points, wrap
+from ..maps.orbit_batch import CHUNK, Orbits, Status
+from ..maps.point_map import PointMap
+from ..maps.tangent import NotDifferentiableError, tangent
+
+STRETCHES = 100
+"""Stretches of an orbit of which the growth is recorded, or as many as there are periods."""
+
+GROUPS = 20
+"""Groups of stretches whose means tell the standard error; an orbit has at least as many periods."""
+
+_ALIGNING = 100  # periods at the end of the transient in which frames turn into their directions
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovSpectrum:
+    """Lyapunov exponents along orbits, the largest first.
+
+    Parameters
+    ----------
+    exponents : ndarray, shape (..., d)
+        Exponents per step of the map, one row for each start; NaN where the orbit ended, minus infinity where a
+        direction vanishes, as in stick-slip motion, or shrinks in one step below the rounding of the others.
+    standard_errors : ndarray, shape (..., d)
+        From the spread of the means over 20 parts of the orbit, which must be longer than its memory.
+    growth : ndarray, shape (m, ..., d)
+        Logarithm of the growth along each direction in each recorded stretch.
+    steps : ndarray of int, shape (m,)
+        Period at which each stretch ends; the first one begins at 0.
+    ends : ndarray, shape (..., d)
+        Last points of the orbits, angles in their turn.
+    directions : ndarray, shape (..., d, d)
+        Orthonormal columns at `ends`: the first k span the directions that have grown most (Gram-Schmidt vectors).
+    status : ndarray of uint8, shape (...)
+        :class:`Status` of each orbit.
+    period : float
+        Time of one step; 1 for a discrete map.
+    transient : int
+        Periods before the first one that counts.
+    name : str
+        Name of the system.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    exponents: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+    growth: NDArray[np.float64]
+    steps: NDArray[np.int64]
+    ends: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    period: float
+    transient: int
+    name: str
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        mean, error = self.pooled
+        values = ", ".join(f"{m:.4g} +- {e:.1g}" for m, e in zip(mean, error, strict=True))
+        ended = np.count_nonzero(self.ended)
+        lost = f", {ended} ended" if ended else ""
+        return f"LyapunovSpectrum({self.name}: {values} per step; {self.ended.size} orbits{lost} of {self.steps[-1]})"
+
+    @property
+    def ended(self) -> NDArray[np.bool_]:
+        """Orbits that ended before their last period, shape (...)."""
+        return self.status >= Status.ESCAPED
+
+    @property
+    def per_time(self) -> NDArray[np.float64]:
+        """Exponents per unit of time, shape (..., d): those per step divided by the period."""
+        return self.exponents / self.period
+
+    @property
+    def per_time_errors(self) -> NDArray[np.float64]:
+        """Standard errors per unit of time, shape (..., d)."""
+        return self.standard_errors / self.period
+
+    @property
+    def convergence(self) -> NDArray[np.float64]:
+        """Exponents per step as they stood after ``steps`` periods, shape (m, ..., d)."""
+        total: NDArray[np.float64] = np.cumsum(self.growth, axis=0)
+        return total / self.steps.reshape(-1, *(1,) * (total.ndim - 1))
+
+    @property
+    def sums(self) -> NDArray[np.float64]:
+        """Sums of the exponents per step, shape (...): the mean logarithm of the factor by which volumes change."""
+        return np.asarray(self.exponents.sum(axis=-1))
+
+    @property
+    def lyapunov_time(self) -> NDArray[np.float64]:
+        """Time in which small errors grow e-fold, shape (...); infinite where no exponent is above 0."""
+        largest = self.per_time[..., 0]
+        with np.errstate(divide="ignore"):
+            times = np.where(largest > 0.0, 1.0 / np.where(largest > 0.0, largest, 1.0), np.inf)
+        return np.where(np.isnan(largest), np.nan, times)
+
+    @property
+    def pooled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean exponents per step over all orbits that lasted, and their standard errors, shape (d,) each.
+
+        The error is that between orbits or that within them, whichever is larger.  It means something where all orbits
+        are on one attractor, or in one chaotic sea.
+        """
+        d = self.exponents.shape[-1]
+        rows = self.exponents.reshape(-1, d)[~self.ended.ravel()]
+        within = self.standard_errors.reshape(-1, d)[~self.ended.ravel()]
+        n = len(rows)
+        if not n:
+            return np.full(d, np.nan), np.full(d, np.nan)
+        with np.errstate(invalid="ignore"):
+            inner = np.sqrt((within**2).sum(axis=0)) / n
+            between = rows.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.zeros(d)
+        return rows.mean(axis=0), np.maximum(inner, between)
+
+    @checked
+    def interval(self, confidence: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return intervals for the exponents per step (Student's distribution), shape (..., d) each."""
+        confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
+        reach = float(student.ppf(0.5 + 0.5 * confidence, GROUPS - 1)) * self.standard_errors
+        return self.exponents - reach, self.exponents + reach
+
+
+@checked
+def lyapunov_spectrum(
+    point_map: PointMap, starts: ArrayLike, periods: int = 2000, transient: int = 500, progress: bool = False
+) -> LyapunovSpectrum:
+    """Return all Lyapunov exponents along orbits, many orbits at once.
+
+    The derivative of each period, from the variational equation, moves an orthonormal frame, which a QR factorisation
+    makes orthonormal again; what it takes out is the growth.  Frames begin to turn at most 100 periods before the first
+    one that counts, so that no exponent carries the memory of where they began.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Stroboscopic or discrete map, in any dimension; of an interpolated map the exact map behind it is taken.
+    starts : array_like, shape (..., d)
+        Starts of the orbits.
+    periods : int, optional
+        Periods that count, at least 20.
+    transient : int, optional
+        Periods before them, in which the orbit comes to its attractor.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    LyapunovSpectrum
+        Exponents per step and per time, standard errors, convergence, directions.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is not a map, starts that are empty or not finite, or too few periods.
+
+    Notes
+    -----
+    Where exponents differ, the mean over n periods has an error of order 1/n from fluctuations that do not grow, as
+    along a periodic orbit, and of order 1/sqrt(n) from chaos.  A regular orbit that fills a torus shears its
+    neighbourhood, and its largest exponent goes to 0 like ln(n)/n.
+
+    References
+    ----------
+    Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980) 9 and 21; Shimada, Nagashima, Progress of Theoretical
+    Physics 61 (1979) 1605; Eckmann, Ruelle, Reviews of Modern Physics 57 (1985) 617.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, ("x", "y"))
+    >>> lyapunov_spectrum(cat, [[0.0, 0.0]], periods=100).exponents
+    array([[ 0.9624, -0.9624]])
+    """
+    exact = point_map.exact or point_map
+    points = state_points("starts", starts, exact.coordinates)
+    periods = whole_number("periods", periods, at_least=GROUPS)
+    transient = whole_number("transient", transient)
+    shape, d = points.shape[:-1], exact.dimension
+    states = points.reshape(-1, d)
+    n = len(states)
+    if not n:
+        raise ValueError("starts is empty: give at least one start")
+    steps = np.linspace(0, periods, min(periods, STRETCHES) + 1).round().astype(np.int64)[1:]
+    claim_memory(f"growth along {n:,} orbits", 8 * n * d * (len(steps) + d + 4), "take fewer starts")
+    growth = np.empty((len(steps), n, d))
+    frames = np.empty((n, d, d))
+    status = np.zeros(n, np.uint8)
+    parts = slices(n, CHUNK // 16)
+    label = f"Lyapunov exponents of {exact.name}" if progress else None
+    with progress_bar(len(parts) * len(steps), label) as tick:
+
+        def work(part: slice) -> None:
+            states[part], frames[part], status[part] = _along(exact, states[part], transient, steps, growth, part, tick)
+
+        run_over(parts, work)
+    growth[:, status >= Status.ESCAPED] = np.nan
+    order = np.argsort(-growth.sum(axis=0), axis=-1, kind="stable")
+    growth = np.take_along_axis(growth, order[None], axis=-1)
+    frames = np.take_along_axis(frames, order[:, None, :], axis=-1)
+    states[status >= Status.ESCAPED] = np.nan
+    frames[status >= Status.ESCAPED] = np.nan
+    return LyapunovSpectrum(
+        exponents=(growth.sum(axis=0) / periods).reshape(*shape, d),
+        standard_errors=_errors(growth, steps).reshape(*shape, d),
+        growth=growth.reshape(-1, *shape, d),
+        steps=steps,
+        ends=states.reshape(*shape, d),
+        directions=frames.reshape(*shape, d, d),
+        status=status.reshape(shape),
+        period=exact.period,
+        transient=transient,
+        name=exact.name,
+        coordinates=exact.coordinates,
+    )
+
+
+def _along(
+    exact: PointMap,
+    begin: NDArray[np.float64],
+    transient: int,
+    steps: NDArray[np.int64],
+    growth: NDArray[np.float64],
+    part: slice,
+    tick: Callable[[int], object],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
+    """Fill in the growth along some orbits; return their last points, their frames and their statuses."""
+    d, aligning = exact.dimension, min(transient, _ALIGNING)
+    orbits = Orbits.starting(wrap(begin, exact.coordinates))
+    frames = np.empty((len(begin), d, d))
+    frames[:] = np.eye(d)
+    if exact.stretch is None:  # derivatives cost much more than the orbit
+        exact.advance(orbits, transient - aligning)
+    else:
+        _stretched(exact, orbits, frames, transient - aligning)
+        frames[:] = np.eye(d)
+    _stretched(exact, orbits, frames, aligning)
+    for number, count in enumerate(np.diff(steps, prepend=0).tolist()):
+        growth[number, part] = _stretched(exact, orbits, frames, count)
+        tick(1)
+    return orbits.points, frames, orbits.status
+
+
+def _stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+    """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by."""
+    if exact.stretch is not None:
+        try:
+            return exact.stretch(orbits, frames, periods)
+        except NotDifferentiableError:
+            pass
+    total = np.zeros(orbits.points.shape)
+    for _ in range(periods):
+        alive = orbits.alive
+        places = np.where(alive[:, None], orbits.points, 0.0)
+        images, matrices = tangent(exact, places)
+        gone = alive & ~np.asarray(np.isfinite(images).all(axis=-1))
+        orbits.points[:] = wrap(images, exact.coordinates)
+        orbits.end(gone, Status.DIVERGED)
+        usable = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+        moved: NDArray[np.float64] = np.where(usable[:, None, None], matrices, np.eye(exact.dimension)) @ frames
+        frames[:], upper = np.linalg.qr(moved)
+        sizes = np.abs(np.diagonal(upper, axis1=-2, axis2=-1))
+        noise = ROUNDING * np.abs(moved).max(axis=(-2, -1))[:, None]
+        with np.errstate(divide="ignore"):
+            total += np.log(np.where(sizes > noise, sizes, 0.0))
+        total[~usable] = np.nan
+    return total
+
+
+def _errors(growth: NDArray[np.float64], steps: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Standard errors of mean growth per step (n, d), from the spread of the means over groups of stretches."""
+    lengths = np.diff(steps, prepend=0)
+    first = np.linspace(0, len(steps), GROUPS + 1).round().astype(np.int64)[:-1]
+    share = (np.add.reduceat(lengths, first) / steps[-1])[:, None, None]
+    with np.errstate(invalid="ignore"):  # a direction that vanishes has an infinite exponent and no error
+        means = np.add.reduceat(growth, first, axis=0) / steps[-1] / share
+        spread = (share * (means - growth.sum(axis=0) / steps[-1]) ** 2).sum(axis=0)
+    return np.asarray(np.sqrt(spread / (GROUPS - 1)))

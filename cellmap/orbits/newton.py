@@ -1,0 +1,221 @@
+"""Periodic points by Newton's method on the exact map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference, wrap
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+from .attractor import Attractor, Kind
+from .multipliers import multipliers_of
+from .periodic_orbit import PeriodicOrbit
+
+_ITERATIONS = 25
+_FREE_ITERATIONS = 4  # steps in which the residual may rise
+_DAMPED_ITERATIONS = 60
+_SMALLEST_SHARE = 1e-3  # of a step, below which there is no hope
+_STABLE = 1.0 - 1e-8
+_UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
+_HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
+
+
+def newton(
+    point_map: PointMap,
+    guesses: NDArray[np.float64],
+    periods: NDArray[np.int64],
+    extent: NDArray[np.float64],
+    reach: float = 0.5,
+    attracting: bool = False,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    guesses : ndarray, shape (n, dimension)
+        Places to begin at.
+    periods : ndarray of int, shape (n,)
+        Steps after which each point is to return.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest.
+    reach : float, optional
+        A solution farther than this from its guess, in units of `extent`, does not count.
+    attracting : bool, optional
+        Leave out solutions that are unstable beyond doubt, and guesses that are too unstable to be close to others.
+
+    Returns
+    -------
+    tuple of ndarray
+        Solutions (n, dimension), wrapped, and which of them converged.  A guess from which the residual does not keep
+        falling after the first steps is given up.
+    """
+    exact = point_map.exact or point_map
+    points = np.array(guesses, dtype=float)
+    settled = np.zeros(len(points), bool)
+    active = np.arange(len(points))
+    last = np.full(len(points), np.inf)
+    identity = np.eye(exact.dimension)
+    for iteration in range(_ITERATIONS):
+        if not len(active):
+            break
+        images, matrices = tangent(exact, points[active], periods[active])
+        residual = difference(images, points[active], exact.coordinates)
+        scale = resolution(points[active], extent)
+        size = np.abs(residual / scale).max(axis=-1)
+        with np.errstate(invalid="ignore"):
+            usable = np.isfinite(size) & np.isfinite(matrices).all(axis=(-2, -1))
+            usable &= (iteration < _FREE_ITERATIONS) | (size < 0.5 * last[active]) | (size < 1e-9)
+            if attracting and iteration == 0:
+                usable &= ~(_largest_multiplier(np.where(usable[:, None, None], matrices, 0.0)) > _HOPELESS)
+            usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
+        last[active] = size
+        active, residual, matrices, scale = active[usable], residual[usable], matrices[usable], scale[usable]
+        step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
+        points[active] += step
+        near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * extent).all(axis=-1)
+        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
+        done = near & (np.abs(step) <= 1e-8 * scale).all(axis=-1)
+        settled[active[done]] = ~(attracting & (_largest_multiplier(matrices[done]) > _UNSTABLE))
+        active = active[near & ~done]
+    return wrap(points, exact.coordinates), settled
+
+
+def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
+
+
+def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size against which differences of points count as small: their own, or 1, or that of a smaller region."""
+    return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
+
+
+def damped_newton(
+    point_map: PointMap,
+    guesses: NDArray[np.float64],
+    periods: NDArray[np.int64],
+    extent: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Solve P^period(x) = x, up to whole turns of angles, from guesses that may be far away.
+
+    A step is halved until the next one, foreseen with the old derivative, is shorter (Deuflhard's natural monotonicity
+    test), so that saddles are found from as far as other orbits.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is used.
+    guesses : ndarray, shape (n, dimension)
+        Places to begin at.
+    periods : ndarray of int, shape (n,)
+        Steps after which each point is to return.
+    extent : ndarray, shape (dimension,)
+        Size of the region of interest; no step is longer than a quarter of it.
+
+    Returns
+    -------
+    tuple of ndarray
+        Solutions (n, dimension), wrapped, and which of them converged.
+
+    References
+    ----------
+    Deuflhard, *Newton Methods for Nonlinear Problems* (2004), section 3.3.
+    """
+    exact = point_map.exact or point_map
+    d, identity = exact.dimension, np.eye(exact.dimension)
+    base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
+    steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
+    share = np.ones(len(base))
+    settled = np.zeros(len(base), bool)
+    active = np.arange(len(base))
+    for _ in range(_DAMPED_ITERATIONS):
+        if not len(active):
+            break
+        images, matrices = tangent(exact, points[active], periods[active])
+        residual = difference(images, points[active], exact.coordinates)
+        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1))
+        with np.errstate(all="ignore"):
+            foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
+            length = np.linalg.norm(steps[active] / extent, axis=-1)
+            shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * share[active]) * length
+        # A solution at which another one is born has no next step, and needs none.
+        closed = finite & (np.abs(residual) <= 4e-15 * resolution(points[active], extent)).all(axis=-1)
+        settled[active[closed]] = True
+        taken = finite & shorter & ~closed
+        again = active[~taken & ~closed]
+        share[again] *= 0.5
+        points[again] = base[again] + share[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
+        accepted = active[taken]
+        slopes = identity - matrices[taken]
+        solvable = np.abs(np.linalg.det(slopes)) > 1e-14
+        accepted, slopes, residual = accepted[solvable], slopes[solvable], residual[taken][solvable]
+        inverses[accepted] = np.linalg.inv(slopes)
+        step = np.einsum("nij,nj->ni", inverses[accepted], residual)
+        longest = np.abs(step / extent).max(axis=-1, initial=0.0)
+        base[accepted], steps[accepted] = points[accepted], step
+        share[accepted] = np.minimum(np.minimum(1.0, 2.0 * share[accepted]), 0.25 / np.maximum(longest, 1e-300))
+        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
+        done = (np.abs(step) <= 1e-8 * resolution(points[accepted], extent)).all(axis=-1)
+        share[accepted[done]] = 1.0
+        points[accepted] = base[accepted] + share[accepted, None] * step
+        settled[accepted[done]] = True
+        trying = again[(share[again] > _SMALLEST_SHARE) & np.isfinite(points[again]).all(axis=-1)]
+        active = np.sort(np.concatenate([trying, accepted[~done]]))
+    return wrap(points, exact.coordinates), settled
+
+
+def closed_orbit(
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> PeriodicOrbit:
+    """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
+    exact = point_map.exact or point_map
+    points, turns, matrices = _follow(exact, point, period)
+    same = 1e-8 * resolution(points[0], extent)
+    for q in range(1, period):
+        if period % q == 0 and (np.abs(difference(points[q], points[0], exact.coordinates)) <= same).all():
+            points, turns, matrices = _follow(exact, point, q)
+            period = q
+            break
+    # Mirror images are equally far away; the largest coordinates decide between them.
+    size = np.abs(points).max(axis=0)
+    scale = np.where(size > 0, size, 1.0)
+    rounded = np.round(points / scale, 6)
+    first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
+    points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
+    matrix = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
+    return PeriodicOrbit(period, points, turns, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
+
+
+def stable_orbit(
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> Attractor | None:
+    """Return the attractor through a periodic point; None where its multipliers do not prove it stable."""
+    orbit = closed_orbit(point_map, point, period, extent)
+    if not np.abs(orbit.multipliers[0]) < _STABLE:
+        return None
+    kind = Kind.ROTATING if any(orbit.turns) else Kind.FIXED_POINT if orbit.period == 1 else Kind.PERIODIC
+    with np.errstate(divide="ignore"):
+        exponents = np.log(np.abs(orbit.multipliers)) / orbit.period
+    return Attractor(kind, orbit.period, orbit.points, orbit.turns, orbit.multipliers, exponents, orbit.coordinates)
+
+
+def _follow(
+    exact: PointMap, point: NDArray[np.float64], period: int
+) -> tuple[NDArray[np.float64], tuple[int, ...], NDArray[np.float64]]:
+    """Return the wrapped points of a closed orbit, its whole turns, and the derivative of each step."""
+    points = np.empty((period, exact.dimension))
+    matrices = np.empty((period, exact.dimension, exact.dimension))
+    place, total = np.array(point, dtype=float), np.zeros(exact.dimension)
+    for k in range(period):
+        points[k] = place
+        image, matrices[k] = tangent(exact, place)
+        total += image - place
+        place = wrap(image, exact.coordinates)
+    # Rounding must not decide on which side of its cut an angle lies.
+    for j, c in enumerate(exact.coordinates):
+        if c.turn is not None and c.lower is not None:
+            points[points[:, j] > c.lower + c.turn * (1.0 - 1e-12), j] = c.lower
+    turns = tuple(round(t / c.turn) if c.turn else 0 for t, c in zip(total, exact.coordinates, strict=True))
+    return points, turns, matrices

@@ -1,0 +1,149 @@
+"""Periodic orbits of point maps, stable and unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import real_array, shown
+from ..maps.coordinates import Coordinate
+from .multipliers import MARGIN, unstable_count
+
+
+class OrbitKind(StrEnum):
+    """Kinds of periodic points, by their multipliers."""
+
+    NODE = "node"
+    """All multipliers on one side of the unit circle, the one nearest to it real."""
+    FOCUS = "focus"
+    """All multipliers on one side of the unit circle, the pair nearest to it complex."""
+    SADDLE = "saddle"
+    """Multipliers on both sides; the unstable directions keep their orientation."""
+    FLIP_SADDLE = "flip saddle"
+    """A saddle with an odd number of real multipliers below -1: the unstable directions turn over (Moebius)."""
+    CENTRE = "centre"
+    """All multipliers on the unit circle, none of them real."""
+    DEGENERATE = "degenerate"
+    """Some multiplier on the unit circle: the linear map does not decide."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicOrbit:
+    """A periodic orbit of a point map.
+
+    Parameters
+    ----------
+    period : int
+        Least number of steps after which it repeats itself, up to whole turns of angles.
+    points : ndarray, shape (period, dimension)
+        Its points in the order of the orbit, angles in their turn, beginning with the one nearest the origin.
+    turns : tuple of int
+        Whole turns of each coordinate in one round.
+    matrix : ndarray, shape (dimension, dimension)
+        Derivative of one round at the first point.
+    multipliers : ndarray of complex, shape (dimension,)
+        Its eigenvalues, the largest modulus first.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        Parameters of the map.
+    """
+
+    period: int
+    points: NDArray[np.float64]
+    turns: tuple[int, ...]
+    matrix: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        place = ", ".join(f"{v:.6g}" for v in self.points[0])
+        return f"PeriodicOrbit({self.name}, period {self.period}, at ({place}), |multiplier| {self._moduli[0]:.4g})"
+
+    @property
+    def _moduli(self) -> NDArray[np.float64]:
+        return np.abs(self.multipliers)
+
+    @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle."""
+        return int(unstable_count(self.multipliers))
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all multipliers are inside the unit circle."""
+        return bool((self._moduli < 1.0 - MARGIN).all())
+
+    @property
+    def kind(self) -> OrbitKind:
+        """Node, focus, saddle or flip saddle; centre or degenerate where the linear map does not decide."""
+        inside, outside = self._moduli < 1.0 - MARGIN, self._moduli > 1.0 + MARGIN
+        real = np.abs(self.multipliers.imag) <= MARGIN * self._moduli
+        if inside.any() and outside.any():
+            flips = np.count_nonzero(outside & real & (self.multipliers.real < 0.0))
+            return OrbitKind.FLIP_SADDLE if flips % 2 else OrbitKind.SADDLE
+        if inside.all() or outside.all():
+            nearest = 0 if inside.all() else -1
+            return OrbitKind.NODE if real[nearest] else OrbitKind.FOCUS
+        return OrbitKind.DEGENERATE if inside.any() or outside.any() or real.any() else OrbitKind.CENTRE
+
+    @property
+    def name(self) -> str:
+        """Kind, with "stable" or "unstable" where it can be either."""
+        kind = self.kind
+        if kind in {OrbitKind.NODE, OrbitKind.FOCUS}:
+            return f"{'stable' if self.is_stable else 'unstable'} {kind}"
+        return str(kind)
+
+    @property
+    def rotation_number(self) -> tuple[float, ...]:
+        """Mean turns of each coordinate in one step of the map."""
+        return tuple(t / self.period for t in self.turns)
+
+    @property
+    def jury(self) -> NDArray[np.float64]:
+        """Jury's margins of `matrix`, shape (dimension + 1,): the orbit is stable if all are above zero."""
+        return jury_margins(self.matrix)
+
+
+def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return margins of Jury's criterion: all eigenvalues are inside the unit circle if and only if all exceed zero.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (d, d)
+        Derivative of a map.
+
+    Returns
+    -------
+    ndarray, shape (d + 1,)
+        With the characteristic polynomial p: p(1), lost through +1; (-1)^d p(-1), lost through -1; then 1 - abs(k) for
+        the coefficients k of Jury's table from the highest order down to 2, of which the first is the determinant.
+
+    References
+    ----------
+    Jury, *Theory and Application of the z-Transform Method* (1964).
+
+    Examples
+    --------
+    >>> jury_margins(np.array([[0.5, 0.2], [0.0, -0.4]]))
+    array([0.7, 0.9, 0.8])
+    """
+    square = real_array("matrix", matrix)
+    if square.ndim != 2 or square.shape[0] != square.shape[1] or not square.size or not np.isfinite(square).all():
+        raise ValueError(f"matrix={shown(matrix)}: give finite numbers in an array of shape (d, d)")
+    polynomial = np.real(np.poly(square))
+    order = len(polynomial) - 1
+    ends = [np.polyval(polynomial, 1.0), (-1.0) ** order * np.polyval(polynomial, -1.0)]
+    table = []
+    with np.errstate(all="ignore"):
+        for _ in range(order, 1, -1):
+            last = polynomial[-1] / polynomial[0]
+            table.append(1.0 - abs(last))
+            polynomial = (polynomial - last * polynomial[::-1])[:-1]
+    return np.array([*ends, *table])

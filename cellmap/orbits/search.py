@@ -1,0 +1,207 @@
+"""The search for all periodic orbits in a window, stable and unstable."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..maps.coordinates import difference, state_points, turns_of, wrap
+from ..maps.grid import CellGrid, grid_points
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
+from .newton import closed_orbit, damped_newton, resolution
+from .periodic_orbit import PeriodicOrbit
+
+_NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
+_SAME = 1e-7  # distance of points of one orbit, relative to the resolution
+
+
+@checked
+def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> PeriodicOrbit:
+    """Return the periodic orbit that a damped Newton method finds from a guess.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; of an interpolated map the exact map is taken.
+    guess : array_like, shape (dimension,)
+        A state near one of its points, in units of the coordinates.
+    period : int, optional
+        Steps after which the point is to return, up to whole turns of angles.
+
+    Returns
+    -------
+    PeriodicOrbit
+        With its least period, which divides `period`.  Its points are accurate to the tolerance of the derivatives
+        (1e-12 or that of the map) times the condition of the problem.
+
+    Raises
+    ------
+    ValueError
+        Where the method does not converge.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+    >>> periodic_orbit(henon, [0.5, 0.2])
+    PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
+    """
+    state = state_points("guess", guess, point_map.coordinates)
+    if state.ndim != 1:
+        raise ValueError(f"guess has shape {state.shape}: give one state")
+    rounds = whole_number("period", period, at_least=1)
+    extent = _extent(point_map, np.ones(point_map.dimension) + np.abs(state))
+    solutions, settled = damped_newton(point_map, state[None], np.array([rounds]), extent)
+    if not settled[0]:
+        raise ValueError(
+            f"guess={state.tolist()}: no point of period {rounds} is found from there; give a guess nearer to one, or "
+            "search a window with find_periodic_orbits"
+        )
+    return closed_orbit(point_map, solutions[0], rounds, extent)
+
+
+@checked
+def find_periodic_orbits(
+    point_map: PointMap, window: CellGrid, max_period: int = 1, progress: bool = False
+) -> tuple[PeriodicOrbit, ...]:
+    """Find the periodic orbits through a window, stable and unstable.
+
+    The displacement of P^n at the centres of the cells, with its differences from cell to cell, tells for each cell
+    whether a linear step from its centre ends near by.  These steps, and the cells where the displacement is least
+    among all neighbours, are where a damped Newton method on the exact map begins.  Orbits whose points are closer
+    than some cells, and those of long periods in chaotic regions, need fine cells.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; with an interpolated map the cells cost look-ups only, and orbits are exact nevertheless.
+    window : CellGrid
+        Cells; an orbit counts if one of its points is inside the window.
+    max_period : int, optional
+        Longest period.
+    progress : bool, optional
+        Show progress on a terminal.
+
+    Returns
+    -------
+    tuple of PeriodicOrbit
+        By period, the most unstable first.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a window that does not fit the map.
+    MemoryError
+        If the images of the cells need more memory than is free.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+    >>> for orbit in find_periodic_orbits(henon, CellGrid((-2, -1), (2, 1), (40, 40)), max_period=2):
+    ...     print(orbit)
+    PeriodicOrbit(saddle, period 1, at (-1.13135, -0.339406), |multiplier| 3.26)
+    PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
+    PeriodicOrbit(flip saddle, period 2, at (0.9758, -0.14274), |multiplier| 3.01)
+    """
+    grid = window.on(point_map.coordinates, "window")
+    longest = whole_number("max_period", max_period, at_least=1)
+    d = grid.dimension
+    claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")
+    centres = grid_points([grid.axis(j) for j in range(d)], np.arange(grid.size))
+    extent = _extent(point_map, np.array(grid.upper) - np.array(grid.lower))
+    orbits = Orbits.starting(wrap(centres, point_map.coordinates))
+    known = _Known(point_map, extent)
+    label = f"periodic orbits of {point_map.name}" if progress else None
+    for n in range(1, longest + 1):
+        run_over(slices(len(orbits), CHUNK), lambda part: point_map.advance(orbits[part], 1), label)
+        guesses = _guesses(point_map, grid, centres, orbits.points)
+        rounds = np.full(len(guesses), n)
+        for part in slices(len(guesses), CHUNK):
+            solutions, settled = damped_newton(point_map, guesses[part], rounds[part], extent)
+            for solution in solutions[settled]:
+                if solution not in known and _is_inside(grid, solution):
+                    known.add(closed_orbit(point_map, solution, n, extent))
+    order = sorted(known.orbits, key=lambda o: (o.period, -o.unstable, *np.round(o.points[0], 6)))
+    return tuple(order)
+
+
+class _Known:
+    """Orbits found so far, and whether a point is on one of them."""
+
+    def __init__(self, point_map: PointMap, extent: NDArray[np.float64]) -> None:
+        self.orbits: list[PeriodicOrbit] = []
+        self._coordinates, self._extent = point_map.coordinates, extent
+        self._points = np.empty((0, point_map.dimension))
+
+    def __contains__(self, point: NDArray[np.float64]) -> bool:
+        apart = np.abs(difference(self._points, point, self._coordinates))
+        return bool((apart <= _SAME * resolution(point, self._extent)).all(axis=-1).any())
+
+    def add(self, orbit: PeriodicOrbit) -> None:
+        self.orbits.append(orbit)
+        self._points = np.concatenate([self._points, orbit.points])
+
+
+def _extent(point_map: PointMap, span: NDArray[np.float64]) -> NDArray[np.float64]:
+    turn = turns_of(point_map.coordinates)[1]
+    return np.where(turn > 0, turn, span)
+
+
+def _is_inside(grid: CellGrid, point: NDArray[np.float64]) -> bool:
+    lower, upper = np.array(grid.lower), np.array(grid.upper)
+    slack = 1e-9 * (upper - lower)
+    wraps = np.array(grid.wraps)
+    return bool((wraps | ((point >= lower - slack) & (point <= upper + slack))).all())
+
+
+def _guesses(
+    point_map: PointMap, grid: CellGrid, centres: NDArray[np.float64], images: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return places near which P^n(x) = x, from the images of the centres of all cells."""
+    d, shape = grid.dimension, (*grid.shape, grid.dimension)
+    widths = np.asarray(grid.widths, dtype=float)
+    moved = difference(images, centres, point_map.coordinates).reshape(shape)
+    slopes = np.stack([_differences(moved, j, grid, point_map) / widths[j] for j in range(d)], axis=-1)
+    finite = np.isfinite(slopes).all(axis=(-2, -1)) & np.isfinite(moved).all(axis=-1)
+    safe = np.where(finite[..., None, None], slopes, np.eye(d))
+    regular = finite & (np.abs(np.linalg.det(safe)) > 1e-12)
+    safe = np.where(regular[..., None, None], safe, np.eye(d))
+    step = -np.linalg.solve(safe, np.where(regular[..., None], moved, np.inf)[..., None])[..., 0]
+    with np.errstate(invalid="ignore"):
+        close = regular & (np.abs(step) <= _NEAR * widths).all(axis=-1)
+        size = np.where(np.isfinite(moved).all(axis=-1), np.abs(moved / widths).max(axis=-1), np.inf)
+    least = np.isfinite(size)
+    for offset in product((-1, 0, 1), repeat=d):
+        if any(offset):
+            least &= size <= _neighbour(size, offset, grid)
+    flat = close.ravel()
+    return np.concatenate([centres[flat] + step.reshape(-1, d)[flat], centres[least.ravel() & ~flat]])
+
+
+def _differences(moved: NDArray[np.float64], axis: int, grid: CellGrid, point_map: PointMap) -> NDArray[np.float64]:
+    """Return central differences along an axis for one cell, one-sided at the ends of an interval."""
+    ahead = difference(np.roll(moved, -1, axis), moved, point_map.coordinates)
+    behind = np.roll(ahead, 1, axis)
+    if not grid.wraps[axis]:
+        first, last = ((slice(None),) * axis + (k,) for k in (0, -1))
+        ahead[last] = behind[last]
+        behind[first] = ahead[first]
+    return 0.5 * (ahead + behind)
+
+
+def _neighbour(size: NDArray[np.float64], offset: tuple[int, ...], grid: CellGrid) -> NDArray[np.float64]:
+    """Return for each cell the value of its neighbour, infinity beyond the window."""
+    moved = size
+    for axis, k in enumerate(offset):
+        if k:
+            moved = np.roll(moved, k, axis)
+            if not grid.wraps[axis]:
+                moved[(slice(None),) * axis + (0 if k > 0 else -1,)] = np.inf
+    return moved

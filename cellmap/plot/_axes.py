@@ -1,0 +1,112 @@
+"""Axes of coordinates: names, units, multiples of pi, and curves that go round a circle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import gcd, isclose, pi
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, MultipleLocator
+from numpy.typing import NDArray
+
+from .._lib.checks import is_sequence, shown, whole_number
+from ..basins.record import Basins
+from ..maps.coordinates import Coordinate, turns_of
+
+
+def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
+    """Return the axes that are given, or those of a new figure of a size in inches."""
+    return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
+
+
+def picture_axes(basins: Basins) -> tuple[int, int, tuple[float, float, float, float]]:
+    """Return which coordinates of basins run across and up, and the edges of the picture (left, right, bottom, top)."""
+    grid = basins.grid
+    wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
+    if grid is None or len(wide) != 2:
+        raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
+    columns, rows = wide
+    return columns, rows, (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
+
+
+def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
+    """Name an axis; write an angle whose turn is 2 pi in multiples of pi, unless it spans too little for them."""
+    axis.set_label_text(str(coordinate))
+    if coordinate.turn is not None and isclose(coordinate.turn, 2 * pi) and span >= pi:
+        axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
+
+
+def column_of(given: int | str, coordinates: Sequence[Coordinate], argument: str = "coordinate") -> int:
+    """Return the number of a coordinate, given by its number or its name."""
+    known = [c.name for c in coordinates]
+    if isinstance(given, str):
+        if given not in known:
+            raise ValueError(f"{argument}={given!r}: the coordinates are {known}")
+        return known.index(given)
+    return whole_number(argument, given, at_most=len(known) - 1)
+
+
+def pair_of(argument: str, given: tuple[int | str, int | str], coordinates: Sequence[Coordinate]) -> tuple[int, int]:
+    """Return the numbers of the coordinates that run across and up."""
+    if not is_sequence(given) or len(given) != 2:
+        raise TypeError(f"{argument}={shown(given)}: give two coordinates, by numbers or names")
+    across, up = (column_of(one, coordinates, argument) for one in given)
+    return across, up
+
+
+def multiple_of_pi(x: float) -> str:
+    """Write a number as a fraction of pi, in TeX."""
+    ratio = Fraction(x / pi).limit_denominator(24)
+    n, d = ratio.numerator, ratio.denominator
+    if n == 0:
+        return "0"
+    assert gcd(n, d) == 1
+    sign, count = "-" if n < 0 else "", "" if abs(n) == 1 else str(abs(n))
+    return f"${sign}{count}\\pi{'' if d == 1 else f'/{d}'}$"
+
+
+def cut_at_seams(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return an unwrapped curve with its angles in their turns, cut where one of them crosses its seam.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (n, columns)
+        At least two points with unwrapped angles; the curve is straight between them.
+    coordinates : sequence of Coordinate
+        What the columns are.
+
+    Returns
+    -------
+    ndarray, shape (m, columns)
+        Points with wrapped angles.  At each crossing the curve runs up to the seam, a row of NaN lifts the pen, and it
+        goes on from the other side.
+    """
+    lower, turn = turns_of(coordinates)
+    angles = np.flatnonzero(turn)
+    rounds = (curve[:, angles] - lower[angles]) / turn[angles]
+    places = np.unique(np.concatenate([np.arange(len(curve), dtype=float), *map(_crossings, rounds.T)]))
+    before, after = np.floor(places).astype(int), np.ceil(places).astype(int)
+    points = curve[before] + (places - before)[:, None] * (curve[after] - curve[before])
+    whole = np.zeros((len(points) - 1, curve.shape[1]))
+    whole[:, angles] = np.floor((0.5 * (points[:-1] + points[1:]) - lower)[:, angles] / turn[angles])
+    arriving, leaving = np.vstack([whole[:1], whole]), np.vstack([whole, whole[-1:]])
+    rows = np.full((len(points), 3, curve.shape[1]), np.nan)
+    rows[:, 0], rows[:, 2] = points - arriving * turn, points - leaving * turn
+    kept = np.ones((len(points), 3), bool)
+    kept[(arriving == leaving).all(axis=1), 1:] = False
+    return rows[kept]
+
+
+def _crossings(rounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places on a curve, as fractional numbers of its points, at which a coordinate passes through whole numbers."""
+    first, last = rounds[:-1], rounds[1:]
+    lowest, highest = np.floor(np.minimum(first, last)) + 1, np.ceil(np.maximum(first, last)) - 1
+    count = np.where(np.isfinite(first + last), np.maximum(highest - lowest + 1, 0), 0).astype(int)
+    piece = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count) + lowest[piece]
+    return piece + (number - first[piece]) / (last - first)[piece]

@@ -1,0 +1,125 @@
+"""Pictures of basins, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from .._lib.signatures import checked
+from ..basins.record import Basins
+from ..orbits.attractor import Kind, distinct_names
+from ._axes import axes_or_new, label_axis, picture_axes
+from ._colours import label_colours
+
+
+@checked
+def basins(
+    basins: Basins,
+    *,
+    ax: Axes | None = None,
+    colours: Mapping[int, Any] | None = None,
+    shade: bool = False,
+    points: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw basins of attraction.
+
+    Parameters
+    ----------
+    basins : Basins
+        Basins on a grid with two axes of more than one cell; further axes of one cell make it a slice.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    colours : mapping of int to colour, optional
+        Colours of some labels, in the place of the default ones.
+    shade : bool, optional
+        Paint starts that settle late lighter.
+    points : bool, optional
+        Mark the attractors' points.
+    legend : bool, optional
+        Name each attractor and its share.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; angles are in multiples of pi.
+
+    Raises
+    ------
+    ValueError
+        For basins that are not on a grid with two axes.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    >>> plot.basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
+    'x'
+    """
+    columns, rows, extent = picture_axes(basins)
+    ax = axes_or_new(ax, (7.0, 5.5))
+    palette = label_colours(basins, colours)
+    image = _painted(basins, palette, shade)
+    ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
+    label_axis(ax.xaxis, basins.coordinates[columns], extent[1] - extent[0])
+    label_axis(ax.yaxis, basins.coordinates[rows], extent[3] - extent[2])
+    if points:
+        _mark_attractors(ax, basins, columns, rows)
+    if legend:
+        names = dict(enumerate(distinct_names(basins.attractors)))
+        ax.legend(
+            handles=[
+                Patch(
+                    facecolor=palette[k],
+                    edgecolor="0.3",
+                    label=f"{names.get(k) or basins.label_name(k)}: {_percent(f.share)}",
+                )
+                for k, f in basins.fractions.items()
+            ],
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.12),
+            ncols=2,
+            fontsize="small",
+            frameon=False,
+        )
+    ax.set_title(basins.name)
+    return ax
+
+
+def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
+    """Colours of all cells, rows from bottom to top."""
+    labels, times = np.squeeze(basins.labels).T, np.squeeze(basins.settling_time).T
+    image = np.empty((*labels.shape, 3))
+    for label, colour in palette.items():
+        image[labels == label] = colour
+    if shade and (times > 0).any():
+        lateness = np.log1p(np.maximum(times, 0)) / np.log1p(times.max())
+        image += (1.0 - image) * (0.7 * np.where(times >= 0, lateness, 0.0))[..., None]
+    return image
+
+
+def _mark_attractors(ax: Axes, basins: Basins, columns: int, rows: int) -> None:
+    """Draw the points of attractors that lie in the window; a chaotic attractor as a cloud."""
+    for attractor in basins.attractors:
+        places = attractor.points[:, [columns, rows]]
+        if attractor.kind is Kind.CHAOTIC:
+            ax.plot(*places.T, ",", color="black", alpha=0.5, scalex=False, scaley=False)
+            continue
+        for k, j in enumerate((columns, rows)):
+            turn = basins.coordinates[j].turn
+            if turn is not None:  # a point on the seam is seen at both ends
+                places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])
+        style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
+        ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2f} %" if share > 0.0005 or share == 0 else f"{100 * share:.2g} %"

@@ -1,0 +1,223 @@
+"""Pictures of branches of periodic orbits, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from .._lib.signatures import checked
+from ..bifurcations.branch import Bifurcation, BifurcationKind, Branch
+from ..maps.coordinates import Coordinate, difference
+from ..maps.swept import swept_map
+from ._axes import axes_or_new, column_of, cut_at_seams, label_axis
+from ._colours import colour_of, one_colour
+
+MARKERS = {
+    BifurcationKind.FOLD: "s",
+    BifurcationKind.PERIOD_DOUBLING: "o",
+    BifurcationKind.PITCHFORK: "D",
+    BifurcationKind.TRANSCRITICAL: "X",
+    BifurcationKind.NEIMARK_SACKER: "^",
+}
+"""One marker for each kind of bifurcation."""
+
+_STABLE, _UNSTABLE = "-", "--"
+_REACH = 0.06  # within which a branch begins beside the bifurcation that it leaves, scaled
+
+
+@checked
+def branches(
+    branches: Branch | Sequence[Branch],
+    *,
+    coordinate: int | str = 0,
+    ax: Axes | None = None,
+    every_point: bool = True,
+    colour: Any = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw branches of periodic orbits over their parameter, with their bifurcations.
+
+    Parameters
+    ----------
+    branches : Branch or sequence of Branch
+        One or several branches over one parameter, such as :func:`continue_orbit` and :func:`switch_branch` return
+        them, or the branches of a :class:`Cascade`.
+    coordinate : int or str, optional
+        Number or name of the coordinate that is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw; by default in a new figure.
+    every_point : bool, optional
+        Draw all points of each orbit, for which the map is iterated; or else only the first one, which a branch holds.
+    colour : colour, optional
+        Colour of all branches; by default each has its own.
+    legend : bool, optional
+        Name the lines and the kinds of bifurcations that occur.
+
+    Returns
+    -------
+    matplotlib Axes
+        Stable parts are solid, unstable ones dashed; they end at the bifurcations between them, and begin at the one
+        that they leave if that is on another of the branches.  An angle is drawn on its circle, and a curve that
+        crosses the seam is cut there.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is not a branch, branches over different parameters or of different coordinates, or a
+        coordinate that they do not have.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> from cellmap.bifurcations import period_doubling_cascade
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
+    >>> cascade = period_doubling_cascade(logistic, periodic_orbit(logistic, [0.5]), "r", 4.0, doublings=3)
+    >>> ax = plot.branches(cascade.branches)
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('r', 'x')
+    """
+    several = tuple(branches) if isinstance(branches, Sequence) else (branches,)
+    if not several or not all(isinstance(b, Branch) for b in several):
+        raise TypeError(f"branches={branches!r}: give a Branch, or several, as continue_orbit returns them")
+    name, coordinates = several[0].name, several[0].point_map.coordinates
+    for other in several:
+        if (other.name, other.point_map.coordinates) != (name, coordinates):
+            raise ValueError(f"branches={branches!r}: give branches over one parameter of one system")
+    column = column_of(coordinate, coordinates)
+    ax = axes_or_new(ax)
+    traces = [_Trace.of(branch, _birth(branch, several), column, every_point) for branch in several]
+    kinds: set[BifurcationKind] = set()
+    styles: set[str] = set()
+    for number, trace in enumerate(traces):
+        own = one_colour(colour, colour_of(number))
+        for style, stable in ((_STABLE, True), (_UNSTABLE, False)):
+            line = trace.pieces(stable)
+            if len(line):
+                ax.plot(*line.T, style, color=own, linewidth=1.2)
+                styles.add(style)
+        for kind in MARKERS:
+            marks = trace.marks(kind)
+            if len(marks):
+                ax.plot(*marks.T, MARKERS[kind], color=own, markeredgecolor="black", markersize=5.0, zorder=3)
+                kinds.add(kind)
+    label_axis(ax.yaxis, coordinates[column], max(trace.span for trace in traces))
+    ax.set_xlabel(name)
+    if legend:
+        words: dict[Any, str] = {_STABLE: "stable", _UNSTABLE: "unstable"}
+        handles = [Line2D([], [], color="0.3", linestyle=s, label=w) for s, w in words.items() if s in styles]
+        look: dict[str, Any] = {"linestyle": "none", "color": "0.7", "markeredgecolor": "black"}
+        handles += [Line2D([], [], marker=m, label=str(k), **look) for k, m in MARKERS.items() if k in kinds]
+        ax.legend(handles=handles, fontsize="small", frameon=False)
+    return ax
+
+
+@dataclass(frozen=True, eq=False)
+class _Trace:
+    """Curves of a branch over its parameter: one for each point of an orbit, through bifurcations.
+
+    ``curves`` has the shape (points of an orbit, n, 2), its angles unwrapped; ``stable`` (n - 1) tells of the pieces
+    between its points, and ``kinds`` (n) what happens at them, if anything does.
+    """
+
+    curves: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    kinds: list[BifurcationKind | None]
+    axes: tuple[Coordinate, Coordinate]
+
+    @classmethod
+    def of(cls, branch: Branch, birth: Bifurcation | None, column: int, every_point: bool) -> _Trace:
+        values: list[float] = [] if birth is None else [birth.value]
+        states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
+        counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
+        kinds: list[BifurcationKind | None] = [] if birth is None else [None]
+        for k, count in enumerate(branch.unstable.tolist()):
+            values.append(float(branch.values[k]))
+            states.append(branch.points[k])
+            kinds.append(None)
+            here = [b for b in branch.bifurcations if b.place == k]
+            # What is between two bifurcations, or beside one, is known from them; elsewhere both ends have to agree.
+            last = k + 1 == len(branch.values)
+            ahead = count if last else max(count, int(branch.unstable[k + 1]), key=abs)
+            counts += [here[0].before, *(b.after for b in here)] if here else [ahead]
+            for bifurcation in here:
+                values.append(bifurcation.value)
+                states.append(bifurcation.point)
+                kinds.append(bifurcation.kind)
+        axes = (Coordinate(branch.name), branch.point_map.coordinates[column])
+        heights = _orbits(branch, np.array(values), np.array(states), branch.period if every_point else 1)[..., column]
+        curves = np.stack([np.broadcast_to(values, heights.shape), _unwrapped(heights, axes[1])], axis=-1)
+        return cls(curves, np.array(counts[:-1]) == 0, kinds, axes)
+
+    @property
+    def span(self) -> float:
+        """How far the points are apart at most, along the axis on which they are drawn."""
+        turn = self.axes[1].turn
+        span = float(np.ptp(self.curves[..., 1]))
+        return span if turn is None else min(span, turn)
+
+    def pieces(self, stable: bool) -> NDArray[np.float64]:
+        """Return the stable or the unstable pieces (m, 2), with rows of NaN where the pen is lifted."""
+        chosen = np.flatnonzero(self.stable == stable)
+        runs = np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1) if len(chosen) else []
+        gap = np.full((1, 2), np.nan)
+        rows = [
+            part
+            for curve in self.curves
+            for run in runs
+            for part in (cut_at_seams(curve[run[0] : run[-1] + 2], self.axes), gap)
+        ]
+        return np.concatenate(rows[:-1]) if rows else np.empty((0, 2))
+
+    def marks(self, kind: BifurcationKind) -> NDArray[np.float64]:
+        """Return the places (m, 2) of bifurcations of one kind."""
+        here = [k for k, other in enumerate(self.kinds) if other is kind]
+        places = self.curves[:, here].reshape(-1, 2).copy()
+        axis = self.axes[1]
+        if axis.turn is not None and axis.lower is not None:
+            places[:, 1] = axis.lower + np.mod(places[:, 1] - axis.lower, axis.turn)
+        return places
+
+
+def _birth(branch: Branch, others: Sequence[Branch]) -> Bifurcation | None:
+    """Return the bifurcation that a branch leaves, if it is on one of the others."""
+    if branch.ends[0] != "bifurcation":
+        return None
+    nearest, distance = None, _REACH
+    for other in others:
+        for bifurcation in other.bifurcations:
+            rounds = 2 if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING else 1
+            shift = difference(branch.points[0], bifurcation.point, branch.point_map.coordinates)
+            apart = np.append(shift, branch.values[0] - bifurcation.value) / branch._problem.scale
+            away = float(np.linalg.norm(apart))
+            if other is not branch and rounds * other.period == branch.period and away < distance:
+                nearest, distance = bifurcation, away
+    return nearest
+
+
+def _orbits(
+    branch: Branch, values: NDArray[np.float64], states: NDArray[np.float64], points: int
+) -> NDArray[np.float64]:
+    """Return the first points of orbits (points, n, dimension), each orbit at its own value of the parameter."""
+    orbits = [states]
+    if points > 1:
+        swept = swept_map(branch.point_map, branch.name)
+        place = np.column_stack([states, values])
+        for _ in range(points - 1):
+            place = swept(place)
+            orbits.append(place[:, :-1])
+    return np.stack(orbits)
+
+
+def _unwrapped(heights: NDArray[np.float64], axis: Coordinate) -> NDArray[np.float64]:
+    """Return curves (m, n) without the jumps of an angle: each point follows the one before on the shorter way."""
+    steps = difference(heights[:, 1:, None], heights[:, :-1, None], (axis,))[..., 0]
+    return np.concatenate([heights[:, :1], heights[:, :1] + np.cumsum(steps, axis=1)], axis=1)

@@ -1,0 +1,203 @@
+"""Pictures of cell mappings: groups and steps, chances of absorption, invariant measures, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize, to_rgb
+from numpy.typing import NDArray
+
+from .._lib.checks import whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..sets.cell_chain import CellChain
+from ..sets.simple_cells import CellMapping
+from ._axes import axes_or_new, label_axis
+from ._colours import CODE_COLOURS, colour_of
+
+_PALEST = 0.75  # share of white in the colour of the cells that are the last to come to their group
+
+
+@checked
+def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = False) -> Axes:
+    """Draw the groups of a simple cell mapping.
+
+    Parameters
+    ----------
+    mapping : CellMapping
+        What :func:`simple_cell_mapping` returns, on a grid with two axes of more than one cell.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    steps : bool, optional
+        Draw the number of steps to a group, in steps of the map, in the place of the groups.
+
+    Returns
+    -------
+    matplotlib Axes
+        One colour for each group, paler for cells that take long, with periodic cells in black; cells that end outside
+        are grey.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is no mapping, or one without two axes of more than one cell.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap.sets import simple_cell_mapping
+    >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    >>> plot.cell_mapping(simple_cell_mapping(halves, CellGrid((-1, -1), (1, 1), (9, 9)))).get_xlabel()
+    'x'
+    """
+    if not isinstance(mapping, CellMapping):
+        raise TypeError(f"mapping={mapping!r}: give a CellMapping, as simple_cell_mapping returns it")
+    coordinates = mapping.point_map.coordinates
+    groups = mapping.groups.ravel()
+    periodic = mapping.periodic_cells
+    title = f"{mapping.point_map.name}, {len(mapping.group_periods)} groups"
+    if steps:
+        taken = np.where(groups >= 0, mapping.steps.ravel() * mapping.periods, np.nan)
+        return _picture(ax, mapping.grid, coordinates, taken, title, "steps to a group")
+    codes = [to_rgb(CODE_COLOURS[label]) for label in (-2, -1)]
+    palette = np.array([*(colour_of(k) for k in range(len(mapping.group_periods))), *codes])
+    late = mapping.steps.ravel() / max(int(mapping.steps.max()), 1) * (groups >= 0)
+    image = palette[groups]
+    image += (1.0 - image) * (_PALEST * late)[:, None]
+    image[periodic] = 0.0
+    return _picture(ax, mapping.grid, coordinates, image, title)
+
+
+@checked
+def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None = None) -> Axes:
+    """Draw with which probability cells end in a class, or in how many classes they may end.
+
+    Parameters
+    ----------
+    chain : CellChain
+        What :func:`generalized_cell_mapping` returns, on a grid with one axis or two of more than one cell.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    number : int, optional
+        Number of a closed class, -1 for the outside or -2 for divergence; by default the number of classes that are
+        possible is drawn, which is more than 1 along the boundaries of basins.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is no chain, or a class that it does not have.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap.sets import generalized_cell_mapping
+    >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
+    >>> plot.absorption(generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,))), number=1).get_ylabel()
+    'probability to end in class 1'
+    """
+    _check_chain(chain)
+    coordinates = chain.point_map.coordinates
+    if number is None:
+        values = chain.domiciles.astype(float)
+        return _picture(ax, chain.grid, coordinates, values, chain.point_map.name, "classes in which a cell may end")
+    number = whole_number("number", number, at_least=-2, at_most=len(chain.closed) - 1)
+    name = {-1: "to end outside", -2: "to diverge"}.get(number, f"to end in class {number}")
+    values = chain.absorption[..., number]
+    return _picture(
+        ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=Normalize(0.0, 1.0)
+    )
+
+
+@checked
+def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int = 0) -> Axes:
+    """Draw the invariant density of a closed class.
+
+    Parameters
+    ----------
+    chain : CellChain
+        What :func:`generalized_cell_mapping` returns, on a grid with one axis or two of more than one cell.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    number : int, optional
+        Number of the closed class.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; over two axes its scale is logarithmic, and cells outside the class are white.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is no chain, or a class that it does not have.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap.sets import generalized_cell_mapping
+    >>> logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    >>> plot.invariant_measure(generalized_cell_mapping(logistic, CellGrid((0,), (1.01,), (101,)))).get_ylabel()
+    'invariant density'
+    """
+    _check_chain(chain)
+    density = chain.density(number)
+    flat = sum(n > 1 for n in chain.grid.shape) == 2
+    name = chain.point_map.name
+    values = np.where(density > 0.0, density, np.nan) if flat else density
+    norm = LogNorm() if flat else None
+    return _picture(ax, chain.grid, chain.point_map.coordinates, values, name, "invariant density", norm=norm)
+
+
+def _check_chain(chain: CellChain) -> None:
+    if not isinstance(chain, CellChain):
+        raise TypeError(f"chain={chain!r}: give a CellChain, as generalized_cell_mapping returns it")
+
+
+def _picture(
+    ax: Axes | None,
+    grid: CellGrid,
+    coordinates: Sequence[Coordinate],
+    values: NDArray[np.float64],
+    title: str,
+    measure: str | None = None,
+    norm: Normalize | None = None,
+) -> Axes:
+    """Draw colours of cells, or with a `measure` their values: over two axes in colours, over one as a line."""
+    wide = [j for j, n in enumerate(grid.shape) if n > 1]
+    if len(wide) != 2 and (len(wide) != 1 or measure is None):
+        raise ValueError(f"{title} on {grid.shape}: a picture needs a grid with two axes of more than one cell")
+    ax = axes_or_new(ax, (7.0, 5.0))
+    ax.set_title(title)
+    label_axis(ax.xaxis, coordinates[wide[0]], grid.upper[wide[0]] - grid.lower[wide[0]])
+    if len(wide) == 1:
+        assert measure is not None
+        ax.plot(grid.axis(wide[0]), values.ravel())
+        ax.set_ylabel(measure)
+        return ax
+    label_axis(ax.yaxis, coordinates[wide[1]], grid.upper[wide[1]] - grid.lower[wide[1]])
+    shape = [grid.shape[j] for j in wide]
+    image = values.reshape(*shape, -1).swapaxes(0, 1)
+    extent = (grid.lower[wide[0]], grid.upper[wide[0]], grid.lower[wide[1]], grid.upper[wide[1]])
+    style = {"origin": "lower", "extent": extent, "aspect": "auto", "interpolation": "nearest"}
+    drawn = ax.imshow(image if measure is None else image[..., 0], norm=norm, cmap="magma", **style)  # type: ignore[arg-type]
+    if measure is not None:
+        assert ax.figure is not None
+        ax.figure.colorbar(drawn, ax=ax, label=measure)
+    return ax

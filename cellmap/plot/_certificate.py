@@ -1,0 +1,80 @@
+"""Pictures of the evidence for labels, with matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from .._lib.signatures import checked
+from ..basins.certification.certificate import Certificate, Evidence
+from ._axes import axes_or_new, label_axis, picture_axes
+
+_COLOURS = {
+    Evidence.CELL: (0.90, 0.93, 0.97),
+    Evidence.ORBIT: (0.62, 0.75, 0.88),
+    Evidence.EXACT: (0.98, 0.75, 0.35),
+    Evidence.OPEN: (0.75, 0.15, 0.15),
+}
+_NAMES = {
+    Evidence.CELL: "by the cell of the table",
+    Evidence.ORBIT: "by the orbit and its error",
+    Evidence.EXACT: "redone exactly",
+    Evidence.OPEN: "redone, open",
+}
+
+
+@checked
+def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
+    """Draw why each label of a picture stands.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Of basins on a grid with two axes of more than one cell.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Raises
+    ------
+    ValueError
+        For basins that are not on a grid with two axes.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map
+    >>> exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    >>> grid = CellGrid((-1, -1), (1, 1), (8, 8))
+    >>> plot.certificate(certify(find_basins(interpolated_map(exact, grid), grid))).get_xlabel()
+    'x'
+    """
+    basins = certificate.basins
+    columns, rows, extent = picture_axes(basins)
+    ax = axes_or_new(ax, (7.0, 5.5))
+    palette = np.array([_COLOURS[evidence] for evidence in Evidence])
+    image = palette[np.squeeze(certificate.evidence).T]
+    ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
+    label_axis(ax.xaxis, basins.coordinates[columns], extent[1] - extent[0])
+    label_axis(ax.yaxis, basins.coordinates[rows], extent[3] - extent[2])
+    shares = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence)) / certificate.evidence.size
+    ax.legend(
+        handles=[
+            Patch(facecolor=_COLOURS[e], edgecolor="0.3", label=f"{_NAMES[e]}: {100 * shares[e]:.3g} %")
+            for e in Evidence
+        ],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.12),
+        ncols=2,
+        fontsize="small",
+        frameon=False,
+    )
+    ax.set_title(f"{basins.name}: why labels stand")
+    return ax

@@ -1,0 +1,63 @@
+"""Colours of attractors, labels and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import is_color_like, to_rgb
+
+from .._lib.checks import shown
+from ..attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
+from ..basins.record import Basins
+
+Colour = tuple[float, float, float]
+
+COLOURS = (
+    *("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442"),
+    *("#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF"),
+    *("#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485"),
+)
+"""The seven colours of Okabe and Ito (2008), then others that lie each as far as possible from those before it and from
+white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
+after Machado, Oliveira, Fernandes 2009)."""
+
+CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.24"}
+"""Colours of the labels that are not attractors: left the window, diverged, undecided, did not return."""
+
+
+def colour_of(number: int) -> Colour:
+    """Return the colour of an attractor or a start: one of COLOURS, paler in each further round through them."""
+    rounds, place = divmod(number, len(COLOURS))
+    colour = 1.0 - (1.0 - np.array(to_rgb(COLOURS[place]))) * 0.55**rounds
+    return to_rgb(tuple(colour))
+
+
+def chosen_colours(colours: Mapping[Any, Any] | None) -> Mapping[Any, Any]:
+    """Check colours that are given for some of what is drawn."""
+    chosen = {} if colours is None else colours
+    if not isinstance(chosen, Mapping):
+        raise TypeError(f"colours={shown(colours)}: give a mapping to colours of matplotlib")
+    if not all(map(is_color_like, chosen.values())):
+        raise ValueError(f"colours={shown(colours)}: give colours of matplotlib")
+    return chosen
+
+
+def one_colour(colour: Any, default: Any) -> Any:
+    """Check the argument of that name."""
+    if colour is None:
+        return default
+    if not is_color_like(colour):
+        raise TypeError(f"colour={shown(colour)}: give a colour of matplotlib, such as 'black' or '#0072B2'")
+    return colour
+
+
+def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
+    """Return the colour of each label that occurs."""
+    chosen = chosen_colours(colours)
+    palette = {}
+    for label in basins.fractions:
+        default = to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
+        palette[label] = to_rgb(chosen.get(label, default))
+    return palette

@@ -1,0 +1,107 @@
+"""Pictures of bifurcation diagrams, with matplotlib."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from .._lib.signatures import checked
+from ..bifurcations.diagram import BifurcationDiagram
+from ._axes import column_of, label_axis
+from ._colours import colour_of
+
+
+@checked
+def bifurcation_diagram(
+    diagram: BifurcationDiagram, *, coordinate: int | str = 0, ax: Axes | None = None, size: float = 0.6
+) -> tuple[Axes, ...]:
+    """Draw a bifurcation diagram: points above, the largest Lyapunov exponent below.
+
+    Parameters
+    ----------
+    diagram : BifurcationDiagram
+        What :func:`bifurcation_diagram` returns.
+    coordinate : int or str, optional
+        Number or name of the coordinate that is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw the points, without exponents; by default a new figure with both.
+    size : float, optional
+        Size of a point, in typographic points.
+
+    Returns
+    -------
+    tuple of matplotlib Axes
+        The points' axes and, in a figure of its own, those of the exponents: per step of the map, in a band of one
+        standard error.  Each branch has its colour; points of later ones lie under those of earlier ones.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is not a diagram, or a coordinate that it does not have.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import bifurcation_diagram, discrete_map
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
+    >>> upper, lower = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.5], [0.3]))
+    >>> upper.get_ylabel(), lower.get_xlabel()
+    ('x', 'r')
+    """
+    column = column_of(coordinate, diagram.coordinates)
+    drawn: tuple[Axes, ...]
+    if ax is None:
+        _, panels = plt.subplots(2, sharex=True, figsize=(7.0, 6.0), height_ratios=(2.5, 1.0), layout="constrained")
+        drawn = (panels[0], panels[1])
+        _draw_exponents(panels[1], diagram)
+    else:
+        drawn = (ax,)
+    _draw_points(drawn[0], diagram, column, size)
+    drawn[-1].set_xlabel(diagram.name)
+    drawn[0].set_title(diagram.system)
+    return drawn
+
+
+def _draw_points(ax: Axes, diagram: BifurcationDiagram, column: int, size: float) -> None:
+    places = diagram.points[..., column]
+    across = np.broadcast_to(diagram.values[:, None], places.shape[1:])
+    style = {"linestyle": "none", "marker": ".", "markersize": size, "markeredgewidth": 0.0, "rasterized": True}
+    for branch in reversed(range(len(places))):
+        ax.plot(across.ravel(), places[branch].ravel(), color=colour_of(branch), **style)  # type: ignore[arg-type]
+    label_axis(
+        ax.yaxis,
+        diagram.coordinates[column],
+        float(np.ptp(places[np.isfinite(places)])) if np.isfinite(places).any() else 0.0,
+    )
+    names = _branch_names(diagram)
+    if len(names) > 1:
+        marks = [Line2D([], [], marker="o", linestyle="none", color=colour_of(b)) for b in range(len(names))]
+        ax.legend(marks, names, fontsize="small", frameon=False)
+
+
+def _draw_exponents(ax: Axes, diagram: BifurcationDiagram) -> None:
+    ax.axhline(0.0, color="0.6", linewidth=0.8)
+    largest = np.where(np.isfinite(diagram.exponents[..., 0]), diagram.exponents[..., 0], np.nan)
+    error = diagram.standard_errors[..., 0]
+    for branch in reversed(range(len(largest))):
+        colour = colour_of(branch)
+        ax.plot(diagram.values, largest[branch], color=colour, linewidth=0.8)
+        band = largest[branch] - error[branch], largest[branch] + error[branch]
+        ax.fill_between(diagram.values, *band, color=colour, alpha=0.3, linewidth=0.0)
+    ax.set_ylabel("largest exponent")
+
+
+def _branch_names(diagram: BifurcationDiagram) -> list[str]:
+    """Name branches by their directions, and by their starts where there are several."""
+    rounds = len(diagram.directions) // len(set(diagram.directions))
+    names = []
+    for branch, way in enumerate(diagram.directions):
+        words = [] if way == "none" else [way]
+        if rounds > 1 or not words:
+            words.append(f"from ({', '.join(f'{v:.4g}' for v in diagram.starts[branch])})")
+        names.append(" ".join(words))
+    return names

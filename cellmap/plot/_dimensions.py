@@ -1,0 +1,73 @@
+"""Pictures of dimensions that are not the slope of one line, with matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from .._lib.signatures import checked
+from ..analysis.fractal.generalized import GeneralizedDimensions
+from ..analysis.fractal.kaplan_yorke import KaplanYorke
+from ._axes import axes_or_new
+from ._colours import COLOURS
+
+
+@checked
+def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = None) -> Axes:
+    """Draw D_q against q; :func:`fit` draws the line of one order, ``result[q]``.
+
+    Parameters
+    ----------
+    result : GeneralizedDimensions
+        What :func:`generalized_dimensions` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; bars are one standard error.
+
+    Raises
+    ------
+    TypeError
+        For something else.
+    """
+    ax = axes_or_new(ax, (6.0, 4.0))
+    ax.errorbar(
+        result.orders, result.dimensions, result.standard_errors, color=COLOURS[0], marker="o", markersize=4, capsize=2
+    )
+    ax.set(xlabel="order q", ylabel="$D_q$")
+    return ax
+
+
+@checked
+def kaplan_yorke(result: KaplanYorke, *, ax: Axes | None = None) -> Axes:
+    """Draw the sums of the largest exponents against their number; the dimension is where the line passes zero.
+
+    Parameters
+    ----------
+    result : KaplanYorke
+        What :func:`kaplan_yorke_dimension` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture; bars are one standard error of a sum.
+
+    Raises
+    ------
+    TypeError
+        For something else.
+    """
+    ax = axes_or_new(ax, (6.0, 4.0))
+    sums = np.concatenate([[0.0], np.cumsum(result.exponents)])
+    bars = np.concatenate([[0.0], np.sqrt(np.cumsum(result.errors**2))])
+    ax.axhline(0.0, color="0.6", linewidth=0.8)
+    ax.errorbar(np.arange(len(sums)), sums, np.nan_to_num(bars), color=COLOURS[0], marker="o", markersize=4, capsize=2)
+    ax.axvline(result.dimension, color=COLOURS[1], linestyle="--", label=f"dimension {result.dimension:.5g}")
+    ax.set(xlabel="number of exponents", ylabel="sum of the largest")
+    ax.legend(frameon=False)
+    return ax

@@ -1,0 +1,220 @@
+"""Pictures of motions: time series and phase portraits, angles on their circles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from .._lib.checks import is_sequence, listed, shown, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, wrap
+from ..maps.trajectories import Trajectory
+from ._axes import cut_at_seams, label_axis
+from ._colours import colour_of
+
+_TIME = Coordinate("t")
+
+
+@checked
+def time_series(
+    trajectory: Trajectory,
+    *,
+    names: str | Sequence[str] | None = None,
+    axes: Sequence[Axes] | None = None,
+    labels: Sequence[str] | None = None,
+    strobe: bool = True,
+) -> tuple[Axes, ...]:
+    """Draw state variables, or outputs, against time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        One start or many; each has its colour.
+    names : str or sequence of str, optional
+        Coordinates and outputs of the system, a panel for each component; by default all coordinates.
+    axes : sequence of matplotlib Axes, optional
+        Where to draw, one for each panel; by default a new figure.
+    labels : sequence of str, optional
+        Names of the starts, for a legend.
+    strobe : bool, optional
+        Mark the points of the stroboscopic map.
+
+    Returns
+    -------
+    tuple of matplotlib Axes
+        The panels.  Angles are in their turn, with a gap where they cross the seam.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For names that the system does not have, or a wrong number of axes or labels.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from math import pi
+    >>> from cellmap import ForcedSystem, trajectory
+    >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
+    >>> [panel.get_ylabel() for panel in plot.time_series(trajectory(oscillator, [1.0, 0.0], periods=3))]
+    ['q', 'v']
+    """
+    _check(trajectory, labels)
+    series = _series(trajectory, names)
+    if axes is None:
+        _, grid = plt.subplots(
+            len(series), figsize=(7.0, 1.0 + 1.7 * len(series)), sharex=True, squeeze=False, layout="constrained"
+        )
+        panels = tuple(grid[:, 0])
+        panels[0].set_title(trajectory.system.name)
+    else:
+        panels = tuple(axes)
+        if len(panels) != len(series):
+            raise ValueError(f"axes has {len(panels)} panels: give {len(series)}, one for each component")
+    for panel, (coordinate, values) in zip(panels, series, strict=True):
+        times = np.broadcast_to(trajectory.times[:, None], values.shape)
+        _draw(panel, trajectory, (_TIME, coordinate), (times, values), labels, strobe)
+        low, high = panel.get_ylim()
+        label_axis(panel.yaxis, coordinate, high - low)
+        panel.set_xlim(trajectory.times[0], trajectory.times[-1])
+    panels[-1].set_xlabel("t")
+    if labels is not None:
+        panels[0].legend(fontsize="small")
+    return panels
+
+
+@checked
+def phase_portrait(
+    trajectory: Trajectory,
+    *,
+    x: int | str = 0,
+    y: int | str = 1,
+    ax: Axes | None = None,
+    labels: Sequence[str] | None = None,
+    strobe: bool = True,
+) -> Axes:
+    """Draw one state variable against another.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        One start or many; each has its colour.
+    x, y : int or str, optional
+        Numbers or names of the coordinates to the right and upwards.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+    labels : sequence of str, optional
+        Names of the starts, for a legend.
+    strobe : bool, optional
+        Mark the points of the stroboscopic map.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.  An angle fills its axis once; a curve that crosses the seam goes on at the other side.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For coordinates that the system does not have, or a wrong number of labels.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from math import pi
+    >>> from cellmap import ForcedSystem, trajectory
+    >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
+    >>> plot.phase_portrait(trajectory(oscillator, [1.0, 0.0], periods=1), y="v").get_ylabel()
+    'v'
+    """
+    _check(trajectory, labels)
+    columns = [_column(trajectory, name, given) for name, given in (("x", x), ("y", y))]
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.0, 5.0), layout="constrained")
+        ax.set_title(trajectory.system.name)
+    pair = tuple(trajectory.system.axes[j] for j in columns)
+    states = _flat(trajectory.states)
+    _draw(ax, trajectory, pair, tuple(states[..., j] for j in columns), labels, strobe)
+    label_axis(ax.xaxis, pair[0], pair[0].turn or 0.0)
+    label_axis(ax.yaxis, pair[1], pair[1].turn or 0.0)
+    if pair[0].lower is not None and pair[0].turn is not None:
+        ax.set_xlim(pair[0].lower, pair[0].lower + pair[0].turn)
+    if pair[1].lower is not None and pair[1].turn is not None:
+        ax.set_ylim(pair[1].lower, pair[1].lower + pair[1].turn)
+    if labels is not None:
+        ax.legend(fontsize="small")
+    return ax
+
+
+def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
+    if labels is None:
+        return
+    own = is_sequence(labels) and all(isinstance(label, str) for label in labels)
+    if not own or len(labels) != trajectory.status.size:
+        raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each start")
+
+
+def _flat(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put all starts on one axis, shape (n, starts, components)."""
+    return values.reshape(len(values), -1, values.shape[-1])
+
+
+def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[tuple[Coordinate, NDArray[np.float64]]]:
+    """Look up components by name: what each is, and its values, shape (n, starts)."""
+    system = trajectory.system
+    known = [c.name for c in system.axes]
+    wanted = known if names is None else (names,) if isinstance(names, str) else listed("names", names)
+    if not wanted or not all(isinstance(name, str) for name in wanted):
+        raise ValueError(f"names={shown(names)}: name at least one coordinate or output")
+    series = []
+    for name in wanted:
+        if name in known:
+            j = known.index(name)
+            series.append((system.axes[j], _flat(trajectory.states)[..., j]))
+        elif name in system.outputs:
+            values = _flat(trajectory.output(name))
+            for i in range(values.shape[-1]):
+                title = name if values.shape[-1] == 1 else f"{name}[{i}]"
+                series.append((Coordinate(title), values[..., i]))
+        else:
+            raise ValueError(
+                f"names has {name!r}: the coordinates of {system.name} are {known} and its outputs "
+                f"{sorted(system.outputs) or 'none'}"
+            )
+    return series
+
+
+def _column(trajectory: Trajectory, name: str, given: int | str) -> int:
+    known = [c.name for c in trajectory.system.axes]
+    if isinstance(given, str):
+        if given not in known:
+            raise ValueError(f"{name}={given!r}: the coordinates of {trajectory.system.name} are {known}")
+        return known.index(given)
+    return whole_number(name, given, at_most=len(known) - 1)
+
+
+def _draw(
+    ax: Axes,
+    trajectory: Trajectory,
+    pair: Sequence[Coordinate],
+    values: Sequence[NDArray[np.float64]],
+    labels: Sequence[str] | None,
+    strobe: bool,
+) -> None:
+    """Draw the curves of all starts, each with its stroboscopic points on top."""
+    points: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4, "markeredgecolor": "black"}
+    for k in range(values[0].shape[1]):
+        curve = np.stack([v[:, k] for v in values], axis=-1)
+        colour = colour_of(k)
+        ax.plot(*cut_at_seams(curve, pair).T, color=colour, linewidth=1.0, label=labels[k] if labels else None)
+        if strobe:
+            marks = wrap(curve[:: trajectory.samples], pair)
+            ax.plot(*marks.T, color=colour, markeredgewidth=0.5, zorder=3, clip_on=False, **points)

@@ -1,0 +1,65 @@
+"""Pictures of what accuracy costs, with matplotlib."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+
+from .._lib.signatures import checked
+from ..basins.planning.options import Option
+from ..basins.planning.plans import Plan
+from ._axes import axes_or_new
+
+
+@checked
+def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw error against seconds for all that a plan has considered, and mark what it has chosen.
+
+    Parameters
+    ----------
+    plan : Plan
+        From :func:`plan`.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture: one line for each method and for each order of the tables, from fast and rough to slow and
+        accurate, hollow where memory does not suffice, with the wanted accuracy and the chosen way.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, plan
+    >>> exact = discrete_map(lambda x, p: (x[0] / 2 + x[0] ** 3 / 9,), {}, ("x",))
+    >>> plot.plan(plan(exact, CellGrid((-1,), (1,), (50,)), accuracy=1e-3)).get_xscale()
+    'log'
+    """
+    ax = axes_or_new(ax, (7.0, 5.0))
+    families: dict[str, list[Option]] = {}
+    for option in plan.options:
+        families.setdefault(option.family, []).append(option)
+    for number, (family, members) in enumerate(families.items()):
+        marker = "s" if members[0].kind == "direct" else "o"
+        colour = f"C{number}"
+        possible = [o for o in members if not o.obstacle]
+        closed = [o for o in members if o.obstacle]
+        name = family if members[0].kind == "direct" else f"table of {family}"
+        ax.plot(*_points(possible), marker + "-", color=colour, markersize=4, linewidth=1.0, label=name)
+        ax.plot(*_points(closed), marker, color=colour, markersize=4, markerfacecolor="none")
+    chosen = plan.chosen
+    ax.plot(*_points([chosen]), "*", color="black", markersize=14, zorder=3, label=f"chosen: {chosen}")
+    ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"wanted: {plan.accuracy:.1e}")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlabel("predicted time (s)")
+    ax.set_ylabel("predicted error of a period (99th percentile)")
+    ax.legend(fontsize="small")
+    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.starts:,} starts")
+    return ax
+
+
+def _points(options: list[Option]) -> tuple[list[float], list[float]]:
+    return [o.seconds for o in options], [max(o.error, 1e-18) for o in options]

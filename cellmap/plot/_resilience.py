@@ -1,0 +1,267 @@
+"""Pictures of what a basin withstands, with matplotlib."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from .._lib.signatures import checked
+from ..analysis.resilience.integrity import Ball
+from ..analysis.resilience.settling_times import SettlingStatistics
+from ..analysis.resilience.shocks import FatalShock
+from ..analysis.resilience.stability import BasinStability
+from ..analysis.resilience.tipping import TippingProbabilities
+from ..basins.record import Basins
+from ..maps.coordinates import Coordinate
+from ._axes import axes_or_new, cut_at_seams, label_axis
+from ._basins import basins as draw_basins
+from ._colours import CODE_COLOURS, colour_of
+
+
+@checked
+def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axes:
+    """Draw the shares of the basins with their intervals.
+
+    Parameters
+    ----------
+    stability : BasinStability
+        What :func:`basin_stability` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        A bar for each attractor and each other label that occurred.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap.analysis.resilience import basin_stability
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
+    >>> len(plot.basin_stability(basin_stability(basins, n=100)).patches)
+    2
+    """
+    ax = axes_or_new(ax, (6.0, 4.5))
+    places = np.arange(len(stability.shares))
+    shares = np.array([s.share for s in stability.shares.values()])
+    ends = np.array([[s.low, s.high] for s in stability.shares.values()])
+    bars = np.stack([shares - ends[:, 0], ends[:, 1] - shares]).clip(min=0.0)
+    ax.bar(places, shares, color=[_colour(k) for k in stability.shares], yerr=bars, capsize=4.0, ecolor="0.2")
+    ax.set_xticks(places, [stability.names[k] for k in stability.shares], rotation=20, ha="right")
+    ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
+    ax.set_ylabel("share of states")
+    return ax
+
+
+@checked
+def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) -> Axes:
+    """Draw for each basin the share of its starts that have not settled yet, against the step.
+
+    Parameters
+    ----------
+    statistics : SettlingStatistics
+        What :func:`settling_statistics` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        A curve for each basin, on a logarithmic axis; starts that never settled are in none.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap.analysis.resilience import settling_statistics
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
+    >>> plot.settling_times(settling_statistics(basins)).get_yscale()
+    'log'
+    """
+    ax = axes_or_new(ax, (6.0, 4.5))
+    for k, basin in statistics.basins.items():
+        if basin.count:
+            left = (basin.count - np.cumsum(basin.times)) / basin.count
+            label = f"{basin.name}: mean {basin.mean:.3g} ± {basin.standard_error:.1g}"
+            ax.step(np.arange(len(left)), np.where(left > 0, left, np.nan), where="post", color=_colour(k), label=label)
+    ax.set_yscale("log")
+    ax.set_xlabel("step")
+    ax.set_ylabel("share not settled")
+    if any(basin.count for basin in statistics.basins.values()):
+        ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+@checked
+def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) -> Axes:
+    """Draw a minimal fatal shock over its basins: the arrow, and the ball that it is the radius of.
+
+    Parameters
+    ----------
+    shock : FatalShock
+        What :func:`minimal_fatal_shock` returns.
+    basins : Basins
+        Basins on a grid of one axis or two.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap.analysis.resilience import minimal_fatal_shock
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
+    >>> plot.fatal_shock(minimal_fatal_shock(basins, 0, trials=64), basins=basins).get_ylabel()
+    'y'
+    """
+    ax = _on_basins(basins, ax)
+    _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
+    _draw_curve(ax, np.stack([shock.point, shock.point + shock.shock]), basins, "-", 1.8)
+    ax.plot(
+        *_in_plane(shock.end[None])[0],
+        "X",
+        color="black",
+        markeredgecolor="white",
+        markersize=8,
+        scalex=False,
+        scaley=False,
+    )
+    ax.set_title(f"{basins.name}: fatal shock of size {shock.size:.4g}")
+    return ax
+
+
+@checked
+def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
+    """Draw a ball inside a basin over the basins.
+
+    Parameters
+    ----------
+    ball : Ball
+        What :func:`local_integrity` or :func:`largest_ball` returns.
+    basins : Basins
+        Basins on a grid of one axis or two.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The picture.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap.analysis.resilience import largest_ball
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
+    >>> plot.ball(largest_ball(basins, 0), basins=basins).get_xlabel()
+    'x'
+    """
+    ax = _on_basins(basins, ax)
+    _draw_ball(ax, ball.centre, ball.radius, ball.scale, basins)
+    ax.plot(*_in_plane(ball.centre[None])[0], "+", color="black", markersize=9, scalex=False, scaley=False)
+    ax.set_title(f"{basins.name}: ball of radius {ball.radius:.4g}")
+    return ax
+
+
+@checked
+def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
+    """Draw tipping probabilities as a table.
+
+    Parameters
+    ----------
+    tipping : TippingProbabilities
+        What :func:`tipping_probabilities` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        Rows are the labels before the change, columns those after it; states in a frame stay with their attractor.
+
+    Examples
+    --------
+    >>> from cellmap import plot
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")
+    >>> from cellmap.analysis.resilience import tipping_probabilities
+    >>> plot.tipping(tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])).get_xlabel()
+    'after'
+    """
+    ax = axes_or_new(ax, (6.0, 4.5))
+    ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
+    for (row, column), share in np.ndenumerate(tipping.probabilities):
+        if np.isfinite(share):
+            low, high = tipping.low[row, column], tipping.high[row, column]
+            text = f"{share:.3g}\n[{low:.2g}, {high:.2g}]"
+            ax.text(column, row, text, ha="center", va="center", color="white" if share > 0.6 else "black", fontsize=8)
+    for row, label in enumerate(tipping.continuation):
+        if label is not None:
+            corner = (tipping.after.index(label) - 0.48, row - 0.48)
+            ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, edgecolor="black", linewidth=1.5))
+    ax.set_xticks(range(len(tipping.after)), tipping.names[1], rotation=20, ha="right")
+    ax.set_yticks(range(len(tipping.before)), tipping.names[0])
+    ax.set_xlabel("after")
+    ax.set_ylabel("before")
+    return ax
+
+
+def _colour(label: int) -> object:
+    return CODE_COLOURS[label] if label < 0 else colour_of(label)
+
+
+def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
+    """Draw basins in a plane, or those of one coordinate as a strip."""
+    if not isinstance(basins, Basins) or basins.grid is None or len(basins.coordinates) > 2:
+        raise ValueError(f"basins={basins!r}: a picture needs basins on a grid of one axis or two axes")
+    if len(basins.coordinates) == 2:
+        return draw_basins(basins, ax=ax)
+    ax = axes_or_new(ax, (7.0, 2.5))
+    edges = basins.grid.edges(0)
+    ends = np.flatnonzero(np.diff(basins.labels)) + 1
+    for first, last in zip([0, *ends], [*ends, len(basins.labels)], strict=True):
+        ax.axvspan(edges[first], edges[last], color=_colour(int(basins.labels[first])), linewidth=0.0)
+    ax.set(xlim=(edges[0], edges[-1]), ylim=(-1.0, 1.0), yticks=[])
+    label_axis(ax.xaxis, basins.coordinates[0], edges[-1] - edges[0])
+    return ax
+
+
+def _draw_ball(
+    ax: Axes, centre: NDArray[np.float64], radius: float, scale: NDArray[np.float64], basins: Basins
+) -> None:
+    way = np.linspace(0.0, 2 * np.pi, 361)
+    circle = np.stack([np.cos(way), 0.5 * np.sin(way) if len(centre) == 1 else np.sin(way)], axis=1)
+    units = np.append(radius * scale, 1.0)[:2]
+    _draw_curve(ax, _in_plane(centre[None]) + units * circle, basins, "--", 1.2)
+
+
+def _draw_curve(ax: Axes, curve: NDArray[np.float64], basins: Basins, style: str, width: float) -> None:
+    pieces = cut_at_seams(_in_plane(curve), [*basins.coordinates, Coordinate("height")][:2])
+    ax.plot(*pieces.T, style, color="black", linewidth=width, scalex=False, scaley=False)
+
+
+def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, 2): those of one coordinate in the middle of their strip."""
+    return points if points.shape[1] == 2 else np.column_stack([points, np.zeros(len(points))])

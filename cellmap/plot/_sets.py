@@ -1,0 +1,229 @@
+"""Sets of boxes, Morse graphs and transfer operators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import finite_number, listed, real_array, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, as_coordinates
+from ..maps.grid import CellGrid
+from ..sets.box_set import BoxSet
+from ..sets.morse_graphs import MorseGraph
+from ..sets.transfer_operators import TransferOperator
+from ._axes import axes_or_new, label_axis, pair_of
+from ._colours import colour_of
+
+
+@checked
+def boxes(
+    boxes: BoxSet,
+    *,
+    values: ArrayLike | None = None,
+    coordinates: Sequence[str | Coordinate] = (),
+    components: tuple[int | str, int | str] = (0, 1),
+    ax: Axes | None = None,
+    **style: Any,
+) -> Axes:
+    """Draw boxes, in one colour or by a value for each.
+
+    Parameters
+    ----------
+    boxes : BoxSet
+        Boxes; of more than two dimensions their projections are drawn, in one dimension bars of the height of the
+        values.
+    values : array_like, shape (n,), optional
+        A number for each box, such as a density or a component of an eigenvector, shown as colour.
+    coordinates : sequence of str or Coordinate, optional
+        Names of the axes, such as ``point_map.coordinates``.
+    components : tuple, optional
+        Coordinates across and upwards, by number or name.
+    ax : matplotlib Axes, optional
+        Where to draw.
+    **style
+        For the collection of polygons, such as ``facecolor`` or ``cmap``.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        For another number of values than boxes.
+    """
+    ax = axes_or_new(ax)
+    names = listed("coordinates", coordinates)
+    axes = as_coordinates(names or [f"x{j + 1}" for j in range(boxes.grid.dimension)])
+    if len(axes) != boxes.grid.dimension:
+        raise ValueError(f"coordinates={names!r}: give one for each of {boxes.grid.dimension} axes")
+    shown = None if values is None else real_array("values", values)
+    if shown is not None and shown.shape != (len(boxes),):
+        raise ValueError(f"values has the shape {shown.shape}: give one for each of the {len(boxes)} boxes")
+    if boxes.grid.dimension == 1:
+        heights = np.ones(len(boxes)) if shown is None else shown
+        ax.bar(boxes.lower_corners()[:, 0], heights, boxes.grid.widths[0], align="edge", **style)
+        _frame(ax, boxes.grid, axes, [0])
+        return ax
+    pair = list(pair_of("components", components, axes))
+    squares = PolyCollection(list(_rectangles(boxes, pair)), **{"linewidth": 0.0, **style})
+    if shown is not None:
+        squares.set_array(shown)
+    ax.add_collection(squares)
+    _frame(ax, boxes.grid, axes, pair)
+    return ax
+
+
+@checked
+def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None) -> Axes:
+    """Draw Morse sets, each in its colour, with an arrow from each to those that orbits lead to next.
+
+    Parameters
+    ----------
+    graph : MorseGraph
+        Morse sets and their order.
+    components : tuple, optional
+        Coordinates across and upwards, by number or name.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes; sets that attract are named as such in the legend.
+    """
+    ax = axes_or_new(ax)
+    if not graph.sets:
+        raise ValueError(f"graph={graph!r} has no sets: nothing recurs in its window")
+    plane = graph.sets[0].grid.dimension > 1
+    for k, members in enumerate(graph.sets):
+        label = f"{k}, attracting" if k in graph.sinks else str(k)
+        colour = colour_of(k)
+        boxes(
+            members,
+            coordinates=graph.coordinates,
+            components=components,
+            ax=ax,
+            label=label,
+            **({"facecolor": colour, "edgecolor": colour, "linewidth": 1.0} if plane else {"color": colour}),
+        )
+    if plane:
+        pair = list(pair_of("components", components, graph.coordinates))
+        middles = [_middle(boxes)[pair] for boxes in graph.sets]
+        for i, j in graph.edges:
+            ax.annotate("", middles[j], middles[i], arrowprops={"arrowstyle": "->", "color": "0.4"})
+    ax.legend(title="Morse set", loc="upper right")
+    return ax
+
+
+@checked
+def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None = None) -> Axes:
+    """Draw the largest eigenvalues of a transfer operator, with the unit circle.
+
+    Parameters
+    ----------
+    operator : TransferOperator
+        The operator.
+    number : int, optional
+        Eigenvalues.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.
+    """
+    ax = axes_or_new(ax)
+    values = operator.eigenvalues(min(number, len(operator.boxes)))
+    turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 400))
+    ax.plot(turn.real, turn.imag, color="0.7", linewidth=0.8)
+    ax.plot(values.real, values.imag, "o", color=colour_of(0))
+    ax.set(aspect="equal", xlabel="real part of the eigenvalue", ylabel="imaginary part")
+    return ax
+
+
+@checked
+def eigenvector(
+    operator: TransferOperator,
+    *,
+    which: int = 0,
+    saturation: float = 0.98,
+    components: tuple[int | str, int | str] = (0, 1),
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw an eigenvector of a transfer operator over its boxes, or the invariant density.
+
+    Parameters
+    ----------
+    operator : TransferOperator
+        The operator.
+    which : int, optional
+        0 for the density of the invariant measure; else the real part of the eigenvector of that number, the largest
+        eigenvalue being number 0.
+    saturation : float, optional
+        Quantile of the modulus at which the colours end, above 0.
+    components : tuple, optional
+        Coordinates across and upwards, by number or name.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, with a bar of colours.
+    """
+    ax = axes_or_new(ax)
+    quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
+    which = whole_number("which", which, at_most=len(operator.boxes) - 1)
+    if which == 0 and len(operator.invariant_measures) != 1:
+        raise ValueError(
+            f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that "
+            "hold one attractor"
+        )
+    values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
+    top = float(np.quantile(np.abs(values), quantile)) or 1.0
+    style = {"cmap": "viridis", "clim": (0.0, top)} if which == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
+    plane = operator.boxes.grid.dimension > 1
+    boxes(
+        operator.boxes,
+        values=values,
+        coordinates=operator.coordinates,
+        components=components,
+        ax=ax,
+        **(style if plane else {}),
+    )
+    if plane and ax.figure is not None:
+        ax.figure.colorbar(ax.collections[-1], ax=ax, label="density" if which == 0 else f"eigenvector {which}")
+    return ax
+
+
+def _rectangles(boxes: BoxSet, pair: list[int]) -> NDArray[np.float64]:
+    """Return the corners, in their order around it, of each box seen along the other axes, shape (n, 4, 2)."""
+    low = boxes.lower_corners()[:, pair]
+    steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * boxes.grid.widths[pair]
+    return np.asarray(low[:, None, :] + steps)
+
+
+def _middle(boxes: BoxSet) -> NDArray[np.float64]:
+    """Return the centre of the box that is nearest to the mean of all centres."""
+    centres = boxes.centres()
+    apart = ((centres - centres.mean(axis=0)) / boxes.grid.widths) ** 2
+    return np.asarray(centres[np.argmin(apart.sum(axis=1))])
+
+
+def _frame(ax: Axes, grid: CellGrid, coordinates: Sequence[Coordinate], pair: list[int]) -> None:
+    """Set limits and names of the axes."""
+    spans = [(grid.lower[j], grid.upper[j]) for j in pair]
+    ax.set_xlim(spans[0])
+    label_axis(ax.xaxis, coordinates[pair[0]], spans[0][1] - spans[0][0])
+    if len(pair) > 1:
+        ax.set_ylim(spans[1])
+        label_axis(ax.yaxis, coordinates[pair[1]], spans[1][1] - spans[1][0])

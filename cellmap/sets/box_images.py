@@ -1,0 +1,288 @@
+"""Images of boxes, by the images of points in them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from .._compiled.kernels.box_images import points_of_cells, tally_rows
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..maps.coordinates import difference, turns_of
+from ..maps.grid import CellGrid, between
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
+from .box_set import BoxSet, Locator, finer
+
+Samples = int | Literal["adaptive"]
+"""How boxes are sampled: a number of points along each axis, or as many as their images ask for."""
+
+_BATCH = 1024  # boxes in a slice of adaptive work
+_FEWEST = 3  # points along an axis of an adaptive lattice: the middle tells a fold that the ends cannot
+_MOST = CHUNK // 4  # points of an adaptive lattice
+_CLAIMED = 16  # boxes that the image of a box is taken to meet when memory is claimed
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Which cells some boxes meet: ``rows`` of the boxes, ``targets`` that each meets, how often, and points lost."""
+
+    rows: NDArray[np.int64]
+    targets: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    lost: NDArray[np.int64]
+
+
+@checked
+def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> BoxSet:
+    """Return the boxes of the window that the image of a set meets.
+
+    Parameters
+    ----------
+    boxes : BoxSet
+        The set.
+    point_map : PointMap
+        The map.
+    samples : int or "adaptive", optional
+        A number n: the image of a box is what the n**dimension middles of its equal parts hit; boxes that it meets
+        at an edge only may be missed.  "adaptive": the lattice of middles is refined until neighbours land closer
+        together than boxes are wide, and each covers what lies halfway to its neighbours.  That misses nothing but
+        what folds between points of the lattice, and takes in some boxes that are only near.
+    steps : int, optional
+        Steps of the map.
+
+    Returns
+    -------
+    BoxSet
+        Boxes of the same grid.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a map of another dimension, or other arguments out of range.
+
+    References
+    ----------
+    Dellnitz, Hohmann, Numerische Mathematik 75 (1997) 293; Junge, *Mengenorientierte Methoden zur numerischen
+    Untersuchung dynamischer Systeme* (1999), on the choice of points.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> half = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    >>> box_image(BoxSet.full(CellGrid((0,), (1,), (8,))), half, samples=2)
+    BoxSet(4 of 8 boxes)
+    """
+    found = [hits.targets for hits in _hits(boxes, point_map, samples, steps)]
+    return BoxSet(boxes.grid, _distinct(np.concatenate([np.empty(0, np.int64), *found]), boxes.grid.size))
+
+
+@checked
+def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> csr_array:
+    """Return which boxes of a set the images of its boxes meet: the graph on which set-oriented methods work.
+
+    Parameters
+    ----------
+    boxes : BoxSet
+        The set, of n boxes.
+    point_map, samples, steps
+        As for :func:`box_image`.
+
+    Returns
+    -------
+    csr_array of int64, shape (n, n)
+        In row i and column j, how many points of box i have landed in box j; what leaves the set is left out.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> double = discrete_map(lambda x, p: (2 * x[0] % 1,), {}, ("x",))
+    >>> box_transitions(BoxSet.full(CellGrid((0,), (1,), (4,))), double, samples=4).toarray()
+    array([[2, 2, 0, 0],
+           [0, 0, 2, 2],
+           [2, 2, 0, 0],
+           [0, 0, 2, 2]])
+    """
+    n = len(boxes)
+    claim_memory(f"transitions of {n:,} boxes", 20 * _CLAIMED * n, "take fewer boxes")
+    rows, columns, counts = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    for hits in _hits(boxes, point_map, samples, steps):
+        places = boxes.indices(hits.targets)
+        kept = places >= 0
+        rows.append(hits.rows[kept])
+        columns.append(places[kept])
+        counts.append(hits.counts[kept])
+    entries = (np.concatenate(counts), (np.concatenate(rows), np.concatenate(columns)))
+    return csr_array(entries, shape=(n, n), dtype=np.int64)
+
+
+def _distinct(keys: NDArray[np.int64], cells: int) -> NDArray[np.int64]:
+    """Return each of some numbers below `cells` once, by marking them, where there are few to choose from."""
+    if cells > 8 * len(keys):
+        return keys
+    marks = np.zeros(cells, bool)
+    marks[keys] = True
+    return np.flatnonzero(marks)
+
+
+def points_in(samples: Samples, dimension: int) -> int:
+    """Return how many points there are in a box for a number along each axis."""
+    return int(whole_number("samples", samples, at_least=1, at_most=int(CHUNK ** (1 / dimension)))) ** dimension
+
+
+def _hits(boxes: BoxSet, point_map: PointMap, samples: Samples, steps: int) -> list[Hits]:
+    """Return what the boxes meet, slice after slice, rows numbered through."""
+    check_boxes(boxes, point_map)
+    steps = whole_number("steps", steps, at_least=1)
+    adaptive = isinstance(samples, str)
+    if adaptive and samples != "adaptive":
+        raise ValueError(f"samples={samples!r}: give a number of points along each axis, or 'adaptive'")
+    size = _BATCH if adaptive else max(1, CHUNK // points_in(samples, boxes.grid.dimension))
+    parts = slices(len(boxes), size)
+    results: list[Hits] = [None] * len(parts)  # type: ignore[list-item]
+    work = _Work(point_map, boxes, Locator.of(boxes.grid, point_map.coordinates), steps)
+
+    def fill(k: int) -> None:
+        results[k] = work.adaptive(parts[k]) if adaptive else work.regular(parts[k], int(samples))
+
+    run_over(range(len(parts)), fill)
+    return results
+
+
+def check_boxes(boxes: BoxSet, point_map: PointMap) -> None:
+    """Refuse what is not a set of boxes in the space of the map."""
+    if not isinstance(boxes, BoxSet):
+        raise TypeError(f"boxes={boxes!r}: give a BoxSet")
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if boxes.grid.on(point_map.coordinates, "boxes") != boxes.grid:
+        raise ValueError(
+            f"boxes do not wrap as the angles of {point_map!r} do: give them grid.on(point_map.coordinates)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """Images of the boxes of a set, slice by slice."""
+
+    point_map: PointMap
+    boxes: BoxSet
+    locate: Locator
+    steps: int
+
+    def regular(self, part: slice, samples: int) -> Hits:
+        """Return what the middles of equal parts of boxes hit."""
+        d = self.boxes.grid.dimension
+        middles = _middles((samples,) * d)
+        images = self._images(self.boxes.keys[part], middles)
+        return _tallied(self.locate(images), np.arange(part.start, part.stop), len(middles))
+
+    def adaptive(self, part: slice) -> Hits:
+        """Return what boxes meet, with lattices as fine as the distances of their images ask for."""
+        keys, d = self.boxes.keys[part], self.boxes.grid.dimension
+        found = []
+        waiting = {(_FEWEST,) * d: np.arange(len(keys))}
+        while waiting:
+            counts, rows = waiting.popitem()
+            finer: dict[tuple[int, ...], list[NDArray[np.int64]]] = {}
+            lattice = _middles(counts)
+            for some in slices(len(rows), max(1, CHUNK // len(lattice))):
+                mine = rows[some]
+                images = self._images(keys[mine], lattice).reshape(len(mine), *counts, -1)
+                wider, reach = self._gaps(images)
+                more = self._refined(counts, wider, reach)
+                for new in np.unique(more, axis=0).tolist() if len(more) else ():
+                    if tuple(new) != counts:
+                        finer.setdefault(tuple(new), []).append(mine[(more == new).all(axis=1)])
+                done = (more == counts).all(axis=1)
+                found.append(self._covered(images[done], reach[done], part.start + mine[done]))
+            for new_counts, more_rows in finer.items():
+                waiting[new_counts] = np.concatenate([waiting.get(new_counts, rows[:0]), *more_rows])
+        return Hits(
+            *(np.concatenate([getattr(f, name) for f in found]) for name in ("rows", "targets", "counts", "lost"))
+        )
+
+    def _images(self, keys: NDArray[np.int64], lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the images of points (n, d) in widths of a box from the centre of each, shape (boxes * n, d)."""
+        where = self.locate
+        points = np.empty((len(keys) * len(lattice), lattice.shape[1]))
+        points_of_cells(keys, where.shape, where.lower, where.upper, where.widths, lattice, points)
+        orbits = Orbits.starting(points)
+        lower, turn = turns_of(self.point_map.coordinates)
+        orbits.wrap(lower, turn)
+        for part in slices(len(points), CHUNK):
+            self.point_map.advance(orbits[part], self.steps)
+        return points
+
+    def _gaps(self, images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the widest gap between images along each axis of the lattices, and how far points have to reach.
+
+        Gaps are in widths of a box, the widest of all components, shape (boxes, d); reaches are lengths.
+        """
+        b, d = len(images), images.shape[-1]
+        widths = self.boxes.grid.widths
+        wider, reach = np.zeros((b, d)), np.zeros((b, d))
+        for j in range(d):
+            along = np.moveaxis(images, j + 1, 1)
+            apart = np.abs(difference(along[:, 1:], along[:, :-1], self.point_map.coordinates))
+            widest = np.nan_to_num(apart).max(axis=tuple(range(1, d + 1)))
+            wider[:, j] = (widest / widths).max(axis=1)
+            reach += 0.5 * widest
+        return wider, reach
+
+    def _refined(
+        self, counts: tuple[int, ...], wider: NDArray[np.float64], reach: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        """Return the points along each axis that lattices with such gaps need, shape (boxes, d)."""
+        d = len(counts)
+        close = (reach <= 0.5 * self.locate.widths).all(axis=1, keepdims=True)
+        wanted = np.where(close, 1.0, np.maximum(wider * d - 1e-9, 1.0))
+        more = np.array(counts) * 2.0 ** np.ceil(np.log2(wanted))
+        # Too many for a box: axis by axis, the longest gives way, but never to less than there is.
+        while (over := more.prod(axis=1) > _MOST).any():
+            spare = np.where(more > counts, more, 0.0)
+            rows = np.flatnonzero(over & (spare.max(axis=1) > 0.0))
+            if not len(rows):
+                break
+            more[rows, np.argmax(spare[rows], axis=1)] /= 2.0
+        return more.astype(np.int64)
+
+    def _covered(self, images: NDArray[np.float64], reach: NDArray[np.float64], rows: NDArray[np.int64]) -> Hits:
+        """Return the cells within reach of points, which is no more than half a cell."""
+        d = images.shape[-1]
+        ends = np.array(list(itertools.product((-1.0, 1.0), repeat=d)))
+        reach = np.minimum(reach, 0.5 * self.locate.widths)
+        points = images.reshape(len(images), int(np.prod(images.shape[1:-1])), 1, d) + ends * reach[:, None, None, :]
+        return _tallied(self.locate(points.reshape(-1, d)), rows, points.shape[1] * len(ends))
+
+
+def _tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> Hits:
+    """Count the cells that equally many points of each box lie in."""
+    begins = np.arange(len(rows) + 1) * points
+    which, targets, counts = (np.empty(len(keys), np.int64) for _ in range(3))
+    lost = np.empty(len(rows), np.int64)
+    n = tally_rows(keys, begins, which, targets, counts, lost)
+    return Hits(rows[which[:n]], targets[:n].copy(), counts[:n].copy(), lost)
+
+
+def _middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return the middles of the equal parts of a unit cube around 0, shape (product of the counts, d)."""
+    axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in counts]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def bisections(depth: int | Sequence[int], grid: CellGrid) -> list[int]:
+    """Return the axes to bisect, one after the other in turn, until each cell has been cut as often as asked for."""
+    depths = list(depth) if isinstance(depth, Sequence) else [depth] * grid.dimension
+    if len(depths) != grid.dimension:
+        raise ValueError(f"depth={depth!r}: give one number, or one for each of the {grid.dimension} coordinates")
+    depths = [whole_number("depth", n, at_most=60) for n in depths]
+    finer(grid, [n << k for n, k in zip(grid.shape, depths, strict=True)])
+    return [j for k in range(max(depths)) for j, n in enumerate(depths) if k < n]

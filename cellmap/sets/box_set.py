@@ -1,0 +1,227 @@
+"""Sets of boxes: some cells of a grid that is too fine to be stored as a whole."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.kernels.box_images import locate_rows
+from .._lib.checks import claim_memory, is_sequence, shown, whole_array, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, turns_of
+from ..maps.grid import CellGrid
+
+MOST_CELLS = 2**62
+"""Cells of a grid that can be numbered."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSet:
+    """Some of the cells of a grid, by their numbers.
+
+    Only the boxes that belong to the set take memory.  They are half-open, as cells are: a box owns its lower edges,
+    not its upper ones; along an axis that wraps the last box has the first one for a neighbour.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        Window and fineness: the cells to choose from.
+    keys : ndarray of int64, shape (n,)
+        Flat numbers (row-major) of the cells that belong to the set; sorted and made unique.
+
+    Raises
+    ------
+    ValueError
+        For numbers outside of the grid, or a grid of more than 2**62 cells.
+
+    Examples
+    --------
+    >>> grid = CellGrid((0, 0), (1, 1), (4, 4))
+    >>> lower = BoxSet(grid, np.arange(8))
+    >>> left = BoxSet.of_points(grid, [[0.1, y] for y in (0.1, 0.3, 0.6, 0.9)])
+    >>> lower & left, (lower | left).volume, lower - left
+    (BoxSet(4 of 4 x 4 boxes), 0.5, BoxSet(4 of 4 x 4 boxes))
+    >>> left.subdivided()
+    BoxSet(16 of 8 x 8 boxes)
+    """
+
+    grid: CellGrid
+    keys: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.grid, CellGrid):
+            raise TypeError(f"grid={shown(self.grid)}: give a CellGrid")
+        if self.grid.size > MOST_CELLS:
+            raise ValueError(f"grid has {self.grid.size:.3g} cells, and 2**62 can be numbered: bisect fewer times")
+        keys = distinct(whole_array("keys", self.keys, "numbers of cells").ravel())
+        if len(keys) and not 0 <= keys[0] <= keys[-1] < self.grid.size:
+            raise ValueError(
+                f"keys run from {keys[0]} to {keys[-1]}: the cells have numbers from 0 to {self.grid.size - 1}"
+            )
+        object.__setattr__(self, "keys", keys)
+
+    @classmethod
+    @checked
+    def full(cls, grid: CellGrid) -> BoxSet:
+        """Return all cells of a grid."""
+        claim_memory(f"the numbers of {grid.size:,} boxes", 8 * grid.size, "begin with fewer cells")
+        return cls(grid, np.arange(grid.size))
+
+    @classmethod
+    @checked
+    def of_points(cls, grid: CellGrid, points: ArrayLike) -> BoxSet:
+        """Return the boxes that hold points (..., dimension); those outside of the window are left out."""
+        keys = grid.locate(points).ravel()
+        return cls(grid, keys[keys >= 0])
+
+    def __repr__(self) -> str:
+        return f"BoxSet({len(self):,} of {' x '.join(map(str, self.grid.shape))} boxes)"
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __or__(self, other: BoxSet) -> BoxSet:
+        return BoxSet(self.grid, np.concatenate([self.keys, self._beside(other)]))
+
+    def __and__(self, other: BoxSet) -> BoxSet:
+        return BoxSet(self.grid, np.intersect1d(self.keys, self._beside(other), assume_unique=True))
+
+    def __sub__(self, other: BoxSet) -> BoxSet:
+        return BoxSet(self.grid, np.setdiff1d(self.keys, self._beside(other), assume_unique=True))
+
+    def __le__(self, other: BoxSet) -> bool:
+        return not len(self - other)
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """Whole-number places of the boxes along the axes, shape (n, dimension)."""
+        return np.stack(np.unravel_index(self.keys, self.grid.shape), axis=-1).astype(np.int64)
+
+    @property
+    def volume(self) -> float:
+        """Sum of the volumes of the boxes."""
+        return len(self) * float(np.prod(self.grid.widths))
+
+    def lower_corners(self) -> NDArray[np.float64]:
+        """Return the corners of lowest coordinates, shape (n, dimension)."""
+        return self.grid.places(self.places)
+
+    def centres(self) -> NDArray[np.float64]:
+        """Return the centres, shape (n, dimension)."""
+        return self.grid.places(self.places + 0.5)
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return all corners, shape (n, 2**dimension, dimension)."""
+        ends = np.array(list(itertools.product((0, 1), repeat=self.grid.dimension)))
+        return self.grid.places(self.places[:, None, :] + ends)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points (..., dimension) lie in a box of the set."""
+        return self.indices(self.grid.locate(points)) >= 0
+
+    def indices(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the places of numbers of cells in `keys`, -1 for cells that are not in the set."""
+        keys = whole_array("keys", keys, "numbers of cells")
+        if not len(self):
+            return np.full(keys.shape, -1)
+        places = np.minimum(np.searchsorted(self.keys, keys), len(self) - 1)
+        return np.where(self.keys[places] == keys, places, -1)
+
+    def chosen(self, which: NDArray[np.bool_]) -> BoxSet:
+        """Return the boxes that a mask of shape (n,) marks."""
+        mask = np.asarray(which) if is_sequence(which) else np.array(which)
+        if mask.shape != self.keys.shape or mask.dtype != bool:
+            raise ValueError(f"which={shown(which)}: give True or False for each of {len(self)} boxes")
+        return BoxSet(self.grid, self.keys[mask])
+
+    @checked
+    def subdivided(self, axes: int | Sequence[int] | None = None) -> BoxSet:
+        """Return the same region in boxes that are bisected along an axis, along several, or along all."""
+        chosen = range(self.grid.dimension) if axes is None else [axes] if isinstance(axes, int) else axes
+        shape, places = list(self.grid.shape), self.places
+        for j in chosen:
+            j = whole_number("axes", j, at_most=self.grid.dimension - 1)
+            shape[j] *= 2
+            claim_memory(f"bisecting {len(places):,} boxes", 4 * places.nbytes, "bisect fewer times")
+            places = np.repeat(places, 2, axis=0)
+            places[:, j] *= 2
+            places[1::2, j] += 1
+        return BoxSet(finer(self.grid, shape), _numbers(places, shape))
+
+    def neighbours(self) -> BoxSet:
+        """Return the boxes that touch the set, at a corner too, and do not belong to it."""
+        around = self._around()
+        return BoxSet(self.grid, around[around >= 0]) - self
+
+    def touching(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return all pairs of boxes of the set that touch, at a corner too, as their places in `keys`."""
+        others = self.indices(self._around())
+        which, _ = pairs = np.nonzero(others >= 0)
+        touched = others[pairs]
+        return which[which != touched], touched[which != touched]
+
+    def _around(self) -> NDArray[np.int64]:
+        """Return the numbers of the 3**dimension boxes around each box, shape (n, 3**dimension), -1 outside."""
+        d, shape = self.grid.dimension, np.array(self.grid.shape)
+        claim_memory(f"neighbours of {len(self):,} boxes", 3**d * 8 * (d + 2) * len(self), "take fewer boxes")
+        around = self.places[:, None, :] + np.array(list(itertools.product((-1, 0, 1), repeat=d)))
+        around = np.where(self.grid.wraps, around % shape, around)
+        inside = ((around >= 0) & (around < shape)).all(axis=-1)
+        return np.where(inside, _numbers(np.where(inside[..., None], around, 0), self.grid.shape), -1)
+
+    def _beside(self, other: BoxSet) -> NDArray[np.int64]:
+        if not isinstance(other, BoxSet) or other.grid != self.grid:
+            given = other.grid if isinstance(other, BoxSet) else other
+            raise ValueError(
+                f"the other set has {given!r} and this one {self.grid!r}: boxes of one grid can be compared"
+            )
+        return other.keys
+
+
+def distinct(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return numbers sorted, each once; at no cost where they are."""
+    if not (keys[1:] > keys[:-1]).all():
+        keys = np.sort(keys)  # faster than the hash table of numpy.unique, and what comes out is to be sorted anyway
+        keys = keys[np.append(True, keys[1:] > keys[:-1])]
+    return keys
+
+
+def finer(grid: CellGrid, shape: Sequence[int]) -> CellGrid:
+    """Return the same window in other cells."""
+    if np.prod([int(n) for n in shape], dtype=object) > MOST_CELLS:
+        raise ValueError(f"shape={tuple(shape)}: at most 2**62 cells can be numbered; bisect fewer times")
+    return replace(grid, shape=tuple(int(n) for n in shape))
+
+
+def _numbers(places: NDArray[np.int64], shape: Sequence[int]) -> NDArray[np.int64]:
+    return np.ravel_multi_index(tuple(np.moveaxis(places, -1, 0)), tuple(shape)).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Locator:
+    """Finds the boxes of points whose angles may be cut elsewhere than the window."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    shape: NDArray[np.int64]
+    turn: NDArray[np.float64]
+    wraps: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate]) -> Locator:
+        """Prepare for the cells of a grid over some coordinates."""
+        lower, upper = np.array(grid.lower), np.array(grid.upper)
+        wraps, turn = np.array(grid.wraps), turns_of(coordinates)[1]
+        turn = np.where(wraps, upper - lower, turn)
+        return cls(lower, upper, grid.widths, np.array(grid.shape, np.int64), turn, wraps)
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the numbers of the cells of points (n, dimension), -1 outside."""
+        keys = np.empty(len(points), np.int64)
+        locate_rows(points, self.lower, self.upper, self.widths, self.shape, self.turn, self.wraps, keys)
+        return keys

@@ -1,0 +1,277 @@
+"""The Markov chain of a map on cells: classes, measures, ways into them (Hsu 1981)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import claim_memory, finite_number, whole_number
+from .._lib.signatures import checked
+from ..attractors.settling import UNDECIDED
+from ..basins.record import Basins
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .cell_images import DIVERGED, LEFT
+from .markov import Components, Sparse, invariant_measure, periods_of, solve_transient
+from .recurrent_sets import adjacent_sets, basins_from_cells, polished_sets
+
+_POSSIBLE = 1e-9
+"""Probability above which a cell counts as one that can come to a class."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellClass:
+    """Cells that lead to one another.
+
+    Parameters
+    ----------
+    cells : ndarray of int64, shape (n,)
+        Their flat numbers, sorted.
+    period : int
+        Steps of the chain by multiples of which a cell comes back to itself: the greatest common divisor of all ways.
+    closed : bool
+        Whether no step leaves them: then they hold attractors, otherwise saddles and what else is transient.
+    """
+
+    cells: NDArray[np.int64]
+    period: int
+    closed: bool
+
+    def __repr__(self) -> str:
+        return f"CellClass({'closed' if self.closed else 'transient'}, {len(self.cells):,} cells, period {self.period})"
+
+
+@dataclass(frozen=True, eq=False)
+class CellChain:
+    """The Markov chain of a map on cells.
+
+    Parameters
+    ----------
+    matrix : scipy.sparse.csr_array, shape (cells + 2, cells + 2)
+        Probability to go from the cell of the row to that of the column.  The last two states are sinks: ``-1`` is
+        outside the window, ``-2`` is where orbits diverge, or do not come back to the
+        section of a map.
+    grid : CellGrid
+        The cells.
+    point_map : PointMap
+        The map.
+    samples : tuple of int or int
+        Points in each cell: regular, so many along each axis, or so many at random.
+    periods : int
+        Steps of the map in one step of the chain.
+    noisy : bool
+        Whether noise acts.
+    components : Components
+        Strongly connected components of the chain.
+    inaccurate : int
+        Samples on whose way the integrator missed its tolerance.
+    cost : Cost
+        Wall time and number of steps of the map.
+    """
+
+    matrix: Sparse = field(repr=False)
+    grid: CellGrid
+    point_map: PointMap = field(repr=False)
+    samples: tuple[int, ...] | int
+    periods: int
+    noisy: bool
+    components: Components = field(repr=False)
+    inaccurate: int = 0
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        return (
+            f"CellChain({self.point_map.name}, {self.grid.size:,} cells, {self.matrix.nnz:,} transitions, "
+            f"{len(self.closed)} closed classes)"
+        )
+
+    @cached_property
+    def closed(self) -> tuple[CellClass, ...]:
+        """Classes of cells that no step leaves, in the order of their first cells: they hold the attractors."""
+        return self._classes(self.components.closed)
+
+    @cached_property
+    def transient(self) -> tuple[CellClass, ...]:
+        """Classes of cells that come back but leave in the end, in the order of their first cells: saddles."""
+        return self._classes(~self.components.closed & self.components.recurs)
+
+    @property
+    def classes(self) -> tuple[CellClass, ...]:
+        """Closed classes, then transient ones."""
+        return self.closed + self.transient
+
+    def _classes(self, chosen: NDArray[np.bool_]) -> tuple[CellClass, ...]:
+        numbers = np.flatnonzero(chosen)
+        # The sinks are classes of their own.
+        numbers = numbers[self.components.order[self.components.begin[numbers]] < self.grid.size]
+        periods = periods_of(self.matrix, self.components, numbers)
+        found = [
+            CellClass(self.components.states(int(c)), int(p), bool(self.components.closed[c]))
+            for c, p in zip(numbers, periods, strict=True)
+        ]
+        return tuple(sorted(found, key=lambda one: one.cells[0]))
+
+    @cached_property
+    def measures(self) -> tuple[NDArray[np.float64], ...]:
+        """Invariant probabilities of the cells of each closed class."""
+        return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
+
+    @checked
+    def density(self, number: int = 0) -> NDArray[np.float64]:
+        """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
+        if not self.closed:
+            raise ValueError(f"{self!r}, and so no density: take a window that orbits do not leave, or less noise")
+        number = whole_number("number", number, at_most=len(self.closed) - 1)
+        density = np.zeros(self.grid.size)
+        density[self.closed[number].cells] = self.measures[number] / np.prod(self.grid.widths)
+        return density.reshape(self.grid.shape)
+
+    @cached_property
+    def absorption(self) -> NDArray[np.float64]:
+        """Probability with which each cell ends in each closed class, shape ``(*grid, classes + 2)``.
+
+        The last two columns are -2, where orbits diverge, and -1, outside the window.
+        """
+        return self._probabilities(np.arange(len(self.closed)), len(self.closed))
+
+    @cached_property
+    def domiciles(self) -> NDArray[np.int64]:
+        """Number of closed classes in which each cell may end, the outside among them, shape of the grid.
+
+        Cells with 1 are of single domicile (Hsu); those with more lie along the boundaries of basins.
+        """
+        return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
+
+    @cached_property
+    def expected_times(self) -> NDArray[np.float64]:
+        """Expected steps of the map until a cell is in a closed class or outside, shape of the grid."""
+        values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
+        return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
+
+    @checked
+    def probabilities(
+        self,
+        polish: bool | None = None,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> tuple[tuple[Attractor, ...], NDArray[np.float64]]:
+        """Return attractors, and the probability with which each cell ends on each of them.
+
+        Parameters
+        ----------
+        polish : bool, optional
+            Follow each closed class by the exact map and label it with the attractor that it comes to, so that classes
+            that stand for one attractor are merged.  Otherwise classes are attractors, and those with cells side by
+            side are one; so it is by default where noise acts.
+        max_periods, max_period, attractors : optional
+            As in :func:`find_basins`, for this following.
+
+        Returns
+        -------
+        tuple
+            Attractors, and probabilities of the shape ``(*grid, attractors + 3)``: the last columns are -3, undecided,
+            -2, diverged, and -1, outside the window.
+
+        Raises
+        ------
+        ValueError
+            For `polish` where noise acts.
+        """
+        if polish and self.noisy:
+            raise ValueError(f"polish={polish!r}: orbits with noise settle on no point; leave polish out")
+        cells = np.concatenate([np.empty(0, np.int64), *(one.cells for one in self.closed)])
+        owners = np.repeat(np.arange(len(self.closed)), [len(one.cells) for one in self.closed])
+        if polish is None:
+            polish = not self.noisy
+        if polish:
+            limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
+            found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
+        else:
+            weights = np.concatenate([np.empty(0), *self.measures])
+            periods = np.array([one.period for one in self.closed], np.int64)
+            likeliest = _likeliest(self.matrix, cells)
+            found, labels = adjacent_sets(
+                self.grid, self.point_map.coordinates, cells, owners, likeliest, weights, periods
+            )
+        return found, self._probabilities(labels % (len(found) + 3), len(found) + 1)
+
+    @checked
+    def basins(
+        self,
+        polish: bool | None = None,
+        at_least: float = 0.0,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> Basins:
+        """Return basins: each cell has the label of the attractor on which it ends most likely.
+
+        Parameters
+        ----------
+        polish, max_periods, max_period, attractors : optional
+            As in :meth:`probabilities`.
+        at_least : float, optional
+            Cells whose largest probability is smaller are undecided.
+
+        Returns
+        -------
+        Basins
+            With settling times as expected steps to a closed class, rounded.
+        """
+        at_least = finite_number("at_least", at_least, at_least=0.0, at_most=1.0)
+        began = time.perf_counter()
+        found, chances = self.probabilities(polish, max_periods, max_period, attractors)
+        columns = chances.shape[-1]
+        chances = chances.reshape(-1, columns)
+        labels = chances.argmax(axis=1)
+        likely = np.take_along_axis(chances, labels[:, None], axis=1)[:, 0]
+        labels = np.where(labels < len(found), labels, labels - columns)
+        verifiable = not self.noisy and polish is not False
+        settings = {"max_periods": max_periods, "max_period": max_period, "method": "generalized cell mapping"}
+        return basins_from_cells(
+            self.point_map if verifiable else None,
+            self.grid,
+            np.where(likely >= at_least, labels, UNDECIDED),
+            found,
+            np.round(self.expected_times.ravel()),
+            self.point_map,
+            {**settings, "samples": self.samples, "periods": self.periods, "at_least": at_least},
+            self.inaccurate,
+            Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
+        )
+
+    def _probabilities(self, columns: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+        """Return the probabilities to end in closed classes, those of one column together, and in the sinks."""
+        n = self.grid.size
+        claim_memory(
+            f"probabilities of {n:,} cells to end in {count:,} classes",
+            8 * (n + 2) * (count + 2),
+            "take fewer cells, or polish, so that classes are merged",
+        )
+        values = np.zeros((n + 2, count + 2))
+        for one, column in zip(self.closed, columns, strict=True):
+            values[one.cells, column] = 1.0
+        values[LEFT, LEFT] = values[DIVERGED, DIVERGED] = 1.0
+        return self._solved(values, np.zeros(count + 2))[:n].reshape(*self.grid.shape, count + 2)
+
+    def _solved(self, values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.float64]:
+        solve_transient(self.matrix, self.components, values, gain)
+        return values
+
+
+def _likeliest(matrix: Sparse, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the state to which each of some states goes most likely, the first of them if they are several."""
+    rows = matrix[cells]
+    highest = np.maximum.reduceat(rows.data, rows.indptr[:-1]) if len(cells) else rows.data
+    places = np.flatnonzero(rows.data == np.repeat(highest, np.diff(rows.indptr)))
+    owners = np.searchsorted(rows.indptr, places, side="right") - 1
+    first = np.unique(owners, return_index=True)[1]
+    return np.asarray(rows.indices[places[first]], dtype=np.int64)

@@ -1,0 +1,85 @@
+"""Cells to which a map carries points: what all cell mappings begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import warn_caller
+from ..attractors.settling import label_of
+from ..maps.coordinates import turns_of, wrap
+from ..maps.grid import CellGrid, grid_points
+from ..maps.orbit_batch import Orbits, Status
+from ..maps.point_map import PointMap, ToleranceWarning
+
+LEFT, DIVERGED = -1, -2
+"""Cells in the place of an image outside the window, and of one that does not exist; they are sinks.
+
+An image does not exist where the orbit diverges, or does not come back to the section of a map.
+"""
+
+Kick = Callable[[int], NDArray[np.float64]]
+"""Returns what noise adds to a number of points in one period, shape (n, dimension)."""
+
+
+def check_map_and_grid(point_map: PointMap, grid: CellGrid) -> CellGrid:
+    """Refuse what is no map or no grid; return the grid with its wrapping set."""
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if not isinstance(grid, CellGrid):
+        raise TypeError(f"grid={grid!r}: give a CellGrid, whose cells are mapped")
+    return grid.on(point_map.coordinates)
+
+
+def centres_of(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the centres of some cells, shape (n, dimension)."""
+    return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)
+
+
+def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, kick: Kick | None = None) -> Orbits:
+    """Return points (n, dimension) after some periods, and after noise has acted in each of them."""
+    orbits = Orbits.starting(wrap(points, point_map.coordinates))
+    if kick is None:
+        point_map.advance(orbits, periods)
+        return orbits
+    for _ in range(periods):
+        point_map.advance(orbits, 1)
+        orbits.points = wrap(orbits.points + kick(len(orbits)), point_map.coordinates)
+    return orbits
+
+
+def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.int64]:
+    """Return the flat numbers of the cells in which orbits are, LEFT or DIVERGED for those in none."""
+    cells = grid.locate(brought_near(point_map, grid, orbits.points))
+    return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)
+
+
+def label_of_no_image(point_map: PointMap) -> int:
+    """Return the label of starts whose orbits come to the sink DIVERGED."""
+    exact = point_map.exact or point_map
+    ends = Status.NO_RETURN if exact.recipe.get("kind") == "section" else Status.DIVERGED
+    return int(label_of(ends))
+
+
+def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points with angles in the turn that begins at the lower edge of the grid, wherever the angle is cut."""
+    near = points.copy()
+    turn = turns_of(point_map.coordinates)[1]
+    for j in np.flatnonzero(turn):
+        x, lower = points[:, j], grid.lower[j]
+        with np.errstate(invalid="ignore"):
+            outside = ~((x >= lower) & (x < grid.upper[j]))
+            near[:, j] = np.where(outside, x - turn[j] * np.floor((x - lower) / turn[j]), x)
+    return near
+
+
+def warn_of_inaccurate(missed: int, total: int) -> None:
+    """Warn where the integrator missed its tolerance on the way of some points."""
+    if missed:
+        warn_caller(
+            f"the integrator missed its tolerance on the way of {missed} of {total} points; loosen rtol and atol, or "
+            "allow more steps with max_steps",
+            ToleranceWarning,
+        )

@@ -1,0 +1,97 @@
+"""Generalized cell mapping: each cell goes to several cells, with probabilities (Hsu 1981)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from .._lib.checks import whole_number
+from .._lib.signatures import checked
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
+from ..maps.point_map import PointMap
+from .cell_chain import CellChain
+from .cell_images import check_map_and_grid, warn_of_inaccurate
+from .cell_transitions import Noise, checked_noise, checked_samples, transitions
+from .markov import components_of
+
+
+@checked
+def generalized_cell_mapping(
+    point_map: PointMap,
+    grid: CellGrid,
+    samples: Sequence[int] | int | None = None,
+    periods: int = 1,
+    noise: float | Sequence[float] | Noise | None = None,
+    seed: int = 0,
+    progress: bool = False,
+) -> CellChain:
+    """Map cells to cells with probabilities: the shares of sample points of a cell that come to each other cell.
+
+    The cells of a window become the states of a Markov chain.  Its closed classes hold the attractors, other classes
+    the saddles; cells that can end in several closed classes lie along the boundaries of basins, and the probabilities
+    with which they do tell how near.  The chain knows more than a simple cell mapping and blurs more: a step spreads
+    every cell over others, so that small attractors are lost unless a step takes several periods.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Exact, interpolated or discrete map.
+    grid : CellGrid
+        Cells of a window.  An axis that covers one turn of an angle wraps.
+    samples : sequence of int, or int, optional
+        Points in each cell: regular ones, as many along each axis as the sequence says, or a number of random ones.  By
+        default 5 along each axis.
+    periods : int, optional
+        Steps of the map in one step of the chain.
+    noise : float, sequence of float, or callable, optional
+        What acts after each step of the map: normal numbers of this standard deviation, one for all coordinates or one
+        for each; or what ``noise(rng, n)`` returns, of the shape (n, dimension).
+    seed : int, optional
+        Seed of random samples and noise.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    CellChain
+        The chain; its classes, measures, probabilities, times and basins are computed when they are asked for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    MemoryError
+        Where the chain does not fit into memory.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance on the way of some samples.
+
+    References
+    ----------
+    Hsu, Journal of Applied Mechanics 48 (1981) 634; Hsu, Guttalu, Zhu, the same 49 (1982) 885; Hsu, *Cell-to-Cell
+    Mapping* (1987), chapters 10 to 13.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
+    >>> chain = generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,)))
+    >>> chain.closed
+    (CellClass(closed, 1 cells, period 1), CellClass(closed, 1 cells, period 1))
+    >>> [f.share for f in chain.basins().fractions.values()]
+    [0.467, 0.467, 0.0667]
+    """
+    grid = check_map_and_grid(point_map, grid)
+    samples = checked_samples((5,) * grid.dimension if samples is None else samples, grid)
+    periods = whole_number("periods", periods, at_least=1)
+    kick = checked_noise(noise, grid)
+    seed = whole_number("seed", seed)
+    began = time.perf_counter()
+    matrix, inaccurate, taken = transitions(point_map, grid, samples, periods, kick, seed, progress)
+    warn_of_inaccurate(inaccurate, taken)
+    components = components_of(matrix)
+    cost = Cost(time.perf_counter() - began, taken * periods)
+    return CellChain(matrix, grid, point_map, samples, periods, kick is not None, components, inaccurate, cost)

@@ -1,0 +1,195 @@
+"""Invariant sets by subdivision: boxes are bisected, and those that cannot hold a part of the set are dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from .._lib.signatures import checked
+from ..maps.grid import CellGrid
+from ..maps.point_map import PointMap
+from .box_images import Samples, bisections, box_transitions
+from .box_set import BoxSet
+
+Depth = int | Sequence[int]
+"""Bisections of each axis: one number for all, or one for each."""
+
+
+@checked
+def relative_attractor(
+    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+) -> BoxSet:
+    """Cover the relative global attractor: all that orbits which have been in the window for ever can reach.
+
+    It holds every attractor in the window and the unstable manifolds of all invariant sets there.  Boxes are bisected,
+    one axis after the other, and those to which no chain of boxes leads that goes back for ever are dropped.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    window : CellGrid or BoxSet
+        The window in the cells, or the boxes, to begin with.  They should be so many that folds of the map are seen by
+        a few points in each.
+    depth : int or sequence of int
+        Bisections of each axis: a cell becomes ``2**depth`` boxes along it.
+    samples : int or "adaptive", optional
+        Points in a box, as for :func:`box_image`.
+    steps : int, optional
+        Steps of the map at a time.
+
+    Returns
+    -------
+    BoxSet
+        The cover.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a window that does not fit the map, or arguments out of range.
+    MemoryError
+        Where the boxes need more memory than is free.
+
+    References
+    ----------
+    Dellnitz, Hohmann, Numerische Mathematik 75 (1997) 293.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> half = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    >>> relative_attractor(half, CellGrid((-1,), (1.1,), (1,)), depth=8)
+    BoxSet(3 of 256 boxes)
+    """
+
+    def select(boxes: BoxSet) -> BoxSet:
+        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, steps), backwards_only=True))
+
+    return subdivide(point_map, window, depth, select)
+
+
+@checked
+def maximal_invariant_set(
+    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+) -> BoxSet:
+    """Cover the maximal invariant set: all orbits that stay in the window for ever, forwards and backwards.
+
+    Parameters
+    ----------
+    point_map, window, depth, samples, steps
+        As for :func:`relative_attractor`.
+
+    Returns
+    -------
+    BoxSet
+        Boxes through which a chain of boxes goes on for ever in both directions.
+
+    References
+    ----------
+    Dellnitz, Froyland, Junge, *The algorithms behind GAIO*, in Fiedler (editor), *Ergodic Theory, Analysis, and
+    Efficient Simulation of Dynamical Systems* (2001) 145.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> saddle = discrete_map(lambda x, p: (2 * x[0], x[1] / 2), {}, ("x", "y"))
+    >>> maximal_invariant_set(saddle, CellGrid((-1, -1), (1.1, 1.1), (1, 1)), depth=6)
+    BoxSet(9 of 64 x 64 boxes)
+    """
+
+    def select(boxes: BoxSet) -> BoxSet:
+        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, steps)))
+
+    return subdivide(point_map, window, depth, select)
+
+
+@checked
+def chain_recurrent_set(
+    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+) -> BoxSet:
+    """Cover the chain recurrent set: all points to which orbits with arbitrarily small errors come back.
+
+    Attractors and saddles, periodic or chaotic, are all there is in it; what only passes is left out.
+
+    Parameters
+    ----------
+    point_map, window, depth, samples, steps
+        As for :func:`relative_attractor`.
+
+    Returns
+    -------
+    BoxSet
+        Boxes on closed chains of boxes.
+
+    References
+    ----------
+    Dellnitz, Schütze, Rath, in *Conley Theory and set-oriented numerics*; Osipenko, *Dynamical Systems, Graphs, and
+    Algorithms* (2007), chapter 4.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0]**3 / 2,), {}, ("x",))
+    >>> recurrent = chain_recurrent_set(cubic, CellGrid((-1.7,), (1.6,), (1,)), depth=10)
+    >>> recurrent.contains([[-1.0], [0.0], [1.0], [0.5]])
+    array([ True,  True,  True, False])
+    """
+
+    def select(boxes: BoxSet) -> BoxSet:
+        return boxes.chosen(recurrent_parts(box_transitions(boxes, point_map, samples, steps)) >= 0)
+
+    return subdivide(point_map, window, depth, select)
+
+
+def subdivide(
+    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, select: Callable[[BoxSet], BoxSet]
+) -> BoxSet:
+    """Bisect boxes along one axis after the other and select some of them each time."""
+    boxes = boxes_to_begin_with(point_map, window)
+    for axis in bisections(depth, boxes.grid):
+        boxes = select(boxes.subdivided(axis))
+    return boxes
+
+
+def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSet:
+    """Return the boxes of a window, wrapping where the map does."""
+    if not isinstance(point_map, PointMap):
+        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    if isinstance(window, BoxSet):
+        return BoxSet(window.grid.on(point_map.coordinates, "window"), window.keys)
+    if not isinstance(window, CellGrid):
+        raise TypeError(f"window={window!r}: give a CellGrid, or a BoxSet to begin with")
+    return BoxSet.full(window.on(point_map.coordinates, "window"))
+
+
+def recurrent_parts(graph: csr_array) -> NDArray[np.int64]:
+    """Return the number of the strongly connected part on which each node lies, -1 for nodes on no closed chain.
+
+    Parts are numbered by their first nodes.
+    """
+    count, parts = connected_components(graph, directed=True, connection="strong")
+    closed = np.bincount(parts, minlength=count) > 1
+    closed[parts[graph.diagonal() > 0]] = True
+    where = np.flatnonzero(closed[parts])
+    numbers = np.full(count, -1)
+    _, first = np.unique(parts[where], return_index=True)
+    ordered = parts[where[np.sort(first)]]
+    numbers[ordered] = np.arange(len(ordered))
+    return np.asarray(numbers[parts], np.int64)
+
+
+def _lasting(graph: csr_array, backwards_only: bool = False) -> NDArray[np.bool_]:
+    """Tell which nodes lie on chains that have no beginning, and no end either unless only the first is asked for."""
+    kept = np.ones(graph.shape[0], bool)
+    onwards, back = graph > 0, (graph > 0).T.tocsr()
+    while True:
+        now = kept & ((back @ kept) > 0)
+        if not backwards_only:
+            now &= (onwards @ kept) > 0
+        if (now == kept).all():
+            return kept
+        kept = now

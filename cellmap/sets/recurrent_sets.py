@@ -1,0 +1,292 @@
+"""Sets of recurrent cells to attractors: followed by the exact map, or taken as they are."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..attractors.settling import NO_RETURN
+from ..basins.finding import find_basins
+from ..basins.record import Basins
+from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost, Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, Kind, sort_key
+from .cell_images import DIVERGED, LEFT, cells_of, centres_of, label_of_no_image
+
+_REPRESENTATIVES = 8  # cells of a set that are followed
+_LATEST = 2**31 - 1
+_FOLLOWED = 1024  # steps of a mapping for which orbits of sets go on without being rounded, at most
+
+
+def polished_sets(
+    point_map: PointMap,
+    grid: CellGrid,
+    cells: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    limits: Mapping[str, Any],
+) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
+    """Return the attractors on which orbits of the exact map end that begin in sets of cells, and each set's label.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; its exact map is followed.
+    grid : CellGrid
+        Where the cells are.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    limits : mapping
+        Further arguments of :func:`find_basins`.
+
+    Returns
+    -------
+    tuple
+        Attractors and labels; where the cells of a set end on different attractors, that of most of them.  Sets whose
+        orbits end have the number of a sink.
+    """
+    if not len(cells):
+        return (), np.empty(0, np.int64)
+    chosen = _representatives(cells, owners)
+    followed, where = np.unique(chosen, return_inverse=True)
+    found = find_basins(point_map.exact or point_map, centres_of(grid, followed), **limits)
+    columns = len(found.attractors) + 3  # codes behind the attractors, where their negative numbers lead
+    votes = np.zeros((len(chosen), columns), np.int64)
+    ends = np.where(found.labels == NO_RETURN, DIVERGED, found.labels)
+    np.add.at(votes, (np.arange(len(chosen))[:, None], ends[where.reshape(chosen.shape)]), 1)
+    label = votes.argmax(axis=1)
+    return found.attractors, np.where(label < len(found.attractors), label, label - columns)
+
+
+def adjacent_sets(
+    grid: CellGrid,
+    coordinates: tuple[Coordinate, ...],
+    cells: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    images: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    periods: NDArray[np.int64] | None = None,
+    alike: NDArray[np.int64] | None = None,
+) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
+    """Return sets of cells as attractors, those that touch as one, and each set's label.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        Where the cells are.
+    coordinates : tuple of Coordinate
+        State variables.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    images : ndarray of int, shape (n,)
+        The cell to which each of them goes, or most likely goes.
+    weights : ndarray, shape (n,)
+        What the cells weigh; the points of an attractor begin at the heaviest.
+    periods : ndarray of int, optional
+        Period of each set; by default the number of clusters of cells in which it lies, or of cells on its cycle.
+    alike : ndarray of int, shape (2, n), optional
+        Pairs of sets that are one as well.
+
+    Returns
+    -------
+    tuple
+        Attractors without multipliers, exponents or neighbourhoods, and labels.
+    """
+    if not len(cells):
+        return (), np.empty(0, np.int64)
+    order = np.argsort(cells, kind="stable")
+    cells, owners, images, weights = cells[order], owners[order], images[order], weights[order]
+    touching = _touching(grid, cells)
+    cluster = _joined(len(cells), touching)
+    first = np.unique(owners, return_index=True)[1]
+    pairs = [touching, np.stack([first[owners], np.arange(len(cells))])] + ([] if alike is None else [first[alike]])
+    whole = _joined(len(cells), np.concatenate(pairs, axis=1))
+    found = []
+    by_set = np.argsort(whole, kind="stable")
+    for rows in np.split(by_set, np.cumsum(np.bincount(whole))[:-1]):
+        start = rows[np.argmax(weights[rows])]
+        period = len(np.unique(cluster[rows])) if periods is None else int(periods[owners[start]])
+        path = _path(cells, images, start, period, closed=periods is None)
+        still = period == 1 and len(rows) <= 3**grid.dimension
+        found.append(_unverified(still, centres_of(grid, path), coordinates))
+    ranks = sorted(range(len(found)), key=lambda k: sort_key(found[k]))
+    label = np.empty(len(found), np.int64)
+    label[ranks] = np.arange(len(found))
+    return tuple(found[k] for k in ranks), label[whole[first]]
+
+
+def exchanging_sets(
+    grid: CellGrid, cells: NDArray[np.int64], owners: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return pairs of sets between which an orbit changes, both ways, when it is moved by one cell; shape (2, pairs).
+
+    Rounding to centres moves an orbit by up to half a cell in each step: a mapping cannot distinguish such sets.
+
+    Parameters
+    ----------
+    grid : CellGrid
+        Where the cells are.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    ends : ndarray of int, shape (grid.size,)
+        The set in which each cell of the grid ends, negative for none.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(cells):
+        return np.empty((2, 0), np.int64)
+    moves = np.concatenate([(owners[rows], ends[there]) for rows, there in _neighbours(grid, cells)], axis=1)
+    origin, end = moves[:, moves[1] >= 0]
+    count = int(owners.max()) + 1
+    graph = coo_array((np.ones(len(origin), np.int8), (origin, end)), shape=(count, count))
+    strong = connected_components(graph, connection="strong")[1]
+    return np.stack([np.arange(count), np.unique(strong, return_index=True)[1][strong]])
+
+
+def ends_of_sets(
+    point_map: PointMap,
+    grid: CellGrid,
+    cells: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    periods: int,
+) -> NDArray[np.int64]:
+    """Return for each set another one in which orbits from it end that are not rounded, or itself.
+
+    Where a map attracts or repels weakly, rounding to centres keeps orbits in sets that are no attractors.  Orbits from
+    some cells of each set are followed, for no more work than all cells of the grid have taken.  They end in another
+    set where all the cells that they visit in the second half of that time end there.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map.
+    grid : CellGrid
+        Where the cells are.
+    cells, owners : ndarray of int, shape (n,)
+        Cells, and the numbers 0, 1, ... of the sets to which they belong.
+    ends : ndarray of int, shape (grid.size,)
+        The set in which each cell of the grid ends, negative for none.
+    periods : int
+        Steps of the map in one step of the mapping.
+    """
+    if not len(cells):
+        return np.empty(0, np.int64)
+    chosen = _representatives(cells, owners)
+    own = np.arange(len(chosen))
+    steps = min(_FOLLOWED, grid.size // chosen.size)
+    if len(chosen) == 1 or steps < 2:
+        return own
+    orbits = Orbits.starting(centres_of(grid, chosen.ravel()))
+    point_map.advance(orbits, periods * (steps // 2))
+    visited = []
+    for _ in range(steps // 2):
+        point_map.advance(orbits, periods)
+        at = cells_of(point_map, grid, orbits)
+        visited.append(np.where(at >= 0, ends[at], LEFT).reshape(chosen.shape))
+    first, last = (np.asarray(bound(visited, axis=(0, 2))) for bound in (np.min, np.max))
+    following = np.where((first == last) & (first >= 0), first, own)
+    group = _joined(len(own), np.stack([own, following]))
+    # Sets that lead on to one another have one end; it is the first of those that stay, or of a cycle.
+    order = np.lexsort((own, following != own, group))
+    return order[np.unique(group[order], return_index=True)[1]][group]
+
+
+def _representatives(cells: NDArray[np.int64], owners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return some cells of each set, shape (sets, m), evenly spread over them and repeated where there are fewer."""
+    order = np.argsort(owners, kind="stable")
+    sizes = np.bincount(owners)
+    ranks = np.arange(_REPRESENTATIVES) * sizes[:, None] // _REPRESENTATIVES
+    return np.asarray(cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]])
+
+
+def _neighbours(grid: CellGrid, cells: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield, for each direction to a cell that shares a corner, the cells by their places, and their neighbours."""
+    index = np.stack(np.unravel_index(cells, grid.shape))
+    shape, wraps = np.array(grid.shape)[:, None], np.array(grid.wraps)[:, None]
+    for step in itertools.product((-1, 0, 1), repeat=grid.dimension):
+        if not any(step):
+            continue
+        moved = index + np.array(step)[:, None]
+        moved = np.where(wraps, moved % shape, moved)
+        inside = ((moved >= 0) & (moved < shape)).all(axis=0)
+        yield np.flatnonzero(inside), np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
+
+
+def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return pairs of places in a sorted list of cells whose cells share a corner, shape (2, pairs)."""
+    pairs = [np.empty((2, 0), np.int64)]
+    for rows, there in _neighbours(grid, cells):
+        place = np.minimum(np.searchsorted(cells, there), len(cells) - 1)
+        known = cells[place] == there
+        pairs.append(np.stack([rows[known], place[known]]))
+    return np.concatenate(pairs, axis=1)
+
+
+def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number things so that those of a pair, and of chains of pairs, have one number."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(pairs.shape[1], np.int8), tuple(pairs)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _path(
+    cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int, closed: bool
+) -> NDArray[np.int64]:
+    """Follow cells for some steps, by places in a sorted list of cells and their images, or until they close."""
+    path = [row]
+    while len(path) < length:
+        following = int(np.searchsorted(cells, images[path[-1]]))
+        if closed and following == row:
+            break
+        path.append(following)
+    return cells[path]
+
+
+def _unverified(still: bool, points: NDArray[np.float64], coordinates: tuple[Coordinate, ...]) -> Attractor:
+    """Return an attractor of which points are known alone."""
+    d = len(coordinates)
+    kind = Kind.FIXED_POINT if still else Kind.PERIODIC
+    unknown = np.full(d, np.nan)
+    return Attractor(kind, len(points), points, (0,) * d, unknown.astype(complex), unknown, coordinates)
+
+
+def basins_from_cells(
+    point_map: PointMap | None,
+    grid: CellGrid,
+    labels: NDArray[np.int64],
+    attractors: Sequence[Attractor],
+    times: NDArray[Any],
+    like: PointMap,
+    settings: Mapping[str, Any],
+    inaccurate: int,
+    cost: Cost,
+) -> Basins:
+    """Return labels of cells as basins, without attractors that no cell belongs to."""
+    used = np.unique(labels[labels >= 0])
+    number = np.full(len(attractors) + 3, -3, np.int64)
+    number[[LEFT, DIVERGED]] = LEFT, label_of_no_image(like)
+    number[used] = np.arange(len(used))
+    final = number[labels].astype(np.int16)
+    return Basins(
+        labels=final.reshape(grid.shape),
+        attractors=tuple(attractors[k] for k in used),
+        settling_time=np.where(final >= 0, np.minimum(times, _LATEST), -1).astype(np.int32).reshape(grid.shape),
+        grid=grid,
+        starts=None,
+        name=like.name,
+        params=dict(like.params),
+        coordinates=like.coordinates,
+        settings={**settings, "map": dict(like.recipe)},
+        inaccurate=inaccurate,
+        cost=cost,
+        point_map=point_map,
+    )

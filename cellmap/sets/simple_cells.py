@@ -1,0 +1,350 @@
+"""Simple cell mapping: each cell goes where its centre goes (Hsu 1980)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.kernels.cells import unravel
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from .._lib.threads import run_over, slices
+from ..basins.record import Basins
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import CHUNK, Cost, Orbits, Status
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, polished_sets
+from .windows import overlap, places_in
+
+_UNKNOWN = -3
+
+
+@dataclass(frozen=True, eq=False)
+class CellMapping:
+    """Cells of a window, the cells to which they go, and what becomes of them in the end.
+
+    Parameters
+    ----------
+    images : ndarray of int64, shape of the grid
+        Flat number of the cell to which each cell goes; -1 for outside the window, -2 where the centre diverges,
+        or does not come back to the section of a map.
+    groups : ndarray of int, shape of the grid
+        Number of the periodic group in which each cell ends; -1 or -2 for those that end outside.
+    steps : ndarray of int, shape of the grid
+        Steps of the mapping to the first cell of that group, or to the outside; 0 for periodic cells.
+    group_periods : ndarray of int, shape (groups,)
+        Cells of each group: steps of the mapping after which it is back.
+    grid : CellGrid
+        The cells.
+    periods : int
+        Steps of the map that one step of the mapping takes.
+    point_map : PointMap
+        The map.
+    stray_cells, stray_images : ndarray of int64, shape (n,), and ndarray, shape (n, dimension)
+        Cells with an image outside the window, and these images, which are inside a wider one perhaps.
+    inaccurate : int
+        Cells on whose way the integrator missed its tolerance.
+    cost : Cost
+        Wall time and number of steps of the map.
+    """
+
+    images: NDArray[np.int64]
+    groups: NDArray[np.integer[Any]]
+    steps: NDArray[np.integer[Any]]
+    group_periods: NDArray[np.integer[Any]]
+    grid: CellGrid
+    periods: int
+    point_map: PointMap = field(repr=False)
+    stray_cells: NDArray[np.int64]
+    stray_images: NDArray[np.float64]
+    inaccurate: int = 0
+    cost: Cost = Cost()
+
+    def __repr__(self) -> str:
+        lost = 100.0 * float((self.groups < 0).mean())
+        return (
+            f"CellMapping({self.point_map.name}, {self.grid.size:,} cells, {len(self.group_periods)} periodic groups, "
+            f"{lost:.4g} % end outside)"
+        )
+
+    @property
+    def cell_periods(self) -> NDArray[np.integer[Any]]:
+        """Period of the group in which each cell ends, shape of the grid; 1 for the outside, which is a sink."""
+        sinks = np.ones(2, self.group_periods.dtype)
+        return np.asarray(np.append(self.group_periods, sinks)[self.groups])
+
+    @property
+    def periodic_cells(self) -> NDArray[np.int64]:
+        """Flat numbers of all cells of periodic groups."""
+        return np.flatnonzero((self.steps.ravel() == 0) & (self.groups.ravel() >= 0))
+
+    @checked
+    def basins(
+        self,
+        polish: bool = True,
+        max_periods: int = 2000,
+        max_period: int = 32,
+        attractors: Sequence[Attractor] = (),
+    ) -> Basins:
+        """Return the basins that this mapping finds.
+
+        Parameters
+        ----------
+        polish : bool, optional
+            Follow each group by the exact map and label it with the attractor that it comes to, so that groups that
+            stand for one attractor are merged, and groups that are none are seen through.  Otherwise groups are
+            attractors; those with cells side by side are one, and so are those between which orbits change, both ways,
+            when they are moved by one cell.  Groups whose orbits end in another one, once these are not rounded to
+            centres, are none.  A quasi-periodic attractor is listed as periodic.
+        max_periods, max_period, attractors : optional
+            As in :func:`find_basins`, for this following.
+
+        Returns
+        -------
+        Basins
+            With settling times as the steps to a group, in steps of the map.  Attractors that are not polished have no
+            multipliers and no neighbourhoods, and their basins no map by which they could be verified.
+        """
+        began = time.perf_counter()
+        limits = {"max_periods": max_periods, "max_period": max_period}
+        cells = self.periodic_cells
+        owners = self.groups.ravel()[cells].astype(np.int64)
+        if polish:
+            given = {**limits, "attractors": attractors}
+            found, labels = polished_sets(self.point_map, self.grid, cells, owners, given)
+        else:
+            images = self.images.ravel()
+            hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)
+            alike = exchanging_sets(self.grid, cells, owners, self.groups.ravel().astype(np.int64))
+            axes = self.point_map.coordinates
+            found, labels = adjacent_sets(self.grid, axes, cells, owners, images[cells], hits, alike=alike)
+            sets = np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()]
+            labels = ends_of_sets(self.point_map, self.grid, cells, sets[cells], sets, self.periods)[labels]
+        return basins_from_cells(
+            self.point_map if polish else None,
+            self.grid,
+            np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()],
+            found,
+            self.steps.ravel() * self.periods,
+            self.point_map,
+            {**limits, "method": "simple cell mapping", "periods": self.periods, "polish": polish},
+            self.inaccurate,
+            Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
+        )
+
+    @checked
+    def extend(self, grid: CellGrid, progress: bool = False) -> CellMapping:
+        """Return the mapping of a wider window; only the cells that are new are mapped.
+
+        Parameters
+        ----------
+        grid : CellGrid
+            A window that holds this one, with cells of the same widths and edges.
+        progress : bool, optional
+            Show a bar on a terminal for work of more than two seconds.
+
+        Raises
+        ------
+        ValueError
+            For a window that does not hold this one, or cells that do not continue its cells.
+        """
+        return _assembled([self], grid.on(self.point_map.coordinates), progress)
+
+    @checked
+    def join(self, other: CellMapping) -> CellMapping:
+        """Return the mapping of two windows side by side, or overlapping; none of their cells is mapped again.
+
+        Cells of one window that go to the other one find their way; so do whole groups (Gyebroszki, Csernák 2017).
+
+        Parameters
+        ----------
+        other : CellMapping
+            Of the same map, with cells of the same widths, whose window makes a box with this one.
+
+        Raises
+        ------
+        ValueError
+            For mappings that do not fit together, or windows with a gap or corners between them.
+        """
+        if not isinstance(other, CellMapping):
+            raise TypeError(f"other={other!r}: give a CellMapping, as simple_cell_mapping returns it")
+        _check_same_map(self, other)
+        a, b = self.grid, other.grid
+        lower, upper = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
+        shape = np.round((upper - lower) / a.widths).astype(np.int64)
+        grid = CellGrid(tuple(lower), tuple(upper), tuple(shape)).on(self.point_map.coordinates)
+        covered = a.size + b.size - overlap(a, b)
+        if covered < grid.size:
+            raise ValueError(
+                f"other covers {b.lower} to {b.upper}, which makes no box with {a.lower} to {a.upper}: "
+                f"{grid.size - covered:,} cells are missing; use extend, which maps them"
+            )
+        return _assembled([self, other], grid, False)
+
+
+@checked
+def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, progress: bool = False) -> CellMapping:
+    """Map cells to cells: the image of a cell is the cell that holds the image of its centre.
+
+    A cell ends in a group of cells that go round for ever, or outside the window.  All groups, the steps to them, and
+    with them basins of attraction, follow from one look at each cell.  What is lost by rounding images to centres stays
+    small where a step moves points by many cells; several periods in one step serve to this end.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        Exact, interpolated or discrete map.
+    grid : CellGrid
+        Cells of a window.  An axis that covers one turn of an angle wraps.
+    periods : int, optional
+        Steps of the map in one step of the mapping.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    CellMapping
+        Images, groups, periods and steps; `basins` makes labels of them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    MemoryError
+        Where the cells do not fit into memory.
+
+    Warns
+    -----
+    ToleranceWarning
+        Where the integrator missed its tolerance on the way of some centres.
+
+    References
+    ----------
+    Hsu, Journal of Applied Mechanics 47 (1980) 931; Hsu, Guttalu, the same 47 (1980) 940; Gyebroszki, Csernák,
+    Communications in Nonlinear Science and Numerical Simulation 42 (2017) 518.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> thirds = discrete_map(lambda x, p: (x[0] / 3,), {}, ("x",))
+    >>> mapping = simple_cell_mapping(thirds, CellGrid((-1,), (1,), (5,)))
+    >>> mapping.images, mapping.steps
+    (array([1, 2, 2, 2, 3]), array([2, 1, 0, 1, 2], dtype=int32))
+    >>> mapping.basins().fractions[0].share
+    1.0
+    """
+    grid = check_map_and_grid(point_map, grid)
+    periods = whole_number("periods", periods, at_least=1)
+    began = time.perf_counter()
+    _claim(grid)
+    images, cells, points, inaccurate = _mapped(point_map, grid, range(grid.size), periods, progress)
+    warn_of_inaccurate(inaccurate, grid.size)
+    return _unravelled(
+        point_map, grid, periods, images, (cells, points), inaccurate, Cost(0.0, grid.size * periods), began
+    )
+
+
+def _claim(grid: CellGrid) -> None:
+    claim_memory(f"a cell mapping of {grid.size:,} cells", (36 + 8 * grid.dimension) * grid.size, "take fewer cells")
+
+
+_Rows = range | NDArray[np.int64]
+_Strays = tuple[NDArray[np.int64], NDArray[np.float64]]
+
+
+def _mapped(
+    point_map: PointMap, grid: CellGrid, rows: _Rows, periods: int, progress: bool
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int]:
+    """Return the images of some cells, those among the cells that stray, the points to which these go, and a count."""
+    images = np.empty(len(rows), np.int64)
+    parts = slices(len(rows), CHUNK)
+    strays: dict[int, _Strays] = {}
+    missed = np.zeros(len(parts), np.int64)
+
+    def work(number: int) -> None:
+        mine = np.asarray(rows[parts[number]])
+        orbits = images_of(point_map, centres_of(grid, mine), periods)
+        found = cells_of(point_map, grid, orbits)
+        images[parts[number]] = found
+        astray = np.flatnonzero((found == LEFT) & np.isfinite(orbits.points).all(axis=-1))
+        strays[number] = mine[astray], orbits.points[astray]
+        missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
+
+    run_over(range(len(parts)), work, f"mapping cells of {point_map.name}" if progress else None)
+    cells = np.concatenate([np.empty(0, np.int64), *(strays[k][0] for k in range(len(parts)))])
+    points = np.concatenate([np.empty((0, grid.dimension)), *(strays[k][1] for k in range(len(parts)))])
+    return images, cells, points, int(missed.sum())
+
+
+def _unravelled(
+    point_map: PointMap,
+    grid: CellGrid,
+    periods: int,
+    images: NDArray[np.int64],
+    strays: _Strays,
+    inaccurate: int,
+    cost: Cost,
+    began: float,
+) -> CellMapping:
+    """Return a mapping with the groups that follow from the images of all cells."""
+    kind = np.dtype(np.int32 if grid.size < 2**31 else np.int64)
+    groups, steps, group_periods = (np.empty(grid.size, kind) for _ in range(3))
+    count = unravel(images, groups, steps, group_periods)
+    return CellMapping(
+        images=images.reshape(grid.shape),
+        groups=groups.reshape(grid.shape),
+        steps=steps.reshape(grid.shape),
+        group_periods=group_periods[:count].copy(),
+        grid=grid,
+        periods=periods,
+        point_map=point_map,
+        stray_cells=strays[0],
+        stray_images=strays[1],
+        inaccurate=inaccurate,
+        cost=Cost(cost.seconds + time.perf_counter() - began, cost.steps),
+    )
+
+
+def _assembled(parts: Sequence[CellMapping], grid: CellGrid, progress: bool) -> CellMapping:
+    """Return the mapping of a window from those of its parts; cells that are in none of them are mapped."""
+    began = time.perf_counter()
+    point_map, periods = parts[0].point_map, parts[0].periods
+    places = [places_in(part.grid, grid) for part in parts]
+    _claim(grid)
+    images = np.full(grid.size, _UNKNOWN, np.int64)
+    cells, points = [np.empty(0, np.int64)], [np.empty((0, grid.dimension))]
+    for part, place in zip(parts, places, strict=True):
+        old = part.images.ravel()
+        images[place] = np.where(old >= 0, place[old], old)
+        cells.append(place[part.stray_cells])
+        points.append(part.stray_images)
+    missing = np.flatnonzero(images == _UNKNOWN)
+    images[missing], strayed, astray, inaccurate = _mapped(point_map, grid, missing, periods, progress)
+    rows, first = np.unique(np.concatenate([*cells, strayed]), return_index=True)
+    ends = np.concatenate([*points, astray])[first]
+    found = cells_of(point_map, grid, Orbits.starting(ends.copy()))
+    images[rows] = found
+    still = found == LEFT
+    warn_of_inaccurate(inaccurate, len(missing))
+    cost = Cost(sum(p.cost.seconds for p in parts), sum(p.cost.steps for p in parts) + len(missing) * periods)
+    total = sum(p.inaccurate for p in parts) + inaccurate
+    return _unravelled(point_map, grid, periods, images, (rows[still], ends[still]), total, cost, began)
+
+
+def _check_same_map(a: CellMapping, b: CellMapping) -> None:
+    """Refuse mappings of different maps, or of different numbers of periods."""
+    if a.point_map is not b.point_map and (
+        a.point_map.coordinates != b.point_map.coordinates
+        or dict(a.point_map.params) != dict(b.point_map.params)
+        or dict(a.point_map.recipe) != dict(b.point_map.recipe)
+    ):
+        raise ValueError(f"other is a mapping of {b.point_map!r}, and this one of {a.point_map!r}: map both by one map")
+    if a.periods != b.periods:
+        raise ValueError(f"other takes {b.periods} periods in a step, and this mapping {a.periods}: take as many")

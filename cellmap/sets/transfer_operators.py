@@ -1,0 +1,344 @@
+"""Transfer operators by Ulam's method: shares of boxes that are mapped into each other, and their eigenvectors."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigs, eigsh
+
+from .._lib.checks import claim_memory, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate
+from ..maps.point_map import PointMap
+from .box_images import box_transitions, points_in
+from .box_set import BoxSet
+from .invariant_sets import recurrent_parts
+
+_DENSE = 400  # boxes up to which all eigenvalues are found
+_KRYLOV = 40  # least size of the space in which some are sought
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """Sets of boxes that are mapped one onto the next, and the last onto the first.
+
+    Parameters
+    ----------
+    order : int
+        Number of the sets.
+    eigenvalues : ndarray of complex, shape (order,)
+        Eigenvalues of the operator nearest to the roots of unity, in their order; how far they are from the circle
+        tells what share leaves the cycle in a step.
+    sets : tuple of BoxSet
+        The sets, in the order in which they are visited.
+    """
+
+    order: int
+    eigenvalues: NDArray[np.complex128]
+    sets: tuple[BoxSet, ...]
+
+    def __repr__(self) -> str:
+        off = np.abs(self.eigenvalues - np.exp(2j * np.pi * np.arange(self.order) / self.order)).max()
+        return f"Cycle({self.order} sets; eigenvalues within {off:.2g} of the roots of unity)"
+
+
+@dataclass(frozen=True, eq=False)
+class AlmostInvariant:
+    """Sets of boxes that orbits seldom leave.
+
+    Parameters
+    ----------
+    sets : tuple of BoxSet
+        The sets, which part the boxes that carry the invariant measure.
+    kept : tuple of float
+        Share of the measure of each set that is in it one step later.
+    eigenvalues : ndarray, shape (number of sets,)
+        Largest eigenvalues of the operator made symmetric in time; 1 means that nothing is exchanged.
+    """
+
+    sets: tuple[BoxSet, ...]
+    kept: tuple[float, ...]
+    eigenvalues: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return f"AlmostInvariant({len(self.sets)} sets that keep {', '.join(f'{k:.4g}' for k in self.kept)})"
+
+
+@dataclass(frozen=True, eq=False)
+class TransferOperator:
+    """The transfer operator of a map on measures that are uniform in each box (Ulam 1960).
+
+    Parameters
+    ----------
+    boxes : BoxSet
+        The boxes.
+    matrix : csr_array, shape (n, n)
+        Share of each box (row) that is mapped into each box (column).
+    lost : ndarray, shape (n,)
+        Share of each box that is mapped out of the set.
+    samples : int
+        Points in each box.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    boxes: BoxSet
+    matrix: csr_array = field(repr=False)
+    lost: NDArray[np.float64] = field(repr=False)
+    samples: int
+    coordinates: tuple[Coordinate, ...]
+
+    def __repr__(self) -> str:
+        return f"TransferOperator({self.boxes}, {self.matrix.nnz:,} transitions, {self.samples} points in each)"
+
+    @functools.cached_property
+    def invariant_measures(self) -> tuple[NDArray[np.float64], ...]:
+        """Shares (n,) of the boxes in the invariant measures, one for each part of the set that nothing leaves."""
+        count, parts = connected_components(self.matrix, directed=True, connection="strong")
+        rows, columns = self.matrix.nonzero()
+        open_ = np.zeros(count, bool)
+        open_[parts[rows[parts[rows] != parts[columns]]]] = True
+        open_[parts[self.lost > 0.0]] = True
+        measures = []
+        for part in np.unique(parts[~open_[parts]]):
+            members = np.flatnonzero(parts == part)
+            inner = csr_array(self.matrix[members][:, members])
+            measure = np.zeros(len(parts))
+            measure[members] = _leading(inner)[1]
+            measures.append(measure)
+        return tuple(measures)
+
+    @functools.cached_property
+    def invariant_measure(self) -> NDArray[np.float64]:
+        """Shares (n,) of the boxes in the invariant measure; they sum up to 1.
+
+        Where mass leaks out of every part of the set, the measure is quasi-stationary: conditioned on what stays.
+
+        Raises
+        ------
+        ValueError
+            Where there are several, as with several attractors, or none, as no box leads back to itself.
+        """
+        if len(self.invariant_measures) > 1:
+            raise ValueError(
+                f"{self!r} has {len(self.invariant_measures)} invariant measures: take one of invariant_measures, or "
+                "boxes that hold one attractor"
+            )
+        if not self._recurs:
+            raise ValueError(
+                f"{self!r} has no invariant measure, as all mass leaks out of the boxes: take more of them"
+            )
+        return self.invariant_measures[0] if self.invariant_measures else self._leading[1]
+
+    @property
+    def density(self) -> NDArray[np.float64]:
+        """Invariant measure per volume, shape (n,)."""
+        return self.invariant_measure / float(np.prod(self.boxes.grid.widths))
+
+    @property
+    def escape_rate(self) -> float:
+        """Minus the logarithm of the largest eigenvalue: the rate, per step, at which mass leaks out of the set."""
+        if self.invariant_measures:
+            return 0.0
+        return float(-np.log(self._leading[0])) if self._recurs else np.inf
+
+    @functools.cached_property
+    def _recurs(self) -> bool:
+        """Whether there are boxes that lead back to themselves."""
+        return bool((recurrent_parts(self.matrix) >= 0).any())
+
+    @functools.cached_property
+    def _leading(self) -> tuple[float, NDArray[np.float64]]:
+        return _leading(self.matrix)
+
+    @checked
+    def eigenvalues(self, number: int | None = None) -> NDArray[np.complex128]:
+        """Return the largest eigenvalues, by default six, by modulus; of a conjugate pair the upper one first."""
+        return self.eigenvectors(number)[0]
+
+    @checked
+    def eigenvectors(self, number: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the largest eigenvalues (m,) and the measures (n, m) that the map multiplies by them."""
+        most = len(self.boxes)
+        number = min(6, most) if number is None else whole_number("number", number, at_least=1, at_most=most)
+        return _eigen(csr_array(self.matrix.T), number)
+
+    @checked
+    def cycle(self, order: int) -> Cycle:
+        """Return the sets that are visited in a cycle of some order.
+
+        The eigenvectors at the roots of unity are put together: set k is where their sum, each turned by k times its
+        angle, is largest.
+
+        Parameters
+        ----------
+        order : int
+            Number of sets, at least 2.
+
+        Raises
+        ------
+        ValueError
+            Where not all roots of unity of that order are close to eigenvalues.
+
+        References
+        ----------
+        Dellnitz, Junge, SIAM Journal on Numerical Analysis 36 (1999) 491.
+        """
+        order = whole_number("order", order, at_least=2, at_most=max(2, len(self.boxes)))
+        values, vectors = _eigen(self.matrix, min(2 * order + 2, len(self.boxes)))
+        roots = np.exp(2j * np.pi * np.arange(order) / order)
+        nearest = np.abs(values - roots[:, None]).argmin(axis=1)
+        found = values[nearest]
+        if len(set(nearest.tolist())) < order or np.abs(found - roots).max() > 0.5 / order:
+            raise ValueError(
+                f"order={order}: the eigenvalues nearest to the roots of unity are {np.round(found, 4).tolist()}; "
+                "choose an order whose roots are all among eigenvalues()"
+            )
+        carried = self._carried
+        reference = int(np.argmax(np.where(carried, self._weights, 0.0)))
+        functions = vectors[:, nearest] / vectors[reference, nearest]
+        members = np.stack([(functions * roots**-k).sum(axis=1).real for k in range(order)])
+        where = members.argmax(axis=0)
+        return Cycle(order, found, tuple(self.boxes.chosen(carried & (where == k)) for k in range(order)))
+
+    @checked
+    def almost_invariant_sets(self, number: int = 2) -> AlmostInvariant:
+        """Return a partition into sets that keep as much of the invariant measure as can be.
+
+        The operator is made symmetric in time; its leading eigenvectors are nearly constant on the sets.  The boxes
+        that lie farthest apart in the space of these vectors stand for the sets, and each box goes to the one to which
+        it belongs the most.
+
+        Parameters
+        ----------
+        number : int, optional
+            Sets, at least 2.
+
+        References
+        ----------
+        Dellnitz, Junge (1999); Froyland, Physica D 200 (2005) 205; Deuflhard, Weber, Linear Algebra and its
+        Applications 398 (2005) 161, on the choice of the sets.
+        """
+        number = whole_number("number", number, at_least=2, at_most=int(self._carried.sum()))
+        carried = np.flatnonzero(self._carried)
+        weights = self._weights[carried]
+        inner = csr_array(self.matrix[carried][:, carried])
+        flow = diags_array(weights) @ inner
+        root = np.sqrt(weights)
+        symmetric = csr_array(diags_array(0.5 / root) @ (flow + flow.T) @ diags_array(1.0 / root))
+        values, vectors = _largest_symmetric(symmetric, number)
+        functions = vectors / root[:, None]
+        corners = _far_corners(functions)
+        members = np.linalg.solve(functions[corners].T, functions.T).argmax(axis=0)
+        masks = [members == k for k in range(number)]
+        kept = tuple(float(flow[m][:, m].sum() / weights[m].sum()) for m in masks)
+        return AlmostInvariant(tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values)
+
+    @functools.cached_property
+    def _weights(self) -> NDArray[np.float64]:
+        """Mean of all invariant measures."""
+        measures = self.invariant_measures
+        return np.mean(measures, axis=0) if measures else self._leading[1]
+
+    @property
+    def _carried(self) -> NDArray[np.bool_]:
+        """Boxes that carry measure."""
+        return self._weights > 0.0
+
+
+@checked
+def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, steps: int = 1) -> TransferOperator:
+    """Return the transfer operator of a map on a set of boxes.
+
+    Parameters
+    ----------
+    boxes : BoxSet
+        The boxes, such as :func:`relative_attractor` returns them.
+    point_map : PointMap
+        The map.
+    samples : int, optional
+        Points along each axis of a box: the shares have an error of the order of their inverse.
+    steps : int, optional
+        Steps of the map at a time.
+
+    Returns
+    -------
+    TransferOperator
+        With its invariant measures, eigenvalues, cycles and almost invariant sets.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or an empty set.
+    MemoryError
+        Where the matrix needs more memory than is free.
+
+    References
+    ----------
+    Ulam, *A Collection of Mathematical Problems* (1960); Dellnitz, Junge, SIAM Journal on Numerical Analysis 36 (1999)
+    491.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map
+    >>> tent = discrete_map(lambda x, p: (1 - abs(2 * x[0] - 1),), {}, ("x",))
+    >>> operator = transfer_operator(BoxSet.full(CellGrid((0,), (1,), (64,))), tent)
+    >>> bool(np.allclose(operator.density, 1.0))
+    True
+    """
+    if not isinstance(boxes, BoxSet) or not len(boxes):
+        raise ValueError(f"boxes={boxes!r}: give a BoxSet of at least one box")
+    number = points_in(samples, boxes.grid.dimension)
+    counts = box_transitions(boxes, point_map, samples, steps)
+    matrix = csr_array(counts / float(number))
+    lost = 1.0 - counts.sum(axis=1) / number
+    return TransferOperator(boxes, matrix, lost, number, point_map.coordinates)
+
+
+def _leading(matrix: csr_array) -> tuple[float, NDArray[np.float64]]:
+    """Return the largest eigenvalue of a matrix that is nowhere negative, and its left eigenvector, which sums to 1."""
+    values, vectors = _eigen(csr_array(matrix.T), 1)
+    measure = np.abs(vectors[:, 0])
+    return float(values[0].real), measure / measure.sum()
+
+
+def _eigen(matrix: csr_array, number: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return the eigenvalues of largest modulus, and right eigenvectors, always in the same order."""
+    n = matrix.shape[0]
+    if n <= max(_DENSE, number + 2):
+        values, vectors = np.linalg.eig(matrix.toarray())
+    else:
+        size = min(n, max(_KRYLOV, 4 * number))
+        claim_memory(f"eigenvectors of {n:,} boxes", 8 * n * (size + 2 * number), "ask for fewer, or take fewer boxes")
+        # Not the vector of ones, which may be an eigenvector itself and leave nothing to be found.
+        begin = np.random.default_rng(0).uniform(0.5, 1.5, n)
+        values, vectors = eigs(matrix, k=number, which="LM", v0=begin, ncv=size, maxiter=100 * n)
+    order = np.lexsort((-values.imag, -values.real.round(9), -np.abs(values).round(9)))[:number]
+    return values[order].astype(complex), vectors[:, order].astype(complex)
+
+
+def _largest_symmetric(matrix: csr_array, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the largest eigenvalues of a symmetric matrix, the largest first, and their eigenvectors."""
+    n = matrix.shape[0]
+    if n <= max(_DENSE, number + 1):
+        values, vectors = np.linalg.eigh(matrix.toarray())
+    else:
+        begin = np.random.default_rng(0).uniform(0.5, 1.5, n)
+        values, vectors = eigsh(matrix, k=number, which="LA", v0=begin, ncv=min(n, max(_KRYLOV, 4 * number)))
+    return values[: -number - 1 : -1], vectors[:, : -number - 1 : -1]
+
+
+def _far_corners(functions: NDArray[np.float64]) -> list[int]:
+    """Return rows that lie far apart: each has the largest distance from the space of those before it."""
+    chosen = [int(np.argmax((functions**2).sum(axis=1)))]
+    rest = functions - functions[chosen[0]]
+    for _ in range(functions.shape[1] - 1):
+        chosen.append(int(np.argmax((rest**2).sum(axis=1))))
+        direction = rest[chosen[-1]] / np.linalg.norm(rest[chosen[-1]])
+        rest = rest - np.outer(rest @ direction, direction)
+    return chosen

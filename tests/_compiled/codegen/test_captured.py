@@ -1,0 +1,121 @@
+"""What functions read besides their arguments."""
+
+from __future__ import annotations
+
+import functools
+import types
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import cos
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap._compiled.codegen.captured import captured, kept
+
+stiffness = 1.0
+
+
+def spring(x: Any) -> Any:
+    return -stiffness * x
+
+
+def test_globals_closures_defaults_and_helpers() -> None:
+    inside, table = 2.0, np.array([3.0, 4.0])
+
+    def f(x: float, power: float = 5.0, *, offset: tuple[float, ...] = (6.0,)) -> Any:
+        return spring(x) ** power + inside * table[0] + cos(x) + offset[0]
+
+    values = captured(f)
+    for value in (1.0, 2.0, 5.0, 6.0):
+        assert value in values
+    assert ("<f8", (2,), table.tobytes()) in values
+
+
+def test_partials_methods_objects_and_modules() -> None:
+    @dataclass(frozen=True)
+    class Oscillator:
+        k: float
+
+        def __call__(self, x: float) -> float:
+            return -self.k * x
+
+        def rhs(self, x: float) -> float:
+            return self.k * x
+
+    constants = types.ModuleType("constants")
+    constants.g = 9.8  # type: ignore[attr-defined]
+    constants.unused = 7.0  # type: ignore[attr-defined]
+    assert 3.0 in captured(Oscillator(3.0))
+    assert 3.0 in captured(Oscillator(3.0).rhs)
+    assert 4.0 in captured(functools.partial(spring, 4.0))
+    values = captured(lambda x: constants.g * x)
+    assert 9.8 in values and 7.0 not in values
+
+
+def test_functions_that_call_each_other_end() -> None:
+    def f(n: int) -> int:
+        return 0 if n == 0 else g(n - 1)
+
+    def g(n: int) -> int:
+        return f(n)
+
+    assert isinstance(captured(f), tuple)
+
+
+def test_what_is_kept_follows_the_values() -> None:
+    built: list[float] = []
+
+    @kept
+    def build(function: Callable[..., Any], n: int) -> int:
+        built.append(n)
+        return n
+
+    scale = 1.0
+
+    def f(x: float) -> float:
+        return scale * x
+
+    assert build(f, 1) == build(f, 1) == 1
+    assert built == [1]
+    scale = 2.0
+    build(f, 1)
+    build(f, 2)
+    assert built == [1, 1, 2]
+
+
+@pytest.mark.parametrize("form", ["traced", "branching", "discrete"])
+def test_a_changed_constant_is_seen(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A global number that a right-hand side reads, changed between two maps."""
+
+    def traced(t: float, x: Any, p: Any) -> tuple[float]:
+        return (spring(x[0]),)
+
+    def branching(t: float, x: Any, p: Any) -> tuple[float]:
+        return (spring(x[0]) if x[0] < 1e9 else 0.0,)
+
+    def image() -> float:
+        if form == "discrete":
+            return float(discrete_map(lambda x, p: (spring(x[0]),), {}, ("x",))([1.0])[0])
+        rhs = {"traced": traced, "branching": branching}[form]
+        return float(stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x",)), method="RK45", rtol=1e-6)([1.0])[0])
+
+    before = image()
+    monkeypatch.setitem(globals(), "stiffness", 2.0)
+    after = image()
+    exact = (-1.0, -2.0) if form == "discrete" else (np.exp(-1.0), np.exp(-2.0))
+    assert (before, after) == pytest.approx(exact, rel=1e-5)
+
+
+def test_objects_without_a_hash_are_refused() -> None:
+    @dataclass
+    class Decay:
+        rate: float
+
+        def __call__(self, t: float, x: Any, p: Any) -> tuple[float]:
+            return (-self.rate * x[0],)
+
+    with pytest.raises(TypeError, match=r"Decay\(rate=1.0\) cannot be told from others: .* frozen dataclass"):
+        stroboscopic_map(ForcedSystem(Decay(1.0), {}, 1.0, ("x",)))

@@ -1,0 +1,116 @@
+"""Machine code from formulas: the same instructions for all processors, and the meaning that the formulas have."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+
+from cellmap._compiled.codegen.instructions import Instructions
+from cellmap._compiled.codegen.kernel import discrete_kernel, traced_function
+from cellmap._compiled.codegen.machine_code import assembly_for, object_code
+from cellmap._compiled.codegen.methods import choose_method
+from cellmap._compiled.codegen.period import period_text
+from cellmap._compiled.codegen.statements import translate
+from cellmap._compiled.kernels import simd_math
+from cellmap._compiled.kernels.options import KERNEL, LANES
+
+
+def applied(function: Any, points: Any, parameters: tuple[float, ...] = ()) -> Any:
+    """Images of points (n, d) under a traced function of the state, in lanes."""
+    n, d = points.shape
+    blocks = np.zeros((-(-n // LANES), d, LANES))
+    blocks.transpose(0, 2, 1).reshape(-1, d)[:n] = points
+    padded = np.zeros((blocks.shape[0] * LANES, d))
+    padded[:n] = points
+    blocks = np.ascontiguousarray(padded.reshape(-1, LANES, d).transpose(0, 2, 1))
+    names = tuple(f"p{i}" for i in range(len(parameters)))
+    kernel = discrete_kernel(lambda t, x, p: function(x, p), d, names, False)
+    assert kernel is not None
+    kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, np.array(parameters), np.empty_like(blocks))
+    return blocks.transpose(0, 2, 1).reshape(-1, d)[:n]
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "exp", "sinh", "cosh", "tanh", "atan"])
+def test_elementary_functions_are_those_of_their_source_to_the_bit(name: str) -> None:
+    function = getattr(simd_math, name)
+
+    @njit(**{**KERNEL, "cache": False})
+    def apply(values, results):  # type: ignore[no-untyped-def]
+        for i in range(values.size):
+            results[i] = function(values[i])
+
+    values = np.concatenate([np.random.default_rng(0).uniform(-30.0, 30.0, 1000), [0.0, -0.0, 1e9, 800.0, math.nan]])
+    expected = np.empty_like(values)
+    apply(values, expected)
+    found = applied(lambda x, p: (getattr(math, name)(x[0]),), values[:, None])[:, 0]
+    assert np.array_equal(found, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "name", ["log", "asin", "acos", "log10", "log2", "log1p", "expm1", "asinh", "erf", "ceil", "floor", "fabs", "sqrt"]
+)
+def test_functions_of_the_c_library_and_of_the_processor(name: str) -> None:
+    values = np.random.default_rng(1).uniform(0.0, 1.0, 100)
+    found = applied(lambda x, p: (getattr(math, name)(x[0]),), values[:, None])[:, 0]
+    assert found == pytest.approx([getattr(math, name)(v) for v in values], rel=4e-16)
+
+
+def test_functions_of_two_numbers() -> None:
+    points = np.random.default_rng(2).uniform(0.1, 2.0, (200, 2)) * [1.0, -1.0]
+
+    def several(x: Any, p: Any) -> Any:
+        return min(x[0], p.p0 * x[1]) + math.hypot(x[0], x[1]), max(x[0], -1.5) * math.atan2(x[0], x[1]) + x[0] ** x[1]
+
+    class Record:
+        p0 = -0.7
+
+    expected = [several(tuple(point), Record) for point in points.tolist()]
+    assert applied(several, points, (-0.7,)) == pytest.approx(np.array(expected), rel=1e-14)
+
+
+def test_the_worked_example_of_the_documentation() -> None:
+    """A line of a step becomes one instruction of LLVM for each operation, and shared numbers are computed once."""
+    out = Instructions(4)
+    scope = {"h": out.load("%h")}
+    with out.loop_over_lanes(LANES):
+        scope["x0"] = out.load("%x", vector=True)
+        translate(out, ["v = 0.5 * h * x0"], scope)
+    body = "\n".join(out.lines)
+    before, inside = body.split("lane.body:")
+    assert re.findall("fmul contract .*", before) == ["fmul contract double 0x3FE0000000000000, %v1"]
+    assert len(re.findall("fmul contract .*", inside)) == 1
+    assert re.search(r"fmul contract <4 x double> %v\d+, %v\d+", inside)
+
+
+def test_other_statements_are_refused() -> None:
+    for line in ("x, y = 1.0, 2.0", "while True: pass", "y = x[0]", "y = lambda: 1.0"):
+        with pytest.raises(TypeError, match="be compiled"):
+            translate(Instructions(4), [line], {})
+
+
+PROCESSORS = {
+    "x86_64-unknown-linux-gnu haswell": (4, r"vfn?m(add|sub)\d+pd\s.*%ymm"),
+    "x86_64-unknown-linux-gnu znver4": (8, r"vfn?m(add|sub)\d+pd\s.*%zmm"),
+    "arm64-apple-macosx13.0.0 apple-m1": (4, r"fml[as]\.2d\s+v"),
+}
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_other_processors_get_vector_code(processor: str) -> None:
+    """Object code for AVX2, AVX-512 and NEON, with fused multiply-adds on vectors."""
+    triple, cpu = processor.split()
+    width, packed = PROCESSORS[processor]
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -p.damping * x[1] - (1.0 + 0.2 * math.cos(t)) * math.sin(x[0])
+
+    traced = traced_function(rhs, 2, ("damping",))
+    assert traced is not None
+    text = period_text(choose_method("auto", traced, 1e-9).write(traced), 2, 1, width)
+    assert len(object_code(text, triple, cpu, "")) > 1000
+    assert len(re.findall(packed, assembly_for(text, triple, cpu, ""))) > 100

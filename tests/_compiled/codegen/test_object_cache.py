@@ -1,0 +1,184 @@
+"""Compiled code on disk: what is damaged, foreign or open to others is never loaded."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellmap._compiled.codegen.instructions import Instructions
+from cellmap._compiled.codegen.machine_code import MachineCode, machine_code, module_text
+from cellmap._compiled.codegen.object_cache import ObjectCache
+from cellmap._compiled.kernels.cache import cache_folder
+
+KEY, OTHER = "0123456789abcdef" * 4, "fedcba9876543210" * 4
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> ObjectCache:
+    return ObjectCache(tmp_path)
+
+
+def test_what_was_written_is_read_again(cache: ObjectCache) -> None:
+    assert cache.read(KEY) is None
+    cache.write(KEY, b"code")
+    assert cache.read(KEY) == b"code"
+    assert cache.read(OTHER) is None
+
+
+def test_an_entry_with_any_byte_changed_is_refused_and_removed(cache: ObjectCache) -> None:
+    cache.write(KEY, b"some code")
+    assert cache.folder is not None
+    (path,) = cache.folder.iterdir()
+    whole = path.read_bytes()
+    for place in range(len(whole)):
+        for damaged in (whole[:place], whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :]):
+            path.write_bytes(damaged)
+            with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
+                assert cache.read(KEY) is None
+            assert not path.exists()
+
+
+def test_an_entry_of_another_key_is_refused(cache: ObjectCache) -> None:
+    cache.write(KEY, b"code")
+    assert cache.folder is not None
+    (path,) = cache.folder.iterdir()
+    path.rename(path.with_name(path.name.replace(KEY[:32], OTHER[:32])))
+    with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
+        assert cache.read(OTHER) is None
+
+
+def test_the_least_recently_used_entries_go_first(tmp_path: Path) -> None:
+    cache = ObjectCache(tmp_path, limit=3500)
+    keys = [f"{i:x}" * 64 for i in range(4)]
+    for age, key in enumerate(keys[:3]):
+        cache.write(key, bytes(1000))
+        (path,) = tmp_path.glob(f"{key[:32]}*")
+        os.utime(path, (time.time() - 1000 + age,) * 2)
+    cache.read(keys[0])
+    cache.write(keys[3], bytes(1000))
+    assert [cache.read(key) is not None for key in keys] == [True, False, True, True]
+
+
+def small_program() -> str:
+    """Return a module with a function that doubles the number at an address."""
+    out = Instructions(1)
+    out.store(out.binary("fadd", number := out.load("%x"), number), "%x")
+    return module_text(out.function("double_it", "ptr %x"), out)
+
+
+def doubled(loaded: MachineCode) -> float:
+    import ctypes
+
+    place = ctypes.c_double(2.0)
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address("double_it"))(ctypes.addressof(place))
+    return place.value
+
+
+compile_anew = machine_code.__wrapped__
+"""What a new process does: this one keeps the functions that it has loaded."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    place = tmp_path / "kept"
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(place))
+    return place
+
+
+def test_code_is_kept_in_a_private_folder(folder: Path) -> None:
+    assert doubled(compile_anew(small_program())) == 4.0
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert len(list(folder.iterdir())) == 1
+    assert doubled(compile_anew(small_program())) == 4.0
+
+
+@pytest.mark.parametrize("tries", [20, pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_damaged_entry_is_recompiled(folder: Path, tries: int) -> None:
+    compile_anew(small_program())
+    (path,) = folder.iterdir()
+    whole = path.read_bytes()
+    for place in range(0, len(whole), -(-len(whole) // tries)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        with pytest.warns(RuntimeWarning, match=re.escape(str(path))):
+            assert doubled(compile_anew(small_program())) == 4.0
+        assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+def test_a_folder_that_others_can_write_is_not_used(folder: Path, mode: int) -> None:
+    compile_anew(small_program())
+    folder.chmod(mode)
+    for path in folder.iterdir():
+        path.write_bytes(b"planted")
+    with pytest.warns(UserWarning, match="others can write to it"):
+        assert doubled(compile_anew(small_program())) == 4.0
+    assert [path.read_bytes() for path in folder.iterdir()] == [b"planted"]
+
+
+def test_a_folder_of_somebody_else_is_not_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compile_anew(small_program())
+    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    with pytest.warns(UserWarning, match="others can write to it"):
+        assert doubled(compile_anew(small_program())) == 4.0
+
+
+def test_without_a_folder_code_lives_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", "")
+    assert doubled(compile_anew(small_program())) == 4.0
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    assert doubled(compile_anew(small_program())) == 4.0
+
+
+def test_the_folder_is_made_for_its_user_alone(folder: Path) -> None:
+    old = os.umask(0)
+    try:
+        compile_anew(small_program())
+    finally:
+        os.umask(old)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_the_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "mine"))
+    assert cache_folder() == tmp_path / "mine"
+    monkeypatch.delenv("CELLMAP_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "cellmap"
+
+
+def test_no_temporary_file_is_left(folder: Path) -> None:
+    compile_anew(small_program())
+    assert [path.suffix for path in folder.rglob("*") if path.is_file()] == [".object"]
+
+
+PROGRAM = """
+import numpy as np, sys
+from math import cos, pi
+from cellmap import ForcedSystem, stroboscopic_map
+def rhs(t, x, p):
+    return x[1], x[0] - x[0]**3 - 0.15 * x[1] + 0.2 * cos(t)
+system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
+np.save(sys.argv[1], stroboscopic_map(system, method="RK45", rtol=1e-6)(np.linspace(-1, 1, 20).reshape(10, 2)))
+"""
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_processes_that_start_together_agree(tmp_path: Path, count: int) -> None:
+    """Processes compile, write and read the same code at the same time; a later one reads it."""
+    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path / "shared")}
+    command = [sys.executable, "-c", PROGRAM]
+    results = [tmp_path / f"{i}.npy" for i in range(count + 1)]
+    together = [subprocess.Popen([*command, str(r)], env=environment) for r in results[:-1]]
+    assert [p.wait(timeout=120) for p in together] == [0] * count
+    subprocess.run([*command, str(results[-1])], env=environment, check=True, timeout=120)
+    first, *others = (np.load(r) for r in results)
+    assert np.isfinite(first).all()
+    assert all(np.array_equal(first, other) for other in others)

@@ -1,0 +1,114 @@
+"""Runge-Kutta steps: order of convergence, agreement with SciPy's own step, error estimates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from math import cos, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import DOP853, RK45
+
+from cellmap import ForcedSystem
+from cellmap._compiled.codegen.kernel import PeriodKernel, flow_kernel
+from cellmap._compiled.codegen.runge_kutta import Tableau
+from cellmap._compiled.codegen.tableaus import dop853, rk45
+from cellmap._compiled.kernels.options import LANES
+
+
+def images(
+    kernel: PeriodKernel, system: ForcedSystem, starts: NDArray[np.float64], steps: int, length: float | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Images after `steps` equal steps from t = 0, and the summed error estimates; at most one block of starts."""
+    block = np.zeros((1, system.dimension, LANES))
+    block[0, :, : len(starts)] = starts.T
+    errors = np.empty_like(block)
+    parameters = np.array([float(v) for v in system.params.values()])
+    kernel.advance(block, np.array([steps]), 0.0, system.length if length is None else length, parameters, errors)
+    return block[0, :, : len(starts)].T, errors[0, :, : len(starts)].T
+
+
+def branching(t: float, x: Any, p: Any) -> tuple[float, float]:
+    """The same pendulum in a form that cannot be traced; its branch is never taken."""
+    theta, v = x
+    if v > 1e6:
+        v = 1e6
+    return v, -p.gamma * v - (p.alpha - p.beta * cos(t)) * sin(theta)
+
+
+@pytest.fixture(scope="module")
+def traced(problems: Mapping[str, ForcedSystem]) -> ForcedSystem:
+    return problems["vertically driven"]
+
+
+@pytest.fixture(scope="module")
+def untraced(traced: ForcedSystem) -> ForcedSystem:
+    return ForcedSystem(branching, traced.params, 2 * pi, traced.axes)
+
+
+@pytest.mark.parametrize(("method", "order", "steps"), [("RK45", 5, 64), ("DOP853", 8, 8)])
+def test_order_of_convergence_on_the_linear_oscillator(method: str, order: int, steps: int) -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -x[0]
+
+    system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
+    start = np.array([[1.0, 0.0]])
+    kernel = flow_kernel(rhs, 2, (), method, 1e-9)
+    errors = [np.abs(images(kernel, system, start, n)[0] - start).max() for n in (steps, 2 * steps)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
+
+
+@pytest.mark.parametrize(("method", "order", "steps"), [("RK45", 5, 256), ("DOP853", 8, 32)])
+@pytest.mark.parametrize("form", ["traced", "untraced"])
+def test_order_of_convergence_on_the_driven_pendulum(
+    method: str, order: int, steps: int, form: str, request: pytest.FixtureRequest, precise_images: list[dict[str, Any]]
+) -> None:
+    system = request.getfixturevalue(form)
+    rows = [r for r in precise_images if r["problem"] == "vertically driven"]
+    starts, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
+    kernel = flow_kernel(system.rhs, 2, tuple(system.params), method, 1e-9)
+    assert kernel.method == method
+    errors = [np.abs(images(kernel, system, starts, n)[0] - exact).max() for n in (steps, 2 * steps)]
+    # The leading error of DOP853 is so small that higher orders show beside it.
+    assert order - 0.2 < math.log2(errors[0] / errors[1]) < order + 1.2
+
+
+@pytest.mark.parametrize(("method", "solver"), [("RK45", RK45), ("DOP853", DOP853)])
+def test_one_step_is_that_of_scipy(method: str, solver: Any, traced: ForcedSystem) -> None:
+    start, h = np.array([1.0, 0.5]), 0.3
+    kernel = flow_kernel(traced.rhs, 2, tuple(traced.params), method, 1e-9)
+    image, _ = images(kernel, traced, start[None], 1, length=h)
+    reference = solver(traced.fun, 0.0, start, 10.0, first_step=h, max_step=h, rtol=1e10, atol=1e10)
+    reference.step()
+    assert reference.t == h
+    assert image[0] == pytest.approx(reference.y, rel=1e-14)
+
+
+@pytest.mark.parametrize("tableau", [rk45(), dop853()], ids=lambda tableau: tableau.name)
+def test_tableaus_are_consistent(tableau: Tableau) -> None:
+    assert len(tableau.nodes) == len(tableau.stages) >= len(tableau.weights)
+    for c, row in zip(tableau.nodes, tableau.stages, strict=True):
+        assert sum(row) == pytest.approx(c, abs=1e-14)
+    for q in range(1, tableau.order + 1):
+        moment = sum(b * c ** (q - 1) for b, c in zip(tableau.weights, tableau.nodes, strict=False))
+        assert moment == pytest.approx(1.0 / q, abs=1e-14)
+    for row in tableau.errors:
+        assert sum(row) == pytest.approx(0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853"])
+def test_the_estimate_shrinks_at_the_order_it_is_said_to(method: str, traced: ForcedSystem) -> None:
+    kernel = flow_kernel(traced.rhs, 2, tuple(traced.params), method, 1e-9)
+    starts = np.array([[1.0, 0.5], [-2.0, 3.0]])
+    steps = 128 if method == "RK45" else 32
+    first, second = (images(kernel, traced, starts, n)[1].max() for n in (steps, 2 * steps))
+    assert math.log2(first / second) == pytest.approx(kernel.estimate_order, abs=0.6)
+
+
+def test_traced_and_called_right_hand_sides_agree(traced: ForcedSystem, untraced: ForcedSystem) -> None:
+    starts = np.random.default_rng(3).uniform(-3.0, 3.0, (LANES, 2))
+    a, b = (images(flow_kernel(s.rhs, 2, tuple(s.params), "DOP853", 1e-9), s, starts, 40) for s in (traced, untraced))
+    assert a[0] == pytest.approx(b[0], rel=1e-12, abs=1e-12)

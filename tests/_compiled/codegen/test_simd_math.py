@@ -1,0 +1,118 @@
+"""Elementary functions of the lanes, against mpmath."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from numba import njit
+
+from cellmap._compiled.kernels import simd_math
+from cellmap._compiled.kernels.options import KERNEL
+
+
+def over_array(name: str) -> Callable[[Any], Any]:
+    function = getattr(simd_math, name)
+
+    @njit(**{**KERNEL, "cache": False})
+    def apply(values, results):  # type: ignore[no-untyped-def]
+        for i in range(values.size):
+            results[i] = function(values[i])
+
+    def call(values: Any) -> Any:
+        values = np.array(values, dtype=float)
+        results = np.empty_like(values)
+        apply(values, results)
+        return results
+
+    return call
+
+
+def largest_error(name: str, values: Any, results: Any, floor: float = 0.0) -> float:
+    """Largest error in units of the last place of the exact value, or of `floor` where that is larger."""
+    worst = 0.0
+    with mpmath.workdps(40):
+        for x, y in zip(values, results, strict=True):
+            exact = getattr(mpmath, name)(mpmath.mpf(float(x)))
+            unit = math.ulp(max(abs(float(exact)), floor))
+            worst = max(worst, float(abs(mpmath.mpf(float(y)) - exact) / unit))
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high", "units"),
+    [
+        ("sin", -10.0, 10.0, 2.5),
+        ("cos", -10.0, 10.0, 2.5),
+        ("tan", -10.0, 10.0, 4.0),
+        ("sin", -3e6, 3e6, 2.5),
+        ("cos", -3e6, 3e6, 2.5),
+        ("exp", -708.0, 709.0, 2.0),
+        ("exp", -1.0, 1.0, 2.0),
+        ("sinh", -20.0, 20.0, 2.0),
+        ("sinh", -1.0, 1.0, 4.0),
+        ("cosh", -20.0, 20.0, 2.0),
+        ("tanh", -2.0, 2.0, 4.0),
+        ("tanh", -30.0, 30.0, 4.0),
+        ("atan", -3.0, 3.0, 3.0),
+        ("atan", -1e6, 1e6, 3.0),
+        ("sqrt", 0.0, 1e6, 0.5),
+    ],
+)
+def test_values_are_right_to_the_last_places(name: str, low: float, high: float, units: float) -> None:
+    values = np.random.default_rng(0).uniform(low, high, 3000)
+    assert largest_error(name, values, over_array(name)(values)) <= units
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "sinh", "tanh", "exp", "atan"])
+def test_small_arguments(name: str) -> None:
+    values = np.concatenate([10.0 ** np.arange(-300, 0, 7.0), -(10.0 ** np.arange(-300, 0, 7.0))])
+    assert largest_error(name, values, over_array(name)(values)) <= 4.0
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_near_their_zeros_hardly_a_digit_is_lost(name: str) -> None:
+    turns = np.random.default_rng(1).integers(-900_000, 900_000, 2000)
+    values = np.concatenate([turns * math.pi, (turns + 0.5) * math.pi, np.arange(-8, 9) * 0.5 * math.pi])
+    assert largest_error(name, values, over_array(name)(values), floor=1e-9) <= 2.5
+
+
+def test_sine_is_odd_and_cosine_even_to_the_bit() -> None:
+    values = np.random.default_rng(2).uniform(-1000.0, 1000.0, 10_000)
+    sine, cosine = over_array("sin"), over_array("cos")
+    assert np.array_equal(sine(values), -sine(-values))
+    assert np.array_equal(cosine(values), cosine(-values))
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tan"])
+def test_beyond_the_range_of_the_reduction_comes_nan(name: str) -> None:
+    values = [3.1e6, -3.1e6, 1e200, math.inf, -math.inf, math.nan]
+    assert np.isnan(over_array(name)(values)).all()
+
+
+def test_limits_of_exponentials() -> None:
+    values = [0.0, -0.0, 709.0, 709.1, 1e300, math.inf, -708.0, -708.1, -1e300, -math.inf, math.nan]
+    with np.errstate(all="ignore"):
+        expected = [1.0, 1.0, math.exp(709.0), math.inf, math.inf, math.inf, math.exp(-708.0), 0.0, 0.0, 0.0, math.nan]
+    assert over_array("exp")(values) == pytest.approx(expected, rel=1e-15, nan_ok=True)
+    assert np.array_equal(over_array("tanh")([math.inf, -math.inf, 0.0]), [1.0, -1.0, 0.0])
+    assert np.array_equal(over_array("cosh")([math.inf, -math.inf, 0.0]), [math.inf, math.inf, 1.0])
+    assert np.array_equal(over_array("sinh")([math.inf, -math.inf, 0.0]), [math.inf, -math.inf, 0.0])
+    assert np.isnan(over_array("tanh")([math.nan])).all()
+
+
+def test_square_roots_below_zero_are_nan() -> None:
+    assert np.isnan(over_array("sqrt")([-1.0, math.nan])).all()
+    assert np.array_equal(over_array("sqrt")([0.0, 4.0, math.inf]), [0.0, 2.0, math.inf])
+
+
+def test_functions_that_keep_their_exact_meaning() -> None:
+    values = [-2.5, -0.5, 0.0, 0.5, 3.0]
+    assert np.array_equal(over_array("fabs")(values), np.abs(values))
+    assert np.array_equal(over_array("floor")(values), np.floor(values))
+    assert simd_math.copysign(2.0, -1.0) == -2.0
+    assert (simd_math.fmin(1.0, 2.0), simd_math.fmax(1.0, 2.0)) == (1.0, 2.0)

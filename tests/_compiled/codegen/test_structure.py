@@ -1,0 +1,122 @@
+"""Compiled kernels: the loop over lanes is vector code, without a call."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from cellmap import ForcedSystem
+from cellmap._compiled.codegen.kernel import flow_kernel, tangent_flow_kernel, traced_function
+from cellmap._compiled.codegen.methods import choose_method
+from cellmap._compiled.codegen.period import compiled_period
+
+# Arithmetic on doubles, in the assembly of x86 (SSE2, AVX, AVX-512) and of ARM (NEON).
+PACKED = re.compile(r"\s(v?(add|sub|mul|div|fn?m(add|sub)\w*)pd|f(add|sub|mul|div|mla|mls)(\.2d)?\s+v\d+\.2d)\b")
+SCALAR = re.compile(r"\s(v?(add|sub|mul|div|fn?m(add|sub)\w*)sd|f(add|sub|mul|div|n?madd|n?msub)\s+d\d+)\b")
+CALL = re.compile(r"^\s+(call\w*|blr?)\s")
+LABEL = re.compile(r"^([.\w$]+):")
+JUMP = re.compile(r"^\s+(?:j\w+|b(?:\.\w+)?|cbn?z\s+\w+,|tbn?z\s+\w+,\s*#\d+,)\s+([.\w$]+)\s*$")
+
+
+@dataclass(frozen=True)
+class Loop:
+    packed: int
+    scalar: int
+    calls: int
+
+
+def innermost_loops(assembly: str) -> list[Loop]:
+    """Count the instructions of every loop that holds no other loop."""
+    lines = assembly.splitlines()
+    labels = {m[1]: i for i, line in enumerate(lines) if (m := LABEL.match(line))}
+    jumps = {i: labels.get(m[1]) for i, line in enumerate(lines) if (m := JUMP.match(line))}
+    spans = [(begin, end) for end, begin in jumps.items() if begin is not None and begin < end]
+    loops = []
+    for begin, end in spans:
+        if not any(begin <= b and e <= end and (b, e) != (begin, end) for b, e in spans):
+            body = lines[begin:end]
+            loops.append(Loop(*(sum(bool(p.search(line)) for line in body) for p in (PACKED, SCALAR, CALL))))
+    return loops
+
+
+def lane_loop(assembly: str) -> Loop:
+    return max(innermost_loops(assembly), key=lambda loop: loop.packed + loop.scalar)
+
+
+def assembly_of(rhs: Callable[..., Any], dimension: int, names: tuple[str, ...], method: str = "auto") -> str:
+    traced = traced_function(rhs, dimension, names)
+    assert traced is not None
+    compiled: Any = compiled_period(choose_method(method, traced, 1e-9).write(traced), dimension, len(names))
+    assembly: str = compiled.code.assembly
+    return assembly
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [("pendulum, 3 mm", "DOP853"), ("pendulum, 3 mm", "Taylor"), ("double pendulum", "DOP853")]
+)
+def test_the_lane_loop_is_vector_code_without_a_call(
+    problems: Mapping[str, ForcedSystem], name: str, method: str
+) -> None:
+    system = problems[name]
+    assembly = assembly_of(system.rhs, system.dimension, tuple(system.params), method)
+    loops = [loop for loop in innermost_loops(assembly) if loop.packed > 100]
+    assert loops, "no loop holds packed arithmetic"
+    assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)
+    assert all(loop.calls == 0 for loop in innermost_loops(assembly) if loop.scalar > 100)
+
+
+def test_a_function_without_vector_form_shows_as_a_call() -> None:
+    """The control of the test above: atan2 comes from libm, and the detector sees it."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -math.atan2(x[0], 1.0)
+
+    assert lane_loop(assembly_of(rhs, 2, (), "DOP853")).calls > 0
+
+
+def test_a_branch_on_the_state_is_vector_code() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        stiffness = 1.0 if x[0] > 0.0 else p.k
+        return x[1], math.sin(t) - stiffness * x[0]
+
+    advance = flow_kernel(rhs, 2, ("k",), "RK45", 1e-6).advance
+    assembly = advance.code._library.get_asm_str()
+    assert max(loop.packed for loop in innermost_loops(assembly)) > 50
+
+
+def test_a_step_of_the_undriven_pendulum_evaluates_one_sine_a_stage() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -math.sin(x[0])
+
+    traced = traced_function(rhs, 2, ())
+    assert traced is not None
+    for method, stages in (("DOP853", 12), ("RK45", 7)):
+        code = choose_method(method, traced, 1e-9).write(traced)
+        text = "\n".join((*code.once, *code.per_step, *code.per_lane))
+        assert text.count("sin(") == stages
+        assert "cos(" not in text
+
+
+def test_what_depends_on_time_alone_stands_before_the_lane_loop(problems: Mapping[str, ForcedSystem]) -> None:
+    system = problems["pendulum, 3 mm"]
+    traced = traced_function(system.rhs, 2, tuple(system.params))
+    assert traced is not None
+    for method in ("DOP853", "RK45", "Taylor"):
+        code = choose_method(method, traced, 1e-9).write(traced)
+        in_lanes, before = "\n".join(code.per_lane), "\n".join((*code.once, *code.per_step))
+        assert "math.cos(" in before
+        assert "math.cos(" not in in_lanes.replace("simd_math.cos(", "")
+        assert "/ p" not in in_lanes
+
+
+def test_kernels_hold_no_parameter_values(problems: Mapping[str, ForcedSystem]) -> None:
+    system = problems["Duffing"]
+    other = system.with_params(forcing=0.123456, damping=0.654321, frequency=1.5)
+    names = tuple(system.params)
+    assert flow_kernel(system.rhs, 2, names, "auto", 1e-9) is flow_kernel(other.rhs, 2, names, "auto", 1e-9)
+    assert tangent_flow_kernel(system.rhs, 2, names, 1e-12) is tangent_flow_kernel(other.rhs, 2, names, 1e-12)

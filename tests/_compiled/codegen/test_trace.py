@@ -1,0 +1,177 @@
+"""Right-hand sides run once on symbols."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap._compiled.codegen.derivative import tangent_trace
+from cellmap._compiled.codegen.expression import UntraceableError, in_order
+from cellmap._compiled.codegen.trace import CONSTANT, STATEFUL, TIMED, Trace, parameter_record, trace
+
+
+def operations(traced: Trace, level: int | None = None) -> Counter[str]:
+    levels = traced.levels()
+    return Counter(n.operation for n in levels if n.arguments and level in (None, levels[n]))
+
+
+def driven(t: float, x: Any, p: Any) -> tuple[float, float]:
+    theta, v = x
+    return v, -p.gamma * v - (p.alpha - p.beta * math.cos(t)) * math.sin(theta)
+
+
+def test_every_node_knows_what_it_depends_on() -> None:
+    traced = trace(driven, 2, ("alpha", "beta", "gamma"))
+    assert traced is not None
+    assert operations(traced, CONSTANT) == {"neg": 1}
+    assert operations(traced, TIMED) == {"cos": 1, "mul": 1, "sub": 1}
+    assert operations(traced, STATEFUL) == {"sin": 1, "mul": 2, "sub": 1}
+    assert traced.is_analytic
+    assert repr(traced) == "Trace(2 components, 14 nodes)"
+
+
+def test_common_terms_are_computed_once() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return math.sin(x[0]) * math.cos(x[1]), math.sin(x[0]) - math.cos(x[1])
+
+    traced = trace(rhs, 2, ())
+    assert traced is not None
+    assert operations(traced) == {"sin": 1, "cos": 1, "mul": 1, "sub": 1}
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [
+        lambda t, x, p: (1.0 if x[0] > 0 else 2.0,),
+        lambda t, x, p: (math.gamma(x[0]),),
+        lambda t, x, p: (np.where(x[0] > 0, 1.0, 2.0),),
+        lambda t, x, p: (x[0] % 1.0,),
+        lambda t, x, p: (sorted((x[0], 1.0))[0],),
+        lambda t, x, p: (p.absent * x[0],),
+    ],
+)
+def test_what_cannot_be_traced_gives_none(rhs: Callable[..., Any]) -> None:
+    assert trace(rhs, 1, ("k",)) is None
+
+
+def test_loops_and_branches_on_numbers_unroll() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
+        n = len(x)
+        return tuple(x[(i + 1) % n] - 2.0 * x[i] if i else p.k * x[i] for i in range(n))
+
+    traced = trace(rhs, 4, ("k",))
+    assert traced is not None
+    assert operations(traced) == {"mul": 4, "sub": 3}
+
+
+def test_parameters_are_named_tuples_of_one_type() -> None:
+    record = parameter_record(("alpha", "beta"))
+    assert record is parameter_record(("alpha", "beta"))
+    assert record(1.0, 2.0).beta == 2.0
+
+
+def evaluate(traced: Trace, t: float, x: list[float], p: list[float]) -> list[float]:
+    """Value of a trace, by plain floats."""
+    values: dict[Any, float] = {traced.time: t}
+    values.update(zip(traced.states, x, strict=True))
+    values.update(zip(traced.parameters, p, strict=True))
+    arithmetic: dict[str, Callable[..., float]] = {
+        "add": lambda a, b: a + b,
+        "sub": lambda a, b: a - b,
+        "mul": lambda a, b: a * b,
+        "div": lambda a, b: a / b,
+        "neg": lambda a: -a,
+        "pow": lambda a, b: a**b,
+        "fmin": min,
+        "fmax": max,
+    }
+    for node in in_order(traced.outputs):
+        if node.operation == "constant":
+            values[node] = node.value
+        elif node.arguments:
+            function = arithmetic.get(node.operation) or getattr(math, node.operation)
+            values[node] = function(*(values[a] for a in node.arguments))
+    return [values[e] for e in traced.outputs]
+
+
+def test_a_trace_computes_what_the_function_computes() -> None:
+    traced = trace(driven, 2, ("alpha", "beta", "gamma"))
+    assert traced is not None
+    p = [0.5, 0.1, 0.03]
+    record = parameter_record(("alpha", "beta", "gamma"))(*p)
+    for t, x in ((0.0, [1.0, 2.0]), (4.0, [-3.0, 0.5])):
+        assert evaluate(traced, t, x, p) == list(driven(t, tuple(x), record))
+
+
+ELEMENTARY: list[tuple[Callable[[Any], Any], str]] = [
+    (math.sin, "sin(x)"),
+    (math.cos, "cos(x)"),
+    (math.tan, "tan(x)"),
+    (math.exp, "exp(x)"),
+    (math.log, "log(x)"),
+    (math.sqrt, "sqrt(x)"),
+    (math.sinh, "sinh(x)"),
+    (math.cosh, "cosh(x)"),
+    (math.tanh, "tanh(x)"),
+    (math.atan, "atan(x)"),
+    (abs, "abs(x)"),
+    (lambda x: x**3, "x**3"),
+    (lambda x: x**-2, "x**-2"),
+    (lambda x: x**0.5, "sqrt(x)"),
+    (lambda x: x**2.7, "x**2.7"),
+    (lambda x: 2.0 / x, "2/x"),
+    (lambda x: x / (1.0 + x * x), "x/(1 + x**2)"),
+    (lambda x: -x * (3.0 - x) + 5.0, "-x*(3 - x) + 5"),
+    (lambda x: math.sin(x * x) * math.exp(-x), "sin(x**2)*exp(-x)"),
+]
+
+
+@pytest.mark.parametrize(("function", "formula"), ELEMENTARY, ids=[f for _, f in ELEMENTARY])
+def test_tangents_are_the_derivatives_that_sympy_finds(function: Callable[[Any], Any], formula: str) -> None:
+    import sympy
+
+    traced = trace(lambda t, x, p: (function(x[0]),), 1, ())
+    assert traced is not None
+    tangent = tangent_trace(traced)
+    x = sympy.Symbol("x", positive=True)
+    slope = sympy.diff(sympy.sympify(formula, locals={"x": x}), x)
+    for place in (0.3, 1.1):
+        value, derivative = evaluate(tangent, 0.0, [place, 2.0], [])
+        assert value == pytest.approx(function(place), rel=1e-15)
+        assert derivative == pytest.approx(2.0 * float(slope.subs(x, place)), rel=1e-13)
+
+
+def test_the_tangent_of_a_time_dependent_coupled_system() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1] * math.cos(t) + p.k, p.k * x[0] * x[1]
+
+    traced = trace(rhs, 2, ("k",))
+    assert traced is not None
+    t, a, b, u, v, k = 0.7, 2.0, 3.0, 5.0, 7.0, 11.0
+    assert evaluate(tangent_trace(traced), t, [a, b, u, v], [k]) == pytest.approx(
+        [b * math.cos(t) + k, k * a * b, math.cos(t) * v, k * (a * v + b * u)]
+    )
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: math.atan2(x, 2.0),
+        lambda x: min(x, 1.0),
+        lambda x: max(x, 1.0),
+        lambda x: 2.0**x,
+        lambda x: math.floor(x),
+        lambda x: math.erf(x),
+        lambda x: math.copysign(1.0, x),
+    ],
+)
+def test_tangents_that_are_not_known_are_refused(function: Callable[[Any], Any]) -> None:
+    traced = trace(lambda t, x, p: (function(x[0]),), 1, ())
+    assert traced is not None
+    with pytest.raises(UntraceableError, match="no derivative"):
+        tangent_trace(traced)

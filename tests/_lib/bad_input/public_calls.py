@@ -1,0 +1,304 @@
+"""All that is public and can be called, with arguments that each call takes."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cellmap
+import systems
+from cellmap import CellGrid, ForcedSystem, PointMap, angle, discrete_map
+from cellmap._lib.signatures import MADE_BY
+
+
+def two_wells(x: Any, p: Any) -> tuple[Any, Any]:
+    """Attractors at sqrt(r - 1) to either side, a saddle between them, doublings of the period from r = 2 on."""
+    return p.r * x[0] - x[0] ** 3, p.s * x[1]
+
+
+def spiral(t: Any, x: Any, p: Any) -> tuple[Any, Any]:
+    return x[1], -x[0] - 2 * p.d * x[1]
+
+
+WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
+POINTS = np.array([[0.4, 0.1], [-0.3, 0.2]])
+CLOUD = np.random.default_rng(0).random((2000, 2))
+LABELS = (np.add.outer(np.arange(64) ** 2, np.arange(64) * 40) > 1500).astype(int)
+
+
+@cache
+def wells() -> PointMap:
+    return discrete_map(two_wells, {"r": 1.5, "s": 0.5}, ("x", "y"), "two wells")
+
+
+@cache
+def leaving() -> PointMap:
+    """Orbits leave the window but for a Cantor set."""
+    return wells().with_params(r=2.7)
+
+
+@cache
+def swinging() -> ForcedSystem:
+    return systems.dimensionless_pendulum(gamma=0.3)
+
+
+@cache
+def rotating() -> ForcedSystem:
+    return ForcedSystem(spiral, {"d": 0.1}, 6.0, ("q", "v"))
+
+
+@cache
+def tabulated() -> cellmap.Basins:
+    table = cellmap.interpolated_map(wells(), WINDOW, order=1, tolerance=0.3)
+    return cellmap.find_basins(table, WINDOW, max_periods=60)
+
+
+@cache
+def sample(name: str) -> Any:
+    """Return a record of a class, from the function that makes them."""
+    match name:
+        case "PointMap":
+            return wells()
+        case "ForcedSystem":
+            return swinging()
+        case "CellGrid":
+            return WINDOW
+        case "Coordinate":
+            return angle("theta")
+        case "PeriodicOrbit":
+            return cellmap.periodic_orbit(wells(), [0.0, 0.0])
+        case "Attractor":
+            return sample("Basins").attractors[0]
+        case "Certificate":
+            return cellmap.certify(tabulated())
+        case "Bifurcation":
+            return sample("Branch").bifurcations[0]
+        case "SectionMap":
+            return cellmap.section_map(rotating(), ("q", 0.0, 1))
+        case "BoxSet":
+            return cellmap.sets.BoxSet.full(CellGrid((-1.5, -1.0), (1.5, 1.0), (8, 4)))
+        case "Option":
+            return sample("Plan").chosen
+        case "Fit":
+            return called("fit_line", good_arguments("fit_line"))
+    maker = MADE_BY[name].replace(",", "").split()[0]
+    return called(maker, good_arguments(maker))
+
+
+LEFT_OUT = ("derivative", "fun", "signs", "error")
+"""Methods that are the user's function, which integrators call many times; and one that exact maps do not have."""
+
+BY_HAND = ("ForcedSystem", "Coordinate", "CellGrid", "BoxSet")
+WITH_METHODS = ("PointMap", "SectionMap", "Option", "Fit")
+
+
+GIVEN: dict[str, Callable[[], Any]] = {
+    "coordinates": lambda: ("x", "y"),
+    "params": lambda: {"r": 1.5, "s": 0.5},
+    "name": lambda: "r",
+    "starts": lambda: POINTS,
+    "points": lambda: POINTS,
+    "point": lambda: POINTS[0],
+    "start": lambda: POINTS[0],
+    "guess": lambda: POINTS[0],
+    "equilibrium": lambda: (0.0, 0.0),
+    "lower": lambda: 1.3,
+    "upper": lambda: 2.2,
+    "label": lambda: 0,
+    "window": lambda: WINDOW,
+    "depth": lambda: 4,
+    "kind": lambda: "unstable",
+    "values": lambda: (1.4, 1.5),
+    "value": lambda: 1.6,
+    "t": lambda: 0.3,
+    "x": lambda: (0.1, 0.2),
+    "y": lambda: (0.1, 0.2),
+    "j": lambda: 0,
+    "numbers": lambda: (0.5, 1.5),
+    "keys": lambda: np.array([1, 2]),
+    "which": lambda: np.arange(32) % 2 == 0,
+    "before": lambda: 0,
+    "after": lambda: 0,
+    "confidence": lambda: 0.9,
+    "accuracy": lambda: 1e-3,
+    "order": lambda: 2,
+    "lengths": lambda: (0.03, 0.04),
+    "masses": lambda: (1.0, 2.0),
+    **{
+        quantity: lambda: 0.5
+        for quantity in "length amplitude frequency damping alpha beta gamma frequency_ratio amplitude_ratio".split()
+    },
+}
+"""Values of arguments by their names, where the type says too little."""
+
+SMALL = {
+    "max_periods": 60,
+    "max_period": 2,
+    "periods": 4,
+    "transient": 2,
+    "n": 40,
+    "audit": 10,
+    "points": 40,
+    "trials": 32,
+    "discs": 30,
+    "pairs": 400,
+    "uncertain": 5,
+    "frequencies": 4,
+    "offsets": 2,
+    "steps": 2,
+    "most": 20,
+    "lifetime": 5,
+    "samples": 4,
+    "doublings": 1,
+    "number": 1,
+    "max_starts": 16,
+}
+"""Whole numbers that make calls short."""
+
+SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
+    "ForcedSystem": lambda: {"rhs": spiral, "params": {"d": 0.2}, "period": 6.0, "coordinates": ("q", "v")},
+    "Coordinate": lambda: {"name": "theta", "turn": 2 * pi},
+    "CellGrid": lambda: {"lower": (0.0, 0.0), "upper": (1.0, 1.0), "shape": (4, 4)},
+    "BoxSet": lambda: {"grid": WINDOW, "keys": np.array([1, 2])},
+    "angle": lambda: {"name": "theta"},
+    "discrete_map": lambda: {"function": two_wells, "params": {"r": 1.5, "s": 0.5}, "coordinates": ("x", "y")},
+    "flow_map": lambda: {"system": rotating(), "time": 1.0},
+    "section_map": lambda: {"system": rotating(), "section": ("q", 0.0, 1)},
+    "swept_map": lambda: {"point_map": wells(), "names": "r"},
+    "critical_values": lambda: {"name": "beta", "lower": 0.1, "upper": 0.4, "points": 8},
+    "stability_map": lambda: {"x": ("alpha", (0.1, 0.2, 0.3)), "y": ("beta", (0.1, 0.2, 0.3))},
+    "jury_margins": lambda: {"matrix": [[0.5, 0.0], [0.1, 0.2]]},
+    "continue_bifurcation": lambda: {"name": "s", "first": (1.3, 2.2), "second": (0.4, 0.6), "step": 0.05},
+    "continue_orbit": lambda: {"orbit": sample("Attractor"), "lower": 1.3, "upper": 2.3, "step": 0.05},
+    "period_doubling_cascade": lambda: {"limit": 2.5, "orbit": sample("Attractor")},
+    "switch_branch": lambda: {"lower": 1.3, "upper": 2.2, "step": 0.05},
+    "certify": lambda: {"basins": tabulated()},
+    "TransferOperator.cycle": lambda: {"order": 2},
+    "TransferOperator.almost_invariant_sets": lambda: {"number": 2},
+    "Branch.of_kind": lambda: {"kind": cellmap.bifurcations.BifurcationKind.PERIOD_DOUBLING},
+    "CellGrid.on": lambda: {"coordinates": wells().coordinates},
+    "SectionMap.returns": lambda: {"points": [[1.0]]},
+    "bifurcation_diagram": lambda: {"periods": 20},
+    "covariant_vectors": lambda: {"point_map": systems.henon_map(), "periods": 20},
+    "lyapunov_spectrum": lambda: {"periods": 20},
+    "exponent_test": lambda: {"periods": 40},
+    "zero_one_test": lambda: {"periods": 200, "frequencies": 20},
+    "alignment_test": lambda: {"periods": 44},
+    "edge_orbit": lambda: {"steps": 3},
+    "chaotic_saddle": lambda: {"point_map": leaving(), "attractors": (), "largest": 0.1},
+    "escape_rate": lambda: {"point_map": leaving(), "attractors": (), "n": 2000},
+    "zero_one_test_of_series": lambda: {"series": CLOUD[:, 0], "frequencies": 20},
+    "binomial_interval": lambda: {"count": 3, "trials": 10},
+    "tipping_probabilities": lambda: {"before": sample("Basins"), "after": sample("Basins")},
+    "largest_ball": lambda: {"basins": sample("Basins")},
+    "boundary_dimension": lambda: {"basins": LABELS, "sizes": (1, 2, 4, 8), "samples": None},
+    "image_uncertainty_exponent": lambda: {"basins": LABELS},
+    "basin_entropy": lambda: {"basins": sample("Basins"), "box": 3},
+    "fractal_boundary_test": lambda: {"basins": sample("Basins"), "radius": 2.0, "discs": 100},
+    "wada_merging": lambda: {"basins": sample("Basins")},
+    "uncertainty_exponent": lambda: {"source": sample("Basins"), "pairs": 4096},
+    "box_dimension": lambda: {"points": CLOUD},
+    "generalized_dimensions": lambda: {"points": CLOUD, "sizes": (0.4, 0.3, 0.2, 0.15), "window": (0.1, 0.5)},
+    "correlation_dimension": lambda: {"points": CLOUD, "theiler": 0},
+    "kaplan_yorke_dimension": lambda: {"exponents": (0.4, -1.6)},
+    "fit_line": lambda: {"x": np.arange(8.0), "y": 2.0 * np.arange(8.0) + 0.1 * CLOUD[:8, 0]},
+    "smooth_boundary_entropy": lambda: {"dimension": 2},
+    "inverse_stroboscopic_map": lambda: {"system": rotating()},
+    "plot_eigenvector": lambda: {"which": 1},
+    "plot_fit": lambda: {"result": sample("Fit")},
+    "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
+    "load_basins": lambda: {"path": saved_basins()},
+    "rebuild_map": lambda: {"source": wells(), "recipe": dict(wells().recipe)},
+    "recompute_basins": lambda: {"basins": sample("Basins"), "source": wells()},
+    "set_threads": lambda: {"count": 2},
+    "animate": lambda: {"trajectory": sample("Trajectory"), "output": "positions"},
+    "ForcedSystem.output": lambda: {"name": "positions", "t": 0.0, "states": POINTS},
+    "Trajectory.output": lambda: {"name": "positions"},
+}
+
+
+@cache
+def saved_basins() -> Path:
+    return cellmap.save_basins(sample("Basins"), Path("kept.h5").absolute())
+
+
+ROOMS = (
+    "maps orbits bifurcations attractors basins sets analysis analysis.fractal analysis.resilience analysis.boundary"
+)
+
+
+@cache
+def public_things() -> Mapping[str, Any]:
+    """Return all that the library and its systems offer, by names; figures have plot_ before theirs."""
+    found = {name: getattr(systems, name) for name in getattr(systems, "__all__", dir(systems))}
+    for room in ("", *ROOMS.split(), "plot"):
+        module = importlib.import_module(f"cellmap.{room}".strip("."))
+        found |= {("plot_" if room == "plot" else "") + name: getattr(module, name) for name in module.__all__}
+    return found
+
+
+def targets() -> Mapping[str, Callable[[], Callable[..., Any]]]:
+    """Return all that can be called, by names: functions, records that are made by hand, and methods of records."""
+    found: dict[str, Callable[[], Callable[..., Any]]] = {}
+    for name, member in public_things().items():
+        if inspect.isfunction(member) or name in BY_HAND:
+            found[name] = lambda member=member: member
+        if inspect.isclass(member) and (name in MADE_BY or name in BY_HAND or name in WITH_METHODS):
+            for method, function in vars(member).items():
+                known = inspect.isfunction(function) or isinstance(function, classmethod)
+                if known and not method.startswith("_") and method not in LEFT_OUT:
+                    found[f"{name}.{method}"] = lambda name=name, method=method: getattr(sample(name), method)
+    return found
+
+
+TARGETS = targets()
+
+
+@cache
+def parameters(name: str) -> tuple[inspect.Parameter, ...]:
+    return tuple(p for p in inspect.signature(TARGETS[name]()).parameters.values() if p.kind is not p.VAR_KEYWORD)
+
+
+@cache
+def good_arguments(name: str) -> Mapping[str, Any]:
+    """Return arguments that a call takes, by names; they keep it short."""
+    chosen = SPECIAL.get(name, dict)()
+    for p in parameters(name):
+        kind = str(p.annotation)
+        if p.name in chosen:
+            continue
+        if p.name in SMALL and kind.startswith(("int", "Sequence[int] | int", "Samples")):
+            chosen[p.name] = SMALL[p.name]
+        elif p.default is p.empty:
+            record = kind.split(" |")[0]
+            chosen[p.name] = sample(record) if record in RECORDS else GIVEN[p.name]()
+    return chosen
+
+
+RECORDS = {*MADE_BY, *BY_HAND, *WITH_METHODS}
+
+
+def called(name: str, arguments: Mapping[str, Any]) -> Any:
+    function = TARGETS[name]()
+    positional = [p for p in parameters(name) if p.kind is p.VAR_POSITIONAL]
+    named = {key: value for key, value in arguments.items() if not positional}
+    return function(*arguments.values(), **named) if positional else function(**named)
+
+
+ENTRIES = {"lengths": r"lengths|length_\d+", "masses": r"masses|mass_\d+"}
+"""Arguments of which each entry has a name."""
+
+
+def names_an_argument(message: str, name: str) -> bool:
+    """Whether a message says ``argument=value``, ``argument[i]``, ``argument: ...``, or what the argument has or is."""
+    names = "|".join(ENTRIES.get(p.name, p.name) for p in parameters(name))
+    verbs = "has|have|run|is|are|holds|covers|goes|lies|returns|returned|asks for|must|made|fails"
+    return re.search(rf"(^|\W)({names})(, \w+)?([=:\[]| ({verbs})\b)", message) is not None

@@ -1,0 +1,242 @@
+"""Whatever public functions are given: a result, or an error that names an argument."""
+
+from __future__ import annotations
+
+import inspect
+import signal
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from datetime import date
+from decimal import Decimal
+from fractions import Fraction
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
+from public_calls import TARGETS, WINDOW, called, good_arguments, names_an_argument, parameters, public_things, wells
+
+from cellmap import CellGrid, Coordinate, PointMap
+from cellmap._lib.signatures import MADE_BY, checked
+from cellmap.maps.tangent import NotDifferentiableError
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+LONGEST = 120.0
+"""Seconds after which a call counts as one that does not end."""
+
+OWN_ERRORS = {TypeError, ValueError, MemoryError, KeyError, NotDifferentiableError}
+"""And those of files, but no other subclasses: LinAlgError and UnicodeError are a ValueError too, and no remedies."""
+
+
+def fault(name: str, arguments: Mapping[str, Any]) -> str | None:
+    """Call; return what is wrong with how the call ends."""
+
+    def too_long(*_: Any) -> None:
+        raise TimeoutError(f"no end after {LONGEST:g} s")
+
+    before = signal.signal(signal.SIGALRM, too_long)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    try:
+        called(name, arguments)
+    except Exception as error:
+        own = type(error) in OWN_ERRORS or isinstance(error, OSError)
+        if not own or not names_an_argument(str(error), name):
+            return f"{type(error).__name__}: {error}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        plt.close("all")
+    return None
+
+
+WRONG: tuple[Any, ...] = (
+    None, True, False, 0, 1, -1, 3, 2**63, 2**64, -(2**70), 10**400, -(10**400),
+    0.5, -0.5, -0.0, 1.0, 5e-324, 1e-300, 1e308, -1e308, inf, -inf, nan, 1j, Fraction(1, 3), Decimal("NaN"),
+    np.float32(0.3), np.float16(inf), np.int8(-3), np.uint64(2**64 - 1), np.bool_(True), np.complex128(1j),
+    np.array(3), np.array(nan), np.array("x"), np.datetime64("2000-01-01"), date(2000, 1, 1),
+    "", "x", "theta", "r", "a", "no/such/folder/file", "zero\0byte", "\N{SNOWMAN}", b"x",
+    (), [], {}, set(), [[]], [[], []], (0,), (1, 2), (2, 1), (1.0, 1.0), (nan, 1.0), (inf, -inf), [0.5], [[0.5, 0.2]],
+    (1, 2, 3), [1, [2, 3]], ["x", "y"], [None, None], [[None, 1.0]], ("r", (1.0, 2.0)), ("r", 1.0), (0, 0), (-1, -1),
+    [10**400, 1], [1j, 2j], [1e308, -1e308], [1e-320, 1.0], range(3), {"r": 1.5}, {"r": "x"}, {1: 2}, {"x": None},
+    np.zeros(0), np.zeros((0, 2)), np.zeros((2, 0)), np.zeros((1, 2)), np.zeros((3, 3)), np.zeros((2, 2, 2)),
+    np.full((4, 2), nan), np.full((2, 2), 1e300), np.arange(6), np.arange(12.0).reshape(6, 2), np.ones((5, 5), int),
+    np.array([["a", "b"]]), np.array([None, 1], object), np.zeros((2, 2), bool), np.zeros((2, 2), complex),
+    np.ma.masked_array([1.0, 2.0], [True, False]), np.zeros(3, [("a", float)]),
+    np.array(["2000-01-01"], "datetime64[D]"),
+    object(), object, len, iter(()), (v for v in (1, 2)), lambda: None, lambda *a: a, lambda *a: None,
+    lambda *a: (nan, nan), lambda t, x, p: (x[5],), lambda x, p: (p.nothing, 0.0), lambda n: 1 / 0,
+    Path("no/such/file"), Path(), int, Exception("x"), Ellipsis, NotImplemented, slice(1, 2), memoryview(b"abcd"),
+    bytearray(b"ab"), CellGrid((0.0,), (1.0,), (4,)), CellGrid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2)),
+    CellGrid((1e300, 1e300), (2e300, 2e300), (3, 3)), CellGrid((-1.0, -1.0), (1.0, 1.0), (1, 1)), Coordinate("z"),
+)  # fmt: skip
+
+
+LONG_TO_COMPILE = {
+    *("section_map", "SectionMap.returns", "plan", "stability_map", "critical_values", "floquet_multipliers"),
+    *("certify", "plot_certificate"),
+    *("Plan.at", "Plan.map", "Plan.basins", "Plan.outcome", "Option.meets", "plot_plan", "plot_stability_map"),
+}
+"""Called with `make test-all`; the others share the kernels of a discrete map and of a pendulum."""
+
+
+def wrong_values() -> st.SearchStrategy[Any]:
+    """Values that hardly any argument takes, and numbers and arrays of all kinds."""
+    return st.one_of(
+        st.sampled_from(WRONG),
+        st.integers(-(2**70), 2),
+        st.integers(2**63, 2**80),
+        st.floats(),
+        st.text(max_size=4),
+        st.lists(st.one_of(st.integers(-2, 3), st.floats(), st.none()), max_size=4),
+        arrays.arrays(np.float64, arrays.array_shapes(min_dims=0, max_dims=3, max_side=3), elements=st.floats()),
+        arrays.arrays(np.int64, arrays.array_shapes(max_dims=2, max_side=4), elements=st.integers(-3, 3)),
+    )
+
+
+def calls(names: list[str], wrong: st.SearchStrategy[Any]) -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
+    """Calls of which most have one wrong argument, the first as often as any other, and some two or none."""
+
+    def arguments(name: str) -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
+        given = [p.name for p in parameters(name)]
+        changed = st.lists(st.sampled_from(given), min_size=1, max_size=2, unique=True) if given else st.just([])
+        values = changed.flatmap(lambda some: st.fixed_dictionaries(dict.fromkeys(some, wrong)))
+        return values.map(lambda some: (name, some))
+
+    return st.sampled_from(names).flatmap(arguments)
+
+
+def written(name: str, changed: Mapping[str, Any]) -> str:
+    return f"{name}({', '.join(f'{key}={value!r}' for key, value in changed.items())})"
+
+
+@pytest.fixture(autouse=True)
+def the_same_calls_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hypothesis takes constants from modules that happen to be imported: calls would depend on the tests before."""
+    monkeypatch.setattr(providers, "_get_local_constants", Constants)
+
+
+def fuzz(names: list[str], number: int) -> None:
+    @settings(
+        max_examples=number, derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+    )
+    @given(call=calls(names, wrong_values()))
+    def each(call: tuple[str, dict[str, Any]]) -> None:
+        name, changed = call
+        found = fault(name, {**good_arguments(name), **changed})
+        assert found is None, f"{written(name, changed)} ends in {found}"
+
+    each()
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Names of files lead nowhere else, and what matters to matplotlib and numpy alone is not heard."""
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+@pytest.mark.parametrize("name", [name for name in TARGETS if name not in LONG_TO_COMPILE])
+def test_a_wrong_first_argument_is_refused(name: str) -> None:
+    """By its name, and before anything is compiled."""
+    first = next(iter(parameters(name)), None)
+    if first is None or "Any" in str(first.annotation):
+        return
+    with pytest.raises((TypeError, ValueError)) as refused:
+        called(name, {**good_arguments(name), first.name: object()})
+    assert f"{first.name}=" in str(refused.value)
+
+
+def test_good_arguments_are_good() -> None:
+    """Else a call never comes to what is behind its first check."""
+    refused = {}
+    for name in TARGETS:
+        if name not in LONG_TO_COMPILE:
+            try:
+                called(name, good_arguments(name))
+            except ValueError as error:
+                refused[name] = str(error)
+            plt.close("all")
+    assert list(refused) == ["TransferOperator.cycle"]  # the wells have none
+    assert "nearest to the roots of unity" in refused["TransferOperator.cycle"]
+
+
+def test_two_thousand_calls() -> None:
+    fuzz([name for name in TARGETS if name not in LONG_TO_COMPILE], 2_000)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_calls() -> None:
+    fuzz(list(TARGETS), 100_000)
+
+
+FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("section_map", {"section": np.full((3, 2, 1), 3.7e192)}),
+    ("section_map", {"section": ("q", 0.0, np.array([1, 2]))}),
+    ("section_map", {"section": ("q", "x", 1)}),
+    ("find_basins", {"starts": [1e-320, 1.0]}),
+    ("find_basins", {"starts": CellGrid((-1.5, -1e-320), (1.5, 1e-320), (12, 8))}),
+    ("find_basins", {"starts": CellGrid((1e-320, 1e-320), (2e-320, 2e-320), (2, 2))}),
+    ("find_basins", {"starts": CellGrid((1e-320, -1.0), (1.0, 1.0), (12, 8))}),
+    ("continue_basins", {"values": (1, 2, 3)}),
+    ("plot_eigenvector", {"which": -1}),
+    ("edge_orbit", {"inside": 2**67}),
+    ("covariant_vectors", {"start": (0, -3)}),
+    ("bifurcation_diagram", {"nudge": np.zeros((2, 2))}),
+    ("driven_pendulum", {"frequency": 2.2e-309}),
+    ("physical_parameters", {"length": 2.2e-189, "frequency": 2.2e-189}),
+    ("physical_parameters", {"frequency": 1.7e308}),
+    ("triple_pendulum", {"phase": -2.3e16}),
+    ("triple_pendulum", {"mass_3": 2.0**63}),
+    ("chain_pendulum", {"phase": 5.9e16}),
+    ("compound_pendulum", {"phase": 5.5e16, "damping": 0.0}),
+    ("van_der_pol_oscillator", {"mu": 1e22, "frequency": 5e-324}),
+    ("from_stability_coordinates", {"frequency_ratio": 2.8e273, "gravity": 2.8e273}),
+    ("stability_coordinates", {"gravity": 2.2e-309, "amplitude": 0.0}),
+    ("dimensionless_parameters", {"frequency": 5.8e-266}),
+    ("dimensionless_parameters", {"frequency": 1.7e308}),
+    ("minimal_fatal_shock", {"scale": 1.0001e-150}),
+    ("minimal_fatal_shock", {"scale": (1.0001e-150, 1.0)}),
+    ("minimal_fatal_shock", {"scale": (0.9e150, 1.0001e-150)}),
+)
+"""Calls that have ended in exceptions that name no argument, or not in a minute."""
+
+
+@pytest.mark.parametrize(("name", "changed"), FAILED, ids=lambda value: value if isinstance(value, str) else None)
+def test_calls_that_have_failed(name: str, changed: dict[str, Any]) -> None:
+    assert fault(name, {**good_arguments(name), **changed}) is None
+
+
+def test_records_are_made_by_what_the_errors_name() -> None:
+    """The remedy of an error names functions that are there, and that return the record."""
+    for record, makers in MADE_BY.items():
+        functions = [word.strip(",") for word in makers.split() if word.strip(",") in public_things()]
+        assert functions or record == "Axes"
+        for function in functions:
+            if inspect.isfunction(public_things()[function]):
+                returned = str(inspect.signature(public_things()[function]).return_annotation)
+                assert record in returned or record == "Bifurcation"
+
+
+def test_checks_take_no_time() -> None:
+    """A call with four arguments is held to its signature in microseconds."""
+
+    def plain(point_map: PointMap, grid: CellGrid, periods: int = 1, phase: float = 0.0) -> None:
+        return None
+
+    held = checked(plain)
+    began = time.perf_counter()
+    for _ in range(2000):
+        held(wells(), WINDOW, 3, phase=0.5)
+    assert time.perf_counter() - began < 0.2

@@ -1,0 +1,196 @@
+"""What is announced is an upper bound of what is used, and what there is no memory for is refused before it begins."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+import cellmap._lib.memory
+from cellmap import CellGrid, certify, discrete_map, find_attractors, find_basins, interpolated_map
+from cellmap._lib.memory import memory_available
+from cellmap.analysis.boundary import chaotic_saddle, edge_orbit, escape_rate
+from cellmap.analysis.fractal import (
+    basin_entropy,
+    boundary_dimension,
+    box_dimension,
+    fractal_boundary_test,
+    uncertainty_exponent,
+)
+from cellmap.analysis.resilience import basin_stability, minimal_fatal_shock
+from cellmap.basins import continue_basins
+from cellmap.basins.initial_conditions import Starts
+from cellmap.basins.record import basins_memory
+from cellmap.maps.grid import grid_points
+from cellmap.maps.interpolation.interpolated import table_memory
+from cellmap.orbits import zero_one_test_of_series
+
+GIGABYTE = 2**30
+
+
+def cubic():
+    return discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+
+
+# --- what is free
+
+
+def control_groups(monkeypatch: pytest.MonkeyPatch, folder: Path, own: str, files: dict[str, str]) -> None:
+    for name, content in {"cgroup": own, **files}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(content)
+    monkeypatch.setattr(cellmap._lib.memory, "_OWN", folder / "cgroup")
+    monkeypatch.setattr(cellmap._lib.memory, "_GROUPS", folder)
+
+
+def test_memory_that_files_take_is_free(monkeypatch, tmp_path):
+    """The system keeps files in memory that nothing else needs, and gives it back: psutil's `available`."""
+    control_groups(monkeypatch, tmp_path, "", {})
+    before, found, after = psutil.virtual_memory().available, memory_available(), psutil.virtual_memory().available
+    assert min(before, after) - GIGABYTE < found < max(before, after) + GIGABYTE
+
+
+VERSION_2 = {
+    "memory.max": f"{GIGABYTE}\n",
+    "memory.current": f"{GIGABYTE // 2}\n",
+    "memory.stat": f"anon 5\ninactive_file {GIGABYTE // 8}\n",
+}
+VERSION_1 = {
+    "memory.limit_in_bytes": f"{GIGABYTE}\n",
+    "memory.usage_in_bytes": f"{GIGABYTE // 2}\n",
+    "memory.stat": f"cache 5\ntotal_inactive_file {GIGABYTE // 8}\n",
+}
+
+
+@pytest.mark.parametrize("name", ["/", "/slice/job", "/not/to/be/seen"])
+@pytest.mark.parametrize(("controllers", "files"), [("", VERSION_2), ("memory", VERSION_1)], ids=["v2", "v1"])
+def test_the_limit_of_a_container_counts(controllers, files, name, monkeypatch, tmp_path):
+    """At the root, in the group of the process or above it."""
+    place = {"/": "", "/slice/job": "slice/", "/not/to/be/seen": ""}[name]
+    held = {f"{controllers}/{place}{file}".lstrip("/"): content for file, content in files.items()}
+    control_groups(monkeypatch, tmp_path, f"3:cpu:{name}\n0:{controllers}:{name}\n", held)
+    assert memory_available() == GIGABYTE // 2 + GIGABYTE // 8
+
+
+def test_a_group_without_a_limit(monkeypatch, tmp_path):
+    control_groups(monkeypatch, tmp_path, "0::/job\n", {f"job/{k}": v for k, v in VERSION_2.items()})
+    (tmp_path / "job" / "memory.max").write_text("max\n")
+    assert memory_available() > GIGABYTE
+
+
+def test_a_group_that_has_more_than_its_limit(monkeypatch, tmp_path):
+    control_groups(monkeypatch, tmp_path, "0::/\n", {**VERSION_2, "memory.current": f"{3 * GIGABYTE}\n"})
+    assert memory_available() == 0
+
+
+# --- what is announced
+
+
+def peak(call: Callable[[], Any]) -> int:
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+LONG = CellGrid((-1.0,), (1.0,), (200_000,))
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_tables_of_one_dimension(order):
+    exact = cubic()
+    interpolated_map(exact, CellGrid((-1.0,), (1.0,), (50,)), order)
+    used, announced = peak(lambda: interpolated_map(exact, LONG, order)), table_memory(LONG, order)
+    assert 0.5 * announced < used < announced
+
+
+def test_basins_of_one_dimension(monkeypatch):
+    exact = cubic()
+    monkeypatch.setattr(
+        "cellmap.basins.initial_conditions.BLOCK", 2**14
+    )  # as if there were more starts than an axis may have
+    find_basins(exact, LONG)  # compiles
+    used, announced = peak(lambda: find_basins(exact, LONG)), basins_memory(LONG.size)
+    assert used < announced
+
+
+@pytest.mark.parametrize("shape", [(2**20 + 7,), (3, 2**20), (200, 300)])
+def test_starts_of_long_axes_have_the_same_bits(shape):
+    grid = CellGrid((-0.3,) * len(shape), (1.7,) * len(shape), shape)
+    axes = [grid.axis(j) for j in range(grid.dimension)]
+    for rows in (slice(grid.size - 1000, grid.size), np.arange(0, grid.size, grid.size // 500)):
+        assert np.array_equal(Starts(grid, None).points(rows), grid_points(axes, rows))
+
+
+# --- numbers that nobody has the memory for
+
+WINDOW = CellGrid((-1.5,), (1.5,), (60,))
+TENT = CellGrid((0.0,), (1.0,), (1,))
+
+
+def slope():
+    return discrete_map(lambda x, p: (p.r * x[0] - 0.5 * x[0] ** 3,), {"r": 1.5}, ("x",))
+
+
+def tabulated():
+    return find_basins(interpolated_map(cubic(), WINDOW, order=1), WINDOW)
+
+
+def tent():
+    return discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
+
+
+@pytest.fixture(scope="module")
+def basins():
+    return find_basins(cubic(), WINDOW)
+
+
+COUNTS: dict[str, Callable[[Any, int], Any]] = {
+    "n=": lambda basins, many: basins.verify(many),
+    "n= of stability": lambda basins, many: basin_stability(basins, n=many),
+    "trials=": lambda basins, many: minimal_fatal_shock(basins, 0, scale=1.0, trials=many),
+    "n= of escape": lambda basins, many: escape_rate(tent(), TENT, n=many),
+    "most=": lambda basins, many: escape_rate(tent(), TENT, n=500, most=many),
+    "steps=": lambda basins, many: edge_orbit(basins, steps=many),
+    "n= of a saddle": lambda basins, many: chaotic_saddle(tent(), TENT, n=many),
+    "transient=": lambda basins, many: chaotic_saddle(tent(), TENT, transient=many),
+    "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, discs=many),
+    "audit=": lambda basins, many: certify(tabulated(), audit=many),
+    "max_period=": lambda basins, many: find_basins(cubic(), WINDOW, max_period=many),
+    "max_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], max_period=many),
+    "max_period= of a continuation": lambda basins, many: continue_basins(
+        slope(), "r", [1.4, 1.5], WINDOW, max_period=many
+    ),
+    "offsets=": lambda basins, many: box_dimension(np.random.default_rng(0).random((200, 2)), offsets=many),
+    "offsets= of a boundary": lambda basins, many: boundary_dimension(
+        np.arange(4096).reshape(64, 64) > 2000, offsets=many
+    ),
+    "frequencies=": lambda basins, many: zero_one_test_of_series(np.arange(300.0) % 7.0, frequencies=many),
+    "positions=": lambda basins, many: basin_entropy(basins, box=5, positions=many),
+}
+
+
+@pytest.mark.parametrize("many", [10**12, 2**62])
+@pytest.mark.parametrize("argument", COUNTS)
+def test_a_number_beyond_memory_is_refused_at_once(argument, many, basins):
+    with pytest.raises(MemoryError, match=rf"{argument.split()[0]}{many} needs .* are free: give a smaller number"):
+        COUNTS[argument](basins, many)
+
+
+def test_numbers_that_need_no_memory_may_be_large(basins):
+    """Pairs are drawn in parts, and an orbit of any length is followed point by point."""
+    signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
+    region = CellGrid((-3.0, -1.0), (3.0, 1.0), (10, 10))
+    found = [
+        uncertainty_exponent(signs, region, pairs=many, uncertain=50, distances=[1e-2, 5e-3]) for many in (10**7, 2**62)
+    ]
+    np.testing.assert_array_equal(found[0].uncertain, found[1].uncertain)
+    with pytest.raises(ValueError, match="lifetime=4611686018427387904"):
+        chaotic_saddle(tent(), TENT, lifetime=2**62)

@@ -1,0 +1,87 @@
+"""The thread pool."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cellmap._lib.threads import progress_bar, run_over, set_threads, slices, thread_count
+
+
+@given(st.integers(0, 10_000), st.integers(1, 5000))
+def test_slices_cover_everything_once(total: int, size: int) -> None:
+    parts = slices(total, size)
+    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(total))
+    assert all(0 < part.stop - part.start <= size for part in parts)
+
+
+def test_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CELLMAP_THREADS", raising=False)
+    assert thread_count() >= 1
+    monkeypatch.setenv("CELLMAP_THREADS", "5")
+    assert thread_count() == 5
+    set_threads(3)
+    assert thread_count() == 3
+    set_threads(None)
+    assert thread_count() == 5
+
+
+@pytest.mark.parametrize(
+    ("value", "error"), [("many", TypeError), ("2.5", TypeError), ("0", ValueError), ("-1", TypeError)]
+)
+def test_a_bad_environment_is_named(value: str, error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CELLMAP_THREADS", value)
+    with pytest.raises(error, match=r"CELLMAP_THREADS=.*: give a whole number"):
+        thread_count()
+
+
+@pytest.mark.parametrize(
+    ("count", "error"), [(0, ValueError), (-1, ValueError), (1.0, TypeError), (True, TypeError), ("2", TypeError)]
+)
+def test_bad_counts_are_refused(count: object, error: type[Exception]) -> None:
+    with pytest.raises(error, match=r"count=.*: give a whole number"):
+        set_threads(count)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_every_task_runs_once(threads: int) -> None:
+    set_threads(threads)
+    done: list[int] = []
+    run_over(range(50), done.append)
+    assert sorted(done) == list(range(50))
+    run_over([], done.append)
+    assert len(done) == 50
+
+
+def test_tasks_run_side_by_side() -> None:
+    set_threads(2)
+    meeting = threading.Barrier(2, timeout=10.0)
+    run_over(range(2), lambda _: meeting.wait())
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_exception_stops_the_rest(threads: int) -> None:
+    set_threads(threads)
+    started: list[int] = []
+
+    def work(task: int) -> None:
+        started.append(task)
+        if task == 0:
+            raise ZeroDivisionError("task 0")
+        time.sleep(0.005)
+
+    with pytest.raises(ZeroDivisionError, match="task 0"):
+        run_over(range(200), work)
+    assert len(started) < 100
+
+
+def test_no_description_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar(3, None) as advance:
+        advance(1)
+    with progress_bar(3, "work") as advance:
+        advance(3)
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,269 @@
+"""Work in tiles: on threads and on a cluster, the same bits; maps that travel to other processes."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+from dataclasses import replace
+from math import cos, pi, sin
+
+import cloudpickle
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap._lib.checkpoint import Checkpoint
+from cellmap._lib.tiles import run_tiles
+from cellmap.maps.point_map import PointMap
+
+distributed = pytest.importorskip("distributed")
+
+# What a cluster says when it starts and when its workers die is no concern of these tests.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore::UserWarning:distributed"),
+]
+
+WINDOW = CellGrid((-pi, -300.0), (pi, 300.0), (48, 40))
+PICTURE = CellGrid((-pi, -500.0), (pi, 500.0), (200, 170))  # three tiles
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def lonely():
+    """A cluster of one worker, for the tests that take it away, and its client."""
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield cluster, client
+
+
+@pytest.fixture
+def client(cluster):
+    with distributed.Client(cluster) as client:
+        yield client
+
+
+def pendulum() -> PointMap:
+    return stroboscopic_map(systems.driven_pendulum(amplitude=0.010), rtol=1e-6, atol=1e-6)
+
+
+def lambda_map() -> PointMap:
+    """A right-hand side that no module holds, with a value of its surroundings."""
+    stiffness = 1.25
+    rhs = lambda t, x, p: (x[1], -p.gamma * x[1] - stiffness * sin(x[0]) + 0.1 * cos(t))  # noqa: E731
+    return stroboscopic_map(ForcedSystem(rhs, {"gamma": 0.1}, 2 * pi, (angle("theta"), "v"), name="anonymous"))
+
+
+def newton_map() -> PointMap:
+    return discrete_map(lambda x, p: (x[0] / 2 + p.a / (2 * x[0]),), {"a": 1.0}, ("x",), name="newton")
+
+
+MAPS = {
+    "stroboscopic": pendulum,
+    "jumps": lambda: stroboscopic_map(systems.stick_slip_oscillator()),
+    "lambda": lambda_map,
+    "discrete": newton_map,
+    "table": lambda: interpolated_map(pendulum(), WINDOW),
+    "table, leaps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, leap=4),
+}
+
+
+def assert_same(ours, theirs) -> None:
+    """Labels, times and attractors to the bit, and the work counted alike."""
+    for name in ("labels", "settling_time"):
+        one, other = getattr(ours, name), getattr(theirs, name)
+        assert one.dtype == other.dtype
+        assert one.shape == other.shape
+        assert np.array_equal(one, other)
+    assert (ours.inaccurate, ours.cost.steps) == (theirs.inaccurate, theirs.cost.steps)
+    assert len(ours.attractors) == len(theirs.attractors)
+    for one, other in zip(ours.attractors, theirs.attractors, strict=True):
+        assert pickle.dumps((one.kind, one.period, one.turns)) == pickle.dumps((other.kind, other.period, other.turns))
+        for name in ("points", "multipliers", "exponents"):
+            assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+# --- maps that travel
+
+
+@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "jumps" else n for n in MAPS])
+def test_a_map_that_was_pickled_has_the_same_bits(name):
+    original = MAPS[name]()
+    again = pickle.loads(cloudpickle.dumps(original))
+    starts = np.random.default_rng(0).uniform(0.1, 3.0, (500, original.dimension))
+    ours, theirs = again.iterate(starts, 5), original.iterate(starts, 5)
+    assert ours.points.tobytes() == theirs.points.tobytes()
+    assert np.array_equal(ours.turns, theirs.turns)
+    assert again.recipe == original.recipe
+    assert again.params == original.params
+    if original.table is not None:
+        assert again.table.coefficients.tobytes() == original.table.coefficients.tobytes()
+
+
+def test_a_map_with_parameters_changed_travels_with_them():
+    again = pickle.loads(cloudpickle.dumps(newton_map().with_params(a=4.0)))
+    assert again([2.0]) == 2.0
+
+
+def test_a_map_made_by_hand_says_what_it_lacks():
+    by_hand = replace(newton_map(), origin=None)
+    with pytest.raises(TypeError, match=r"cannot be pickled.*give its PointMap an origin"):
+        cloudpickle.dumps(by_hand)
+    changed = replace(newton_map(), advance=lambda orbits, periods: None)
+    with pytest.raises(TypeError, match="cannot be pickled"):
+        cloudpickle.dumps(changed)
+
+
+# --- the same bits from a cluster
+
+
+@pytest.mark.parametrize("wrong", [3, "tcp://localhost:8786"])
+def test_something_that_is_no_client(wrong):
+    for call in (
+        lambda: find_basins(newton_map(), [[1.0]], client=wrong),
+        lambda: newton_map().iterate([1.0], 1, client=wrong),
+        lambda: interpolated_map(pendulum(), WINDOW, client=wrong),
+    ):
+        with pytest.raises(TypeError, match=r"client=.*: give a distributed\.Client"):
+            call()
+
+
+def test_iterates_from_a_cluster(client):
+    strobe = pendulum()
+    starts = np.random.default_rng(0).uniform([-pi, -500.0], [pi, 500.0], (20_000, 2))
+    ours, theirs = strobe.iterate(starts, 2, client=client), strobe.iterate(starts, 2)
+    assert ours.points.tobytes() == theirs.points.tobytes()
+    assert np.array_equal(ours.turns, theirs.turns)
+    assert np.array_equal(ours.status, theirs.status)
+
+
+def test_table_from_a_cluster(client):
+    grid = CellGrid((-pi, -3.0), (pi, 3.0), (150, 150))
+    ours, theirs = interpolated_map(lambda_map(), grid, client=client), interpolated_map(lambda_map(), grid)
+    for name in ("coefficients", "indicator", "rough"):
+        assert getattr(ours.table, name).tobytes() == getattr(theirs.table, name).tobytes()
+
+
+@pytest.mark.parametrize("name", ["stroboscopic", "table", "discrete"])
+def test_basins_from_a_cluster(client, name):
+    point_map = MAPS[name]()
+    starts = PICTURE if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
+    assert_same(find_basins(point_map, starts, 400, 8, client=client), find_basins(point_map, starts, 400, 8))
+
+
+def test_basins_of_given_starts_from_a_cluster(client):
+    starts = np.random.default_rng(1).uniform(-3.0, 3.0, (30_000, 1))
+    assert_same(find_basins(newton_map(), starts, client=client), find_basins(newton_map(), starts))
+
+
+def test_an_error_of_a_worker_arrives(client):
+    def fail(task):
+        raise ArithmeticError(f"tile {task}")
+
+    with pytest.raises(ArithmeticError, match=r"tile [012]"):
+        run_tiles(range(3), int, fail, lambda number, result: None, client)
+
+
+def test_every_tile_is_delivered_once_and_few_are_under_way(client):
+    delivered, begun, most = [], [], []
+
+    def task(number: int) -> int:
+        begun.append(number)
+        most.append(len(begun) - len(delivered))
+        return number
+
+    def work(number: int) -> int:
+        return number * number
+
+    run_tiles(range(1000), task, work, lambda k, result: delivered.append((k, result)), client)
+    assert sorted(delivered) == [(k, k * k) for k in range(1000)]
+    assert sorted(begun) == list(range(1000))
+    assert max(most) <= 5 * 16  # two groups for each of two threads, and the one that takes the place of another
+
+
+def test_a_killed_worker_loses_nothing(lonely, tmp_path):
+    """The only worker is killed, with the work that it holds and tiles that are half done; another takes its place."""
+    marker = tmp_path / "working"
+
+    class Slow:
+        """Work that lets the test know of it, and takes long enough to be interrupted."""
+
+        def __call__(self, number: int) -> tuple[int, int]:
+            marker.touch()
+            time.sleep(0.05)
+            return number, os.getpid()
+
+    _, client = lonely
+    victim = next(iter(client.run(os.getpid).values()))
+
+    def kill() -> None:
+        while not marker.exists():
+            time.sleep(0.01)
+        time.sleep(0.3)
+        os.kill(victim, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    delivered = {}
+    run_tiles(range(60), int, Slow(), delivered.__setitem__, client)
+    killer.join()
+    assert {k: number for k, (number, _) in delivered.items()} == {k: k for k in range(60)}
+    assert {process for _, process in delivered.values()} - {victim}, "the work went on elsewhere"
+
+
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, monkeypatch):
+    """It loses all of them in the middle: that is said, the call ends, and another one goes on from the checkpoint."""
+    for name, seconds in {"_SELDOM": 0.05, "_WARNED": 0.2, "_GIVEN_UP": 1.0}.items():
+        monkeypatch.setattr(f"cellmap._lib.tiles.{name}", seconds)
+    path, starts, done = tmp_path / "basins.h5", CellGrid((-3.0,), (3.0,), (200_000,)), []
+    original, (cluster, client) = Checkpoint.finish, lonely
+    client.wait_for_workers(1)
+
+    def finish(self, tiles, number, tally, contents):
+        original(self, tiles, number, tally, contents)
+        if not done:
+            cluster.scale(0)
+            while client.nthreads():
+                time.sleep(0.01)
+        done.append(number)
+
+    monkeypatch.setattr(Checkpoint, "finish", finish)
+    with (
+        pytest.warns(UserWarning, match=r"client=.*: the cluster has had no workers for 0\.2 s"),
+        pytest.raises(TimeoutError, match=r"client=.*no workers for 1 s; start some and call again"),
+    ):
+        find_basins(newton_map(), starts, client=client, checkpoint=path)
+    before = len(done)
+    assert_same(find_basins(newton_map(), starts, checkpoint=path), find_basins(newton_map(), starts))
+    assert 0 < before < 13
+    assert len(done) == 13, "tiles that were done are not done again"
+
+
+@pytest.mark.slow
+def test_basins_survive_the_death_of_a_worker():
+    point_map, expected = pendulum(), find_basins(pendulum(), PICTURE, 400, 8)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        victims = iter(list(client.run(os.getpid).values())[:1])
+        timer = threading.Timer(1.0, lambda: os.kill(next(victims), signal.SIGKILL))
+        timer.start()
+        found = find_basins(point_map, PICTURE, 400, 8, client=client)
+        while timer.is_alive():
+            found = find_basins(point_map, PICTURE, 400, 8, client=client)
+    assert_same(found, expected)

@@ -1,0 +1,219 @@
+"""Chaotic saddles and the rate at which orbits leave them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, exp, log
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_periodic_orbits, plot, set_threads
+from cellmap.analysis.boundary import chaotic_saddle, escape_rate
+from systems import henon_map, logistic_map
+
+mpl.use("Agg")
+
+
+UNIT = CellGrid((0.0,), (1.0,), (1,))
+
+
+def tent(slope: float) -> PointMap:
+    """Of each interval between holes the share 2/slope stays: the escape rate is ln(slope/2)."""
+    return discrete_map(lambda x, p: (0.5 * p.s - p.s * abs(x[0] - 0.5),), {"s": slope}, ("x",))
+
+
+def cantor_distance(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance to the middle-third Cantor set, by folding the line onto [0, 1/3] and stretching."""
+    scale, apart = np.ones_like(x), np.zeros_like(x)
+    for _ in range(33):
+        x = np.where(x > 0.5, 1.0 - x, x)
+        outside = np.maximum(np.maximum(-x, x - 1.0 / 3.0), 0.0)
+        apart = np.maximum(apart, outside / scale)
+        x, scale = 3.0 * np.clip(x, 0.0, 1.0 / 3.0), 3.0 * scale
+    return apart
+
+
+# --- escape rates
+
+
+@pytest.mark.parametrize("slope", [2.2, 3.0, 5.0])
+def test_escape_from_open_tents(slope: float) -> None:
+    found = escape_rate(tent(slope), UNIT, n=400_000)
+    known = log(slope / 2.0)
+    assert abs(found.rate - known) < 3.0 * found.standard_error
+    assert found.standard_error < 0.01 * known + 1e-3
+    assert found.mean_lifetime == pytest.approx(1.0 / found.rate)
+    assert found.survivors[0] == 400_000
+
+
+def test_standard_error_is_that_of_repetitions() -> None:
+    """Forty independent measurements scatter as their standard error says, within the error of that scatter."""
+    runs = [escape_rate(tent(3.0), UNIT, n=20_000, seed=s, fit_window=(1, 6)) for s in range(40)]
+    scatter = np.std([r.rate for r in runs], ddof=1)
+    assert np.mean([r.standard_error for r in runs]) == pytest.approx(scatter, rel=0.4)
+    away = np.abs([(r.rate - log(1.5)) / r.standard_error for r in runs])
+    assert np.mean(away < 2.0) >= 0.85
+
+
+def test_escape_in_two_dimensions_with_a_circle() -> None:
+    """A circle that turns beside the tent changes nothing, and an axis of a whole turn is not left."""
+
+    def both(x: Any, p: Any) -> tuple[float, float]:
+        return x[0] + 0.7 + 0.1 * cos(x[0]), 1.5 - 3.0 * abs(x[1] - 0.5)
+
+    turning = discrete_map(both, {}, (angle("a"), "x"))
+    found = escape_rate(turning, CellGrid((-np.pi, 0.0), (np.pi, 1.0), (1, 1)), n=100_000)
+    assert abs(found.rate - log(1.5)) < 3.0 * found.standard_error
+
+
+def test_escape_to_an_attractor_does_not_depend_on_how_it_is_left_out() -> None:
+    """Beside the period-3 attractor of the logistic map, with its neighbourhood and with a smaller one."""
+    logistic = logistic_map(3.84)
+    (cycle,) = find_attractors(logistic, [[0.3], [0.7]])
+    assert cycle.period == 3
+    assert cycle.neighbourhood is not None
+    smaller = replace(cycle, neighbourhood=replace(cycle.neighbourhood, metrics=100.0 * cycle.neighbourhood.metrics))
+    window = CellGrid((0.01,), (0.99,), (1,))
+    rates = [escape_rate(logistic, window, [a], n=50_000, tolerance=0.02) for a in (cycle, smaller)]
+    both = np.hypot(rates[0].standard_error, rates[1].standard_error)
+    assert abs(rates[0].rate - rates[1].rate) < 4.0 * both
+    with pytest.raises(ValueError, match="no orbit leaves"):
+        escape_rate(logistic, UNIT, n=1000, most=50)
+
+
+def test_same_bits_for_any_number_of_threads() -> None:
+    rates = []
+    for threads in (1, 2):
+        set_threads(threads)
+        rates.append(escape_rate(tent(3.0), UNIT, n=50_000))
+    assert rates[0].rate == rates[1].rate
+    assert np.array_equal(rates[0].survivors, rates[1].survivors)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"n": 100}, ValueError, "only 0 steps"),
+        ({"n": 0}, ValueError, "n=0"),
+        ({"most": 2}, ValueError, "most=2"),
+        ({"window": 3}, TypeError, "window=3"),
+        ({"window": CellGrid((0, 0), (1, 1), (1, 1))}, ValueError, "2 axes"),
+    ],
+)
+def test_what_an_escape_rate_refuses(change: Any, error: type[Exception], match: str) -> None:
+    arguments = {"point_map": tent(3.0), "window": UNIT, **change}
+    with pytest.raises(error, match=match):
+        escape_rate(**arguments)
+
+
+# --- the stagger-and-step method
+
+
+def test_saddle_of_the_open_tent_is_the_cantor_set() -> None:
+    """Of slope 3: a point that stays for k steps is within 3^-(k+1) of the set."""
+    saddle = chaotic_saddle(tent(3.0), UNIT, n=1000, lifetime=20, largest=1e-6)
+    assert saddle.points.shape == (1000, 1)
+    apart = cantor_distance(saddle.points[:, 0])
+    assert apart.max() < 3.0**-20
+    assert saddle.largest_stagger <= 1e-6
+    # Both thirds, and of these both thirds, are visited.
+    for low, high in ((0.0, 1 / 9), (2 / 9, 1 / 3), (2 / 3, 7 / 9), (8 / 9, 1.0)):
+        assert ((saddle.points >= low - 1e-6) & (saddle.points <= high + 1e-6)).mean() > 0.05
+
+
+def test_each_point_is_the_image_of_the_one_before_but_for_its_stagger() -> None:
+    saddle = chaotic_saddle(tent(3.0), UNIT, n=500, largest=1e-8)
+    images = tent(3.0)(saddle.points[:-1])
+    jumps = np.abs(saddle.points[1:] - images)[:, 0]
+    assert jumps == pytest.approx(saddle.staggers[1:], abs=1e-15)
+    assert 0 < np.count_nonzero(saddle.staggers) < 250
+
+
+def test_product_of_two_cantor_sets() -> None:
+    """A baker that opens in the middle: x is stretched by 3 and loses its middle third, y is squeezed by 3."""
+
+    def baker(x: Any, p: Any) -> tuple[float, float]:
+        side = (x[0] - 0.5) / (abs(x[0] - 0.5) + 1e-300)
+        return 1.5 - 3.0 * abs(x[0] - 0.5), x[1] / 3.0 + (1.0 + side) / 3.0
+
+    square = CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))
+    saddle = chaotic_saddle(discrete_map(baker, {}, ("x", "y")), square, n=600, lifetime=18, largest=1e-7)
+    assert cantor_distance(saddle.points[:, 0]).max() < 3.0**-18
+    # Along y errors shrink, so that staggers of 1e-7 stay below their own size.
+    assert cantor_distance(saddle.points[:, 1]).max() < 2e-7
+
+
+@pytest.mark.slow
+def test_horseshoe_of_henons_map() -> None:
+    """At a = 6, b = 0.4 all that stays is a horseshoe in abs(x) <= R, x nowhere 0 (Devaney, Nitecki 1979)."""
+    a, b = 6.0, 0.4
+    henon = henon_map(a, b)
+    size = (1.0 + b + np.sqrt((1.0 + b) ** 2 + 4.0 * a)) / (2.0 * a)
+    window = CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1))
+    saddle = chaotic_saddle(henon, window, n=3000, lifetime=15, largest=1e-8)
+    assert np.abs(saddle.points[:, 0]).max() <= size + 1e-9
+    # The horseshoe's points keep away from the fold line x = 0, where its two strips meet.
+    assert np.abs(saddle.points[:, 0]).min() > 0.2
+    fixed = find_periodic_orbits(henon, CellGrid((-1.5, -0.6), (1.5, 0.6), (60, 60)))
+    assert len(fixed) == 2
+    for orbit in fixed:
+        assert np.linalg.norm(saddle.points - orbit.points[0], axis=1).min() < 0.1
+
+
+def test_saddle_beside_an_attractor() -> None:
+    """Beside the period-3 attractor of the logistic map; the unstable fixed point 1 - 1/r is on the saddle."""
+    logistic = logistic_map(3.832)
+    (cycle,) = find_attractors(logistic, [[0.3]])
+    window = CellGrid((0.01,), (0.99,), (1,))
+    saddle = chaotic_saddle(logistic, window, [cycle], n=800, lifetime=60)
+    assert np.abs(saddle.points[:, None] - cycle.points).min() > 1e-3
+    assert np.abs(saddle.points - (1.0 - 1.0 / 3.832)).min() < 1e-2
+    with pytest.raises(ValueError, match="on an attractor"):
+        chaotic_saddle(logistic, window, n=200)
+
+
+def test_same_seed_same_orbit() -> None:
+    a, b, c = (chaotic_saddle(tent(3.0), UNIT, n=60, seed=s) for s in (1, 1, 2))
+    assert np.array_equal(a.points, b.points)
+    assert not np.array_equal(a.points, c.points)
+
+
+def test_exponent_along_the_saddle() -> None:
+    """Of every orbit of the tent that stays it is ln 3."""
+    saddle = chaotic_saddle(tent(3.0), UNIT, n=200)
+    steps = np.abs(np.diff(saddle.points[:, 0]))
+    assert exp(log(3.0)) == pytest.approx(3.0)
+    stretched = np.abs(np.diff(tent(3.0)(saddle.points[:, 0][:, None])[:, 0]))
+    same_side = (saddle.points[1:, 0] < 0.5) == (saddle.points[:-1, 0] < 0.5)
+    assert stretched[same_side] == pytest.approx(3.0 * steps[same_side], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"n": 0}, "n=0"),
+        ({"lifetime": 0}, "lifetime=0"),
+        ({"largest": 1.0}, "largest"),
+        ({"window": CellGrid((0.4,), (0.6,), (1,)), "lifetime": 5}, "stays longest"),
+        ({"largest": 2e-14, "lifetime": 15}, "no stagger"),
+    ],
+)
+def test_what_it_refuses(change: Any, match: str) -> None:
+    arguments = {"point_map": tent(3.0), "window": UNIT, "n": 200, **change}
+    with pytest.raises(ValueError, match=match):
+        chaotic_saddle(**arguments)
+
+
+def test_pictures() -> None:
+    found = escape_rate(tent(3.0), UNIT, n=20_000)
+    plot.fit(found).figure.savefig("/dev/null", format="png")
+    assert plot.chaotic_saddle(chaotic_saddle(tent(3.0), UNIT, n=100)).get_xlabel() == "x"
+    horseshoe = chaotic_saddle(henon_map(6.0, 0.4), CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1)), n=100, lifetime=10)
+    assert plot.chaotic_saddle(horseshoe, coordinates=("y", "x")).get_xlabel() == "y"
+    assert "\n" not in repr(horseshoe) + repr(found)
+    with pytest.raises(TypeError, match="chaotic_saddle"):
+        plot.chaotic_saddle(found)  # type: ignore[arg-type]

@@ -1,0 +1,348 @@
+"""Stable and unstable manifolds, inverse maps, and boundaries that follow them."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cellmap import (
+    Basins,
+    CellGrid,
+    PointMap,
+    angle,
+    discrete_map,
+    find_basins,
+    find_periodic_orbits,
+    interpolated_map,
+    periodic_orbit,
+    plot,
+    stroboscopic_map,
+)
+from cellmap.analysis.boundary import boundary_distance, saddle_manifold
+from cellmap.maps import inverse_stroboscopic_map
+from cellmap.maps.coordinates import wrap
+from cellmap.orbits import OrbitKind
+from systems import driven_pendulum, henon_map, standard_map, stick_slip_oscillator
+
+mpl.use("Agg")
+
+
+SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (1, 1))
+
+
+def _bent(x: Any, p: Any) -> tuple[float, float]:
+    return p.l * x[0], p.m * (x[1] - x[0] ** 2) + p.l**2 * x[0] ** 2
+
+
+def bent(l: float, m: float) -> PointMap:  # noqa: E741 (the letter of the eigenvalue)
+    """The parabola y = x^2 is invariant with the multiplier l, the line x = 0 with m."""
+    return discrete_map(_bent, {"l": l, "m": m}, ("x", "y"))
+
+
+def finite(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points[np.isfinite(points).all(axis=1)]
+
+
+# --- known curves
+
+
+@pytest.mark.parametrize(
+    ("l", "m", "kind"),
+    [(2.0, 0.5, "unstable"), (0.4, 3.0, "stable"), (-1.7, 0.3, "unstable"), (-0.5, 2.0, "stable")],
+)
+def test_parabola(l: float, m: float, kind: str) -> None:  # noqa: E741
+    curved = bent(l, m)
+    found = saddle_manifold(curved, periodic_orbit(curved, [0.1, 0.1]), kind, SQUARE, length=3.0)
+    assert found.multiplier == pytest.approx(l)
+    sides = set()
+    for branch in found.branches:
+        points = finite(branch.points)
+        assert np.abs(points[:, 1] - points[:, 0] ** 2).max() < 1e-9
+        sides.add(np.sign(points[-1, 0]))
+        assert np.abs(points[:, 0]).max() > 1.0  # across the whole window
+        inside = np.abs(points[:, 0]) <= 1.0
+        # Arclength of the parabola in units of the window, both sides of which are 2 long.
+        u = 2.0 * np.abs(points[inside, 0])
+        known = 0.5 * (0.5 * u * np.sqrt(1.0 + u**2) + 0.5 * np.arcsinh(u)) * 0.5
+        lengths = branch.arclength[np.isfinite(branch.arclength)][inside]
+        assert lengths == pytest.approx(known, abs=2e-4)
+        assert (np.diff(lengths) > 0).all()
+    assert sides == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize(("l", "m", "kind"), [(2.0, 0.5, "stable"), (0.4, 3.0, "unstable")])
+def test_line(l: float, m: float, kind: str) -> None:  # noqa: E741
+    curved = bent(l, m)
+    found = saddle_manifold(curved, periodic_orbit(curved, [0.1, 0.1]), kind, SQUARE)
+    assert np.abs(found.points[:, 0]).max() < 1e-12
+    assert [b.ended for b in found.branches] == ["window", "window"]
+
+
+def test_neighbours_are_close_and_angles_small() -> None:
+    henon = henon_map()
+    saddle = periodic_orbit(henon, [0.6, 0.2])
+    window = CellGrid((-2.0, -1.0), (2.0, 1.0), (1, 1))
+    found = saddle_manifold(henon, saddle, "unstable", window, length=6.0, spacing=0.01)
+    for branch in found.branches:
+        steps = np.diff(branch.points, axis=0) / found.scale
+        sizes = np.linalg.norm(steps, axis=1)
+        assert np.nanmax(sizes) <= 0.01 * (1 + 1e-12)
+        turned = np.abs(np.angle((steps[1:, 0] + 1j * steps[1:, 1]) / (steps[:-1, 0] + 1j * steps[:-1, 1])))
+        long = np.minimum(sizes[1:], sizes[:-1]) > 1e-5
+        assert np.nanmax(turned[long]) <= 0.2 + 1e-9
+        assert branch.length == pytest.approx(6.0, abs=0.02)
+        assert branch.ended == "length"
+
+
+# --- Henon
+
+
+def test_henons_unstable_manifold_lies_on_the_attractor() -> None:
+    henon = henon_map()
+    saddle = periodic_orbit(henon, [0.6, 0.2])
+    window = CellGrid((-2.0, -1.0), (2.0, 1.0), (1, 1))
+    found = saddle_manifold(henon, saddle, "unstable", window, length=10.0)
+    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (400, 2))
+    cloud = henon.orbit(henon.iterate(starts, 100).points, 400).points.reshape(-1, 2)
+    apart = cKDTree(cloud).query(found.points)[0]
+    assert np.quantile(apart, 0.99) < 2e-3
+    assert apart.max() < 0.02
+    # The other saddle is not on the attractor, and half of its manifold leaves.
+    off = saddle_manifold(henon, periodic_orbit(henon, [-1.1, -0.3]), "unstable", window, length=5.0)
+    assert cKDTree(cloud).query(off.points)[0].max() > 0.3
+
+
+@pytest.fixture(scope="module")
+def henon_basin() -> Basins:
+    """One basin; all other starts diverge."""
+    return find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 150)))
+
+
+def test_henons_stable_manifold_bounds_the_basin(henon_basin: Basins) -> None:
+    henon, basins, grid = henon_map(), henon_basin, henon_basin.grid
+    assert grid is not None
+    saddle = periodic_orbit(henon, [-1.1, -0.3])
+    found = saddle_manifold(henon, saddle, "stable", grid, length=30.0)
+    followed = boundary_distance(found, basins, (0, -2))
+    assert followed.share > 0.999
+    # That of the saddle on the attractor fills the basin and does not bound it.
+    inner = saddle_manifold(henon, periodic_orbit(henon, [0.6, 0.2]), "stable", grid, length=3.0)
+    assert boundary_distance(inner, basins, (0, -2)).share < 0.5
+
+
+def test_newtons_inverse_agrees_with_the_known_inverse() -> None:
+    henon = henon_map()
+    inverse = discrete_map(lambda x, p: (x[1] / 0.3, x[0] - 1 + 1.4 * (x[1] / 0.3) ** 2), {}, ("x", "y"))
+    window = CellGrid((-2.0, -2.0), (2.0, 2.0), (1, 1))
+    saddle = periodic_orbit(henon, [0.6, 0.2])
+    a, b = (saddle_manifold(henon, saddle, "stable", window, length=6.0, inverse=i) for i in (None, inverse))
+    for one, other in ((a, b), (b, a)):
+        dense = np.concatenate([_dense(branch.points) for branch in other.branches])
+        assert np.quantile(cKDTree(dense).query(one.points)[0], 0.99) < 1e-3
+    assert [x.length for x in a.branches] == pytest.approx([x.length for x in b.branches], abs=0.05)
+
+
+def _dense(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    parts = np.linspace(0.0, 1.0, 40)[:, None, None]
+    pieces = points[:-1] + parts * np.diff(points, axis=0)
+    return finite(pieces.reshape(-1, 2))
+
+
+def test_manifold_of_a_cycle_has_two_branches_at_each_point() -> None:
+    henon = henon_map()
+    window = CellGrid((-2.0, -1.0), (2.0, 1.0), (1, 1))
+    cycle = next(o for o in find_periodic_orbits(henon, CellGrid((-2, -1), (2, 1), (40, 40)), 2) if o.period == 2)
+    found = saddle_manifold(henon, cycle, "unstable", window, length=2.0)
+    assert len(found.branches) == 4
+    starts = np.array([b.points[0] for b in found.branches])
+    assert starts[::2] == pytest.approx(cycle.points)
+    # The map carries branches at one point onto those at the other.
+    dense = np.concatenate([_dense(b.points) for b in found.branches[2:]])
+    images = henon(finite(found.branches[0].points)[:40])
+    # A chord is off a circle by its length times the angle to the next one, by 8.
+    assert cKDTree(dense).query(images)[0].max() < 0.01 * 4.0 * 0.2 / 8.0
+
+
+# --- angles and flows
+
+
+def test_inverse_of_the_stroboscopic_map() -> None:
+    system = driven_pendulum(amplitude=0.004)
+    for phase in (0.0, 0.3):
+        forward = stroboscopic_map(system, phase=phase, rtol=1e-12, atol=1e-12)
+        starts = np.random.default_rng(0).uniform((-3.0, -400.0), (3.0, 400.0), (500, 2))
+        there = forward.iterate(starts, 1)
+        back = inverse_stroboscopic_map(system, phase).iterate(there.points, 1)
+        assert back.points == pytest.approx(starts, rel=1e-9, abs=1e-9)
+        assert np.array_equal(back.turns[:, 0] + there.turns[:, 0], np.zeros(500))
+    with pytest.raises(ValueError, match="switches"):
+        inverse_stroboscopic_map(stick_slip_oscillator())
+    with pytest.raises(TypeError, match="ForcedSystem"):
+        inverse_stroboscopic_map(forward)  # type: ignore[arg-type]
+
+
+def test_mirror_symmetry_and_seam_of_the_standard_map() -> None:
+    """(x, y) -> (-x, -y) carries each branch of the saddle at (0, 0) into the other, across the seam at pi."""
+    k = 1.2
+    chirikov = standard_map(k)
+    saddle = next(
+        o
+        for o in find_periodic_orbits(chirikov, CellGrid((-pi, -pi), (pi, pi), (32, 32)))
+        if o.kind is OrbitKind.SADDLE
+    )
+    window = CellGrid((-pi, -pi), (pi, pi), (1, 1))
+    found = saddle_manifold(chirikov, saddle, "unstable", window, length=3.0)
+    one, other = (finite(b.points) - saddle.points[0] for b in found.branches)
+    assert cKDTree(_dense(-other)).query(one)[0].max() < 1e-4
+    assert np.ptp(one[:, 0]) > 1.5 * pi  # from saddle to saddle, without a jump at the seam
+    assert np.abs(np.diff(one, axis=0)).max() < 0.1 * 2 * pi
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> tuple[PointMap, Basins]:
+    exact = stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+    table = interpolated_map(exact, CellGrid((-pi, -1000.0), (pi, 1000.0), (128, 256)), outside="integrate")
+    return exact, find_basins(table, CellGrid((-pi, -500.0), (pi, 500.0), (200, 200)))
+
+
+def test_boundary_of_the_pendulum_follows_the_stable_manifolds(pendulum: tuple[PointMap, Basins]) -> None:
+    exact, basins = pendulum
+    assert basins.grid is not None
+    inverse = inverse_stroboscopic_map(driven_pendulum(amplitude=0.003))
+    saddles = [o for o in find_periodic_orbits(exact, basins.grid) if o.kind is OrbitKind.SADDLE]
+    assert len(saddles) == 4
+    curves = [saddle_manifold(exact, o, "stable", basins.grid, 30.0, inverse=inverse) for o in saddles]
+    everything = boundary_distance(curves, basins)
+    assert everything.share == 1.0
+    assert everything.distances.max() < 0.75
+    slow = [c for c in curves if abs(c.orbit.points[0, 1]) < 10.0]
+    between = boundary_distance(slow, basins, (0, 1))
+    assert between.share == 1.0
+    # One saddle's manifold is not all of the boundary, and this is not said.
+    assert boundary_distance(slow[:1], basins).share < 0.8
+    rotating = [c for c in curves if c not in slow]
+    assert boundary_distance(rotating, basins, (0, 1)).share < 0.3
+
+
+def test_newton_and_backward_integration_agree(pendulum: tuple[PointMap, Basins]) -> None:
+    exact, basins = pendulum
+    assert basins.grid is not None
+    saddle = periodic_orbit(exact, [0.61, 308.0])
+    assert saddle.turns == (1, 0)
+    inverse = inverse_stroboscopic_map(driven_pendulum(amplitude=0.003))
+    a, b = (saddle_manifold(exact, saddle, "stable", basins.grid, 2.0, inverse=i) for i in (None, inverse))
+    scaled = [(finite(np.concatenate([x.points for x in m.branches])) / m.scale) for m in (a, b)]
+    dense = np.concatenate([_dense(x.points / b.scale) for x in b.branches])
+    assert cKDTree(dense).query(scaled[0])[0].max() < 1e-3
+    # The curve is invariant: its images lie on it, nearer to the saddle.
+    first = finite(b.branches[0].points)
+    images = first - wrap(first, exact.coordinates) + exact.iterate(first, 1).unwrapped - np.array([2 * pi, 0.0])
+    assert np.quantile(cKDTree(dense).query(images / b.scale)[0], 0.99) < 1e-3
+
+
+def test_unstable_manifold_leads_to_the_attractors(pendulum: tuple[PointMap, Basins]) -> None:
+    exact, basins = pendulum
+    assert basins.grid is not None
+    saddle = periodic_orbit(exact, [2.13, 0.9])
+    found = saddle_manifold(exact, saddle, "unstable", basins.grid, length=0.8)
+    ends = sorted(abs(finite(b.points)[-1, 0]) for b in found.branches)
+    assert ends[0] < 1.0
+    assert ends[1] > 2.5
+
+
+def test_a_manifold_ends_where_there_is_no_preimage() -> None:
+    """y' = -y/4 + ..., x' = 1 - x^2/... : beyond its fold a non-invertible map has no preimages."""
+    fold = discrete_map(lambda x, p: (3.0 * x[0], 0.4 * x[1] - 0.4 * x[1] ** 2), {}, ("x", "y"))
+    found = saddle_manifold(fold, periodic_orbit(fold, [0.01, 0.01]), "stable", SQUARE)
+    # y = 0.4 (y_0 - y_0^2) has its maximum 0.1 at 1/2: on the way up the curve ends there.
+    up = max(found.branches, key=lambda b: float(finite(b.points)[:, 1].max()))
+    assert finite(up.points)[:, 1].max() <= 0.5 + 1e-6
+    assert up.ended == "no image" or finite(up.points)[:, 1].max() > 0.09
+    assert np.abs(found.points[:, 0]).max() < 1e-9
+
+
+# --- refusals
+
+
+@pytest.mark.parametrize("kind", ["stable", "unstable"])
+@pytest.mark.parametrize("by_inverse", [False, True])
+def test_the_cat_map_winds_its_manifolds_round_the_torus(kind: str, by_inverse: bool) -> None:
+    """Straight lines along the eigenvectors of [[2, 1], [1, 1]], of slopes (sqrt 5 - 1)/2 and -(sqrt 5 + 1)/2."""
+    torus = (angle("x", "", 1.0), angle("y", "", 1.0))
+    cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, torus)
+    back = discrete_map(lambda x, p: (x[0] - x[1], 2 * x[1] - x[0]), {}, torus)
+    window = CellGrid((-0.5, -0.5), (0.5, 0.5), (1, 1))
+    slope = 0.5 * (sqrt(5.0) - 1.0) if kind == "unstable" else -0.5 * (sqrt(5.0) + 1.0)
+    orbits = [periodic_orbit(cat, [0.0, 0.0])]
+    if by_inverse or kind == "unstable":
+        orbits.append(periodic_orbit(cat, [0.2, 0.4], 2))
+    for orbit in orbits:
+        found = saddle_manifold(cat, orbit, kind, window, length=8.0, inverse=back if by_inverse else None)
+        for k, branch in enumerate(found.branches):
+            away = branch.points - orbit.points[k // 2]
+            assert branch.ended == "length"
+            assert branch.length == pytest.approx(8.0, abs=0.02)
+            assert np.abs(away[:, 1] - slope * away[:, 0]).max() < 1e-9
+    if kind == "stable" and not by_inverse:
+        with pytest.raises(ValueError, match="give the inverse map"):
+            saddle_manifold(cat, periodic_orbit(cat, [0.2, 0.4], 2), kind, window)
+
+
+def test_what_it_refuses() -> None:
+    henon = henon_map()
+    saddle = periodic_orbit(henon, [0.6, 0.2])
+    with pytest.raises(ValueError, match="kind='slow'"):
+        saddle_manifold(henon, saddle, "slow", SQUARE)
+    with pytest.raises(ValueError, match="length"):
+        saddle_manifold(henon, saddle, "stable", SQUARE, length=0.0)
+    with pytest.raises(ValueError, match="spacing"):
+        saddle_manifold(henon, saddle, "stable", SQUARE, spacing=2.0)
+    with pytest.raises(ValueError, match="1 axes"):
+        saddle_manifold(henon, saddle, "stable", CellGrid((0,), (1,), (1,)))
+    cubic = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    with pytest.raises(ValueError, match="1 coordinates"):
+        saddle_manifold(cubic, saddle, "stable", SQUARE)
+    node = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    with pytest.raises(ValueError, match="give a saddle"):
+        saddle_manifold(node, periodic_orbit(node, [0.1, 0.1]), "stable", SQUARE)
+    other = discrete_map(lambda x, p: (x[0], x[1]), {}, (angle("x"), "y"))
+    with pytest.raises(ValueError, match="other coordinates"):
+        saddle_manifold(henon, saddle, "stable", SQUARE, inverse=other)
+
+
+def test_what_a_distance_refuses(henon_basin: Basins) -> None:
+    henon, basins = henon_map(), henon_basin
+    curve = saddle_manifold(henon, periodic_orbit(henon, [0.6, 0.2]), "unstable", SQUARE, length=1.0)
+    with pytest.raises(ValueError, match="no neighbouring cells"):
+        boundary_distance(curve, basins)  # one basin, whose only neighbours diverge
+    with pytest.raises(ValueError, match="no neighbouring cells"):
+        boundary_distance(curve, basins, (0, 1))
+    assert boundary_distance([], basins, (0, -2)).share == 0.0
+    on_points = find_basins(henon, np.zeros((3, 2)), attractors=basins.attractors)
+    with pytest.raises(ValueError, match="two axes"):
+        boundary_distance(curve, on_points)
+
+
+def test_pictures(pendulum: tuple[PointMap, Basins]) -> None:
+    exact, basins = pendulum
+    assert basins.grid is not None
+    inverse = inverse_stroboscopic_map(driven_pendulum(amplitude=0.003))
+    saddle = periodic_orbit(exact, [2.13, 0.9])
+    curves = [
+        saddle_manifold(exact, saddle, kind, basins.grid, 2.0, 0.02, inverse if kind == "stable" else None)
+        for kind in ("stable", "unstable")
+    ]
+    plot.manifolds(curves, basins=basins).figure.savefig("/dev/null", format="png")
+    alone = plot.manifolds(curves)
+    assert [t.get_text() for t in alone.get_legend().get_texts()] == ["stable manifold", "unstable manifold"]
+    plot.boundary_distance(boundary_distance(curves[0], basins))
+    plot.boundary_distance(boundary_distance([], basins))
+    assert "\n" not in repr(curves[0])
+    with pytest.raises(TypeError, match="saddle_manifold"):
+        plot.manifolds([])

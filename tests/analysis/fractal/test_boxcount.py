@@ -1,0 +1,250 @@
+"""Box counting of points: exact dimensions however the set lies, published counts, saturation at both ends."""
+
+from __future__ import annotations
+
+from math import log, pi
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import angle, set_threads
+from cellmap._lib.fit import steady_window, window_spread, with_drift
+from cellmap.analysis import fit_line
+from cellmap.analysis.fractal import BoxCount, box_dimension
+from studies.known_fractals import (
+    CANTOR,
+    KOCH,
+    TRIANGLE,
+    cantor,
+    cantor_square,
+    koch,
+    line,
+    point_sets,
+    sierpinski,
+    square,
+    turning,
+)
+
+# Exact dimensions: Falconer, Fractal Geometry (2003).
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.2, 0.5, 1.1])
+@pytest.mark.parametrize(
+    ("points", "exact"),
+    [(line(100_001), 1.0), (cantor(14), CANTOR), (koch(10), KOCH), (cantor_square(10), 2.0 * CANTOR)],
+    ids=["line", "Cantor", "Koch", "Cantor squared"],
+)
+def test_known_sets(points, exact, turn):
+    found = box_dimension(points @ turning(turn).T + [0.1234, 0.777], offsets=4)
+    assert found.dimension == pytest.approx(exact, abs=0.01)
+    assert abs(found.dimension - exact) < 4.0 * found.standard_error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [0.0, 0.5, 1.1])
+@pytest.mark.parametrize("name", ["filled square", "Sierpinski triangle"])
+def test_known_sets_of_many_points(name, turn):
+    build, exact = point_sets(quick=False)[name]
+    found = box_dimension(build() @ turning(turn).T + 0.3, offsets=2)
+    assert found.dimension == pytest.approx(exact, abs=0.01)
+
+
+@pytest.mark.parametrize("level", [10, 11])
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.5, 1.1])
+def test_sierpinski_triangle_turned(level, turn):
+    """Corners that triangles share come twice, which does not make their boxes well known."""
+    points = sierpinski(level) @ turning(turn).T * 2.7 + [100.3, -55.0]
+    found = box_dimension(points, offsets=8)
+    assert abs(found.dimension - TRIANGLE) < 2.0 * found.standard_error
+    if level > 10:
+        assert found.dimension == pytest.approx(TRIANGLE, abs=0.01)
+
+
+def test_edges_of_a_square_do_not_bend_the_line():
+    """(1/s + 1)**2 boxes on average meet a square of side 1 (Steiner): slopes of large boxes are far below 2."""
+    points = square(700)
+    for turn in (0.0, 0.3, 1.1):
+        found = box_dimension(points @ turning(turn).T, offsets=4)
+        assert found.dimension == pytest.approx(2.0, abs=0.01)
+        assert abs(found.dimension - 2.0) < 2.0 * found.standard_error
+        assert not found.fractal
+
+
+@pytest.mark.parametrize("repeated", [1, 2, 5])
+def test_points_that_coincide_count_once(repeated):
+    points = koch(8)
+    found = box_dimension(np.repeat(points, repeated, axis=0))
+    assert np.array_equal(found.missed, box_dimension(points).missed)
+    assert found.dimension == box_dimension(points).dimension
+
+
+def test_orbit_of_henon_covers_what_is_known():
+    """D_0 is 1.258, the proven D_1 (Young 1982), or more; 1.26 to 1.28 in the literature."""
+    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (100, 2))
+    points = systems.henon_map().orbit(starts, 4_100).points[101:].reshape(-1, 2)
+    low, high = box_dimension(points).fit.interval()
+    assert low < 1.258 < high
+
+
+@pytest.mark.slow
+def test_henon_attractor():
+    """Occupied boxes on [-3, 3]^2 at 2**k a side, recomputed independently; here from 2 10^7 points."""
+    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (1000, 2))
+    points = systems.henon_map().orbit(starts, 20_100).points[101:].reshape(-1, 2)
+    found = box_dimension(points, 6.0 / 2.0 ** np.arange(4, 11), origin=(-3.0, -3.0))
+    expected = [17, 36, 89, 212, 504, 1184, 2775]
+    assert np.abs(found.counts - expected).max() <= 1
+    assert not found.errors.any()
+
+
+def test_aligned_grid_counts_exactly():
+    """Cantor's set of level 12 meets 2**k boxes of 3**-k; the middle-point square of 2**9 cells 4**k boxes of 2**-k."""
+    found = box_dimension(cantor(12), 3.0 ** -np.arange(0, 12), origin=(0.0, 0.0))
+    np.testing.assert_array_equal(found.counts, 2.0 ** np.arange(0, 12))
+    x = (np.arange(512) + 0.5) / 512
+    square = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    found = box_dimension(square, 2.0 ** -np.arange(0, 9), origin=(0.0, 0.0))
+    np.testing.assert_array_equal(found.counts, 4.0 ** np.arange(0, 9))
+    assert found.dimension == pytest.approx(2.0, abs=1e-12)
+
+
+def test_all_dyadic_sizes_from_one_sort_equal_counts_size_by_size():
+    """Witness: numpy.unique of the numbers of boxes at the same places."""
+    from cellmap.analysis.fractal.partitions import Space, dyadic_partition, dyadic_sizes
+
+    rng = np.random.default_rng(3)
+    for d in (1, 2, 3, 4):
+        space = Space.of(rng.random((3000, d)) ** 2, None, None)
+        offset = rng.random(d)
+        counts = dyadic_partition(space, offset).occupancy()
+        for k, size in enumerate(dyadic_sizes(space)[:12]):
+            places = np.floor(space.points / size + offset * space.extent / size).astype(int)
+            multiplicity = np.unique(places, axis=0, return_counts=True)[1]
+            expected = [len(multiplicity), (multiplicity == 1).sum(), (multiplicity == 2).sum()]
+            assert counts[k].tolist() == expected
+
+
+def test_general_sizes_agree_with_dyadic_ones():
+    points = koch(8)
+    general = box_dimension(points, np.geomspace(0.1, 0.004, 17))
+    assert general.dimension == pytest.approx(box_dimension(points).dimension, abs=0.02)
+    assert len(general.sizes) == 17
+
+
+def test_circles():
+    """A closed curve round a cylinder has no ends: as many boxes at any place of the grid."""
+    t = np.linspace(-pi, pi, 40_000, endpoint=False)
+    points = np.stack([t, 0.0 * t], axis=1)
+    closed = box_dimension(points, scales=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
+    np.testing.assert_allclose(closed.counts[:10], 2.0 ** np.arange(10))
+    assert closed.dimension == pytest.approx(1.0, abs=1e-9)
+    turned = box_dimension(points + np.array([40.0, 0.0]), scales=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
+    np.testing.assert_allclose(turned.counts[:10], closed.counts[:10])
+
+
+def test_saturation_is_found_at_both_ends():
+    """10,000 random points in a square: no size below 1/50 holds 4 points in a box, which Chao's estimate needs."""
+    found = box_dimension(np.random.default_rng(0).random((10_000, 2)))
+    smallest, largest = found.sizes[found.usable].min(), found.sizes[found.usable].max()
+    assert smallest > 0.02
+    assert found.counts[found.usable].min() >= 10
+    assert largest < 0.6
+    assert found.missed[-1] > 0.9
+
+
+def test_same_bits_for_any_number_of_threads():
+    points = koch(7)
+    results = []
+    for threads in (1, 3):
+        set_threads(threads)
+        results.append(box_dimension(points, seed=5))
+    assert np.array_equal(results[0].counts, results[1].counts)
+    assert results[0].dimension == results[1].dimension
+    assert not np.array_equal(results[0].counts, box_dimension(points, seed=6).counts)
+
+
+def test_what_is_called_fractal():
+    assert box_dimension(cantor(14)).fractal
+    assert box_dimension(koch(9)).fractal
+    assert not box_dimension(line(100_001) @ turning(0.5)).fractal
+    t = np.linspace(0.0, 1.0, 400_001)
+    spiral = t[:, None] ** 0.5 * np.stack([np.cos(300 * t), np.sin(300 * t)], axis=1)
+    assert not box_dimension(spiral).fractal  # its arms fill the disc at all sizes but the smallest
+
+
+def test_manual_window():
+    found = box_dimension(koch(9), window=(0.002, 0.1))
+    inside = found.sizes[found.fit.inside]
+    assert inside.min() >= 0.002
+    assert inside.max() <= 0.1
+    assert "BoxCount(dimension 1.2" in repr(found)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"points": np.zeros((0, 2))}, "points: 0 points have no dimension"),
+        ({"points": np.zeros((5, 2))}, "all of them are the same"),
+        ({"points": np.zeros(5)}, "one point a row"),
+        ({"points": [[0.0], [np.nan]]}, "remove"),
+        ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between"),
+        ({"points": line(999), "sizes": [0.1, 0.2]}, "at least three different positive sizes"),
+        ({"points": line(999), "window": (0.3, 0.31)}, "window=.* holds 0 sizes"),
+        ({"points": line(999), "scales": -1.0}, "positive length"),
+        ({"points": line(999), "coordinates": ("x",)}, "one for each column"),
+        ({"points": line(999), "offsets": 0}, "offsets=0"),
+        ({"points": line(999), "origin": np.inf}, "origin"),
+    ],
+)
+def test_errors(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        box_dimension(**arguments)
+
+
+# --- the window
+
+
+def test_steady_window_is_the_largest_linear_region():
+    x = np.arange(12.0)
+    y = np.concatenate([[0.0, 0.5, 1.3], 1.3 + 2.0 * np.arange(1, 7), 13.3 + 0.3 * np.arange(1, 4)])
+    assert steady_window(x, y) == (2, 8)
+    assert fit_line(x, y, steady_window(x, y)).slope == pytest.approx(2.0)
+
+
+def test_steady_window_bears_oscillations_and_sees_slow_bends():
+    """Log-periodic oscillations as of Cantor's counts; a slope that grows from 1.5 to 2 bit by bit."""
+    x = np.arange(20.0)
+    swinging = 0.63 * x + 0.02 * np.sin(3.9 * x)
+    first, last = steady_window(x, swinging)
+    assert last - first >= 12
+    bent = 2.0 * x + 0.5 * 4.0 * np.exp(-x / 4.0)
+    first, last = steady_window(x, bent)
+    assert first > 5
+    assert last == 19
+    fit = with_drift(fit_line(x, bent, (0, 8)))
+    assert fit.standard_error > fit_line(x, bent, (0, 8)).standard_error
+    assert window_spread(x, bent, 2.0) > 0.0
+
+
+def test_window_to_the_end():
+    x = np.arange(10.0)
+    y = np.concatenate([2.0 * np.arange(7), 12.0 + np.array([1.0, 2.1, 3.0])])
+    assert steady_window(x, y) == (0, 6)
+    assert steady_window(x, y, to_the_end=True)[1] == 9
+
+
+def test_window_needs_points():
+    with pytest.raises(ValueError, match="2 points are finite"):
+        steady_window(np.arange(3.0), np.array([0.0, 1.0, np.nan]))
+    with pytest.raises(ValueError, match="no three neighbouring points"):
+        steady_window(np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 2.0]))
+
+
+def test_record_is_frozen():
+    found = box_dimension(koch(7))
+    assert isinstance(found, BoxCount)
+    with pytest.raises(AttributeError):
+        found.counts = found.counts  # type: ignore[misc]
+    assert found.fit.slope == found.dimension
+    assert log(found.counts[-1]) == pytest.approx(found.fit.y[-1])

@@ -1,0 +1,250 @@
+"""Basin entropy and the test for fractal boundaries: exact values, published ones, and what is not said."""
+
+from __future__ import annotations
+
+from math import log, pi
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, find_basins, plot, stroboscopic_map
+from cellmap.analysis.fractal import basin_entropy, fractal_boundary_test, smooth_boundary_entropy
+from cellmap.analysis.fractal.exponent import SMOOTH
+from cellmap.analysis.fractal.smooth_limit import ball
+
+mpl.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def grebogi():
+    return find_basins(systems.grebogi_ott_yorke_map(), CellGrid((0.0, -0.5), (2 * pi, 0.5), (300, 300)))
+
+
+def mixed(basins=2, shape=(300, 300)):
+    return np.random.default_rng(0).integers(0, basins, shape)
+
+
+def disc(cells, radius=0.3):
+    x = (np.arange(cells) + 0.5) / cells - 0.5
+    return np.hypot(*np.meshgrid(x, x)) < radius
+
+
+def stripes(width, basins=3):
+    return np.arange(400)[:, None] // width % basins + np.zeros((400, 400), int)
+
+
+# --- entropy
+
+
+def test_map_of_grebogi_ott_and_yorke(grebogi):
+    """0.403 and 0.603 on 300 x 300 cells with boxes of 6 (references.md), within two standard errors over boxes."""
+    found = basin_entropy(grebogi, box=6)
+    assert found.count == 2500
+    assert found.entropy == pytest.approx(0.403, abs=2 * found.standard_error)
+    assert found.boundary_entropy == pytest.approx(0.603, abs=2 * found.boundary_error)
+    assert max(found.standard_error, found.boundary_error) < 0.007
+    at_random = basin_entropy(grebogi, box=6, positions=2500)
+    for name in ("entropy", "boundary_entropy"):
+        assert getattr(at_random, name) == pytest.approx(getattr(found, name), abs=0.02)
+
+
+def test_map_of_grebogi_ott_and_yorke_where_it_was_published():
+    """0.403 and 0.603 to all digits, of starts that lie on the edges of the window too (Daza et al. 2016).
+
+    Half a cell makes a difference of 0.005: the boundary is as fine as the cells, and no picture of it is like another.
+    """
+    axes = np.linspace(0.0, 2 * pi, 300), np.linspace(-0.5, 0.5, 300)
+    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    found = basin_entropy(find_basins(systems.grebogi_ott_yorke_map(), starts).labels, box=6)
+    assert (found.entropy, found.boundary_entropy) == pytest.approx((0.403, 0.603), abs=5e-4)
+
+
+def test_known_boxes():
+    """A box that two basins halve: ln 2; one quarter of another basin: 0.5623."""
+    found = basin_entropy([[0, 0, 1, 1, 2, 2], [0, 0, 1, 2, 2, 0]], box=2)
+    quarter = -0.25 * log(0.25) - 0.75 * log(0.75)
+    assert found.boxes == pytest.approx(np.array([[0.0, quarter, quarter]]))
+    assert found.entropy == pytest.approx(2 * quarter / 3)
+    assert found.boundary_entropy == pytest.approx(quarter)
+    assert (found.boundary_count, found.basins) == (2, 3)
+
+
+@pytest.mark.parametrize("basins", [2, 3, 5])
+def test_mixed_basins_reach_their_number(basins):
+    """ln k but for (k - 1)/(2 n) in boxes of n cells (Miller 1955)."""
+    found = basin_entropy(mixed(basins), box=20)
+    assert found.entropy == pytest.approx(log(basins) - (basins - 1) / 800, abs=4 * found.standard_error)
+    assert found.above_ln2 == found.fractal == (basins > 2)
+
+
+def test_any_dimension_and_boxes_that_are_not_square():
+    solid = np.arange(4)[:, None, None] // 2 + np.zeros((4, 6, 5), int)
+    found = basin_entropy(solid, box=(4, 2, 5))
+    assert found.boxes.shape == (1, 3, 1)
+    assert found.entropy == pytest.approx(log(2))
+    line = basin_entropy([0, 0, 0, 1, 1, 1, 1], box=2)
+    assert line.boxes == pytest.approx([0.0, log(2), 0.0])
+
+
+def test_cells_without_a_basin_do_not_count():
+    labels = np.array([[0, 1, -1, -1, 0, 0], [0, 1, -3, 1, 0, -2]])
+    found = basin_entropy(labels, box=2)
+    assert found.boxes == pytest.approx(np.array([[log(2), np.nan, 0.0]]), nan_ok=True)
+    counted = basin_entropy(labels, box=2, also=(-2,))
+    assert counted.boxes[0, 2] == pytest.approx(-0.25 * log(0.25) - 0.75 * log(0.75))
+    with pytest.raises(ValueError, match="no box has basins in half"):
+        basin_entropy([[0, -1], [-1, -1]], box=2)
+
+
+def test_boxes_reach_round_circles():
+    labels = np.array([0, 1, 1, 1, 1, 1])
+    line = basin_entropy(labels, box=2, positions=500)
+    circle = basin_entropy(labels, box=2, positions=500, wraps=(True,))
+    assert (line.boxes > 0).mean() == pytest.approx(1 / 5, abs=0.06)
+    assert (circle.boxes > 0).mean() == pytest.approx(1 / 3, abs=0.07)
+
+
+def test_two_basins_are_never_above_ln2():
+    assert not basin_entropy(np.indices((60, 60)).sum(axis=0) % 2, box=2).above_ln2
+
+
+def test_smooth_stripes_narrower_than_boxes_are_not_fractal():
+    """Their boxes see three basins, and the entropy is above ln 2; next to each boundary it is smooth all the same."""
+    found = basin_entropy(stripes(5), box=20)
+    assert found.above_ln2
+    assert not found.fractal
+    assert not basin_entropy(disc(300), box=6).fractal
+
+
+@pytest.mark.parametrize(
+    ("box", "message"), [(0, "box=0"), (1, "two cells or more"), (400, "fit into"), ((2, 2, 2), "a side for each")]
+)
+def test_errors_of_boxes(box, message):
+    with pytest.raises(ValueError, match=message):
+        basin_entropy(mixed(), box=box)
+
+
+# --- the limit of a smooth boundary
+
+
+def test_smooth_limits():
+    """0.499999, 0.4395093, 0.39609176, 0.36319428, 0.33722572 in one to five dimensions (Puy et al. 2021)."""
+    published = [0.499999, 0.4395093, 0.39609176, 0.36319428, 0.33722572]
+    assert [smooth_boundary_entropy(d) for d in range(1, 6)] == pytest.approx(published, abs=2e-6)
+
+
+def test_discs_of_cells_approach_the_limit():
+    """From above, by about 0.2/radius or less (Puy et al. 2021 find 0.224/radius at most)."""
+    excess = [smooth_boundary_entropy(2, ball(2, r)) - 0.4395093 for r in (5, 10, 20, 40)]
+    assert (np.diff(excess) < 0).all()
+    assert all(0.0 < e < 0.224 / r for e, r in zip(excess, (5, 10, 20, 40), strict=True))
+
+
+def test_smooth_limit_of_boxes_against_random_lines():
+    """Lines at random through a box of 5 x 5 cells, by direct simulation."""
+    rng = np.random.default_rng(0)
+    cells = np.argwhere(np.ones((5, 5))) - 2.0
+    turned = rng.uniform(0, 2 * pi, 200_000)
+    place = rng.uniform(-3.0, 3.0, 200_000)
+    share = (cells @ np.array([np.cos(turned), np.sin(turned)]) < place).mean(axis=0)
+    inside = share[(share > 0) & (share < 1)]
+    entropy = -inside * np.log(inside) - (1 - inside) * np.log(1 - inside)
+    expected = smooth_boundary_entropy(2, np.argwhere(np.ones((5, 5))))
+    assert entropy.mean() == pytest.approx(expected, abs=4 * entropy.std() / np.sqrt(len(entropy)))
+
+
+# --- the test
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "labels",
+    [disc(400), disc(300, 0.1), np.add.outer(np.arange(200), 1.7 * np.arange(300)) > 250, stripes(40), stripes(20)],
+)
+def test_smooth_boundaries(labels, seed):
+    found = fractal_boundary_test(labels, seed=seed)
+    assert found.verdict in (SMOOTH, "undetermined")
+    assert found.entropy == pytest.approx(found.smooth, abs=0.04)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_discs_on_a_circle(seed):
+    """0.4395 (Puy et al. 2021), with discs of 20 cells on a circle of 350."""
+    found = fractal_boundary_test(disc(1000, 0.35), radius=20, seed=seed)
+    assert found.verdict == SMOOTH
+    assert found.entropy == pytest.approx(0.4395, abs=3 * found.standard_error)
+    assert found.smooth == pytest.approx(0.4395, abs=0.003)
+
+
+def test_a_mixed_picture():
+    """ln 2 (Puy et al. 2021), but for 1/(2 n) in discs of n cells."""
+    found = fractal_boundary_test(mixed(), radius=8)
+    assert found.entropy == pytest.approx(log(2) - 0.5 / found.cells, abs=4 * found.standard_error)
+    assert found.verdict == "fractal"
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.1])
+def test_wrong_labels_beside_a_smooth_boundary_are_no_fractal(share):
+    """They make the cells rough, but discs see less of a second basin than beside a straight boundary."""
+    line = np.add.outer(0.9 * np.arange(500), 0.4 * np.arange(320)) > 280
+    wrong = np.random.default_rng(1).random(line.shape) < share
+    found = fractal_boundary_test(line ^ wrong, radius=8)
+    assert found.entropy < found.smooth_range[0]
+    assert found.verdict == "undetermined"
+
+
+def test_fractal_boundaries(grebogi):
+    assert fractal_boundary_test(grebogi).verdict == "fractal"
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    grid = CellGrid((-pi, -100.0), (pi, 100.0), (300, 300))
+    return find_basins(stroboscopic_map(systems.driven_pendulum(amplitude=0.003)), grid)
+
+
+@pytest.mark.parametrize("radius", [4, 8, 16, 24])
+def test_smooth_boundary_is_not_called_fractal_at_any_radius(pendulum, radius):
+    """The report's pendulum at 3 mm: discs of 16 cells see more than one piece of boundary, which is smooth."""
+    assert fractal_boundary_test(pendulum, radius=radius).verdict != "fractal"
+    assert fractal_boundary_test(stripes(5), radius=radius).verdict != "fractal"
+
+
+def test_nothing_is_said_without_a_boundary_or_with_few_discs():
+    assert fractal_boundary_test(np.zeros((100, 80), int)).verdict == "no boundary"
+    corner = np.zeros((300, 300), int)
+    corner[:2, :2] = 1
+    assert fractal_boundary_test(corner, radius=4).verdict in ("no boundary", "undetermined")
+
+
+def test_test_in_one_and_three_dimensions():
+    line = (np.arange(2000) // 250) % 2
+    assert fractal_boundary_test(line, radius=10).entropy == pytest.approx(0.5, abs=0.05)
+    solid = np.arange(40)[:, None, None] // 20 + np.zeros((40, 30, 30), int)
+    assert fractal_boundary_test(solid, radius=4, discs=500).verdict in (SMOOTH, "undetermined")
+
+
+def test_errors_of_discs():
+    with pytest.raises(ValueError, match="wider than the picture"):
+        fractal_boundary_test(mixed(2, (300, 9)), radius=5)
+    with pytest.raises(ValueError, match="discs=3"):
+        fractal_boundary_test(mixed(), discs=3)
+    with pytest.raises(ValueError, match="two different places"):
+        smooth_boundary_entropy(2, [[0, 0]])
+
+
+def test_same_seed_same_discs(grebogi):
+    one, same, other = (fractal_boundary_test(grebogi, discs=300, seed=s) for s in (1, 1, 2))
+    assert np.array_equal(one.entropies, same.entropies)
+    assert not np.array_equal(one.entropies, other.entropies)
+
+
+def test_plots(grebogi):
+    assert plot.basin_entropy(basin_entropy(grebogi, box=6)).get_ylabel() == "boxes"
+    assert plot.basin_entropy(fractal_boundary_test(grebogi)).get_ylabel() == "discs"
+    assert plot.basin_entropy(basin_entropy(np.zeros((9, 9), int))).get_xlabel() == "entropy"
+    with pytest.raises(TypeError, match="give a BasinEntropy"):
+        plot.basin_entropy(3)
+    mpl.pyplot.close("all")

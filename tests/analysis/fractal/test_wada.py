@@ -1,0 +1,268 @@
+"""Wada basins: constructed pictures, published parameters of the forced pendulum, and what is not said."""
+
+from __future__ import annotations
+
+from math import pi
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap.analysis.fractal import wada_grid, wada_merging
+
+mpl.use("Agg")
+
+
+def stripes(width, basins=3, shape=(120, 90)):
+    return np.arange(shape[0])[:, None] // width % basins + np.zeros(shape, int)
+
+
+def sectors(cells=200):
+    """Three smooth basins that meet in one point."""
+    x = (np.arange(cells) + 0.5) / cells - 0.5
+    return np.floor((np.arctan2(x[:, None], x[None, :]) + pi) / (2 * pi / 3)).astype(int)
+
+
+def pendulum(forcing):
+    exact = stroboscopic_map(systems.forced_pendulum(forcing=forcing))
+    return interpolated_map(exact, CellGrid((-pi, -8.0), (pi, 9.0), (384, 768)), outside="integrate")
+
+
+def window(cells):
+    return CellGrid((-pi, -2.0), (pi, 4.0), (cells, cells))
+
+
+@pytest.fixture(scope="module")
+def wada_pendulum():
+    return pendulum(1.66)
+
+
+@pytest.fixture(scope="module")
+def partial_pendulum():
+    return pendulum(1.71)
+
+
+@pytest.fixture(scope="module")
+def small(wada_pendulum):
+    return find_basins(wada_pendulum, window(40))
+
+
+# --- merging
+
+
+@pytest.mark.parametrize("shape", [(120, 90), (90, 120), (200, 40)])
+def test_merged_stripes(shape):
+    """Columns of one cell in three colours are Wada; wide stripes are not (references.md)."""
+    assert wada_merging(stripes(1, shape=shape)).verdict == "Wada"
+    assert wada_merging(stripes(1, shape=shape).T).verdict == "Wada"
+    wide = wada_merging(stripes(30, shape=shape))
+    assert wide.verdict == "not"
+    assert wide.apart.max() > 0.4
+
+
+@pytest.mark.parametrize("labels", [stripes(1, 2), stripes(30, 2), np.random.default_rng(0).integers(0, 2, (90, 90))])
+def test_two_basins_are_not_wada(labels):
+    found = wada_merging(labels)
+    assert found.verdict == "not"
+    assert found.largest.max() == 0.0
+
+
+def test_distances_are_known():
+    """Stripes of ten: the merged boundaries are one stripe apart, and next to it where they share a basin."""
+    found = wada_merging(stripes(10, 3, (30, 40)), radius=2)
+    assert found.basins == (0, 1, 2)
+    assert found.largest[0, 2] == 10.0  # the cells of 0 | 1 lie at 9 and 10, those of 1 | 2 at 19 and 20
+    assert found.median[0, 2] == 9.5
+    assert found.largest[1, 0] == 10.0
+    assert found.apart[0, 2] == 1.0
+    assert found.cells == 4 * 40
+
+
+def test_circles():
+    """On a circle stripes 0 1 2 meet again: each basin has two boundaries."""
+    line = wada_merging(stripes(10, 3, (30, 40)))
+    circle = wada_merging(stripes(10, 3, (30, 40)), wraps=(True, False))
+    assert (line.cells, circle.cells) == (4 * 40, 6 * 40)
+    assert circle.verdict == "not"
+
+
+def test_basins_that_meet_in_a_point_are_not_wada():
+    for labels in (sectors(), sectors(100)):
+        assert wada_merging(labels).verdict == "not"
+
+
+def test_partially_wada():
+    """One half in stripes of one cell of three colours, the other in wide stripes of two of them."""
+    labels = np.concatenate([stripes(1, 3, (120, 60)), stripes(10, 2, (120, 60))], axis=1)
+    assert wada_merging(labels).verdict == "partially"
+
+
+def test_labels_without_a_basin():
+    """Cells without a basin bound none: two basins with gaps between them have no boundary."""
+    labels = stripes(10, 3, (60, 40))
+    gaps = np.where(labels == 2, -1, labels)
+    assert wada_merging(gaps).basins == (0, 1)
+    assert wada_merging(np.where(labels == 1, -3, labels)).cells == 2 * 40  # 2 | 0 alone
+    assert wada_merging(np.where(labels == 2, -2, labels), also=(-2,)).basins == (-2, 0, 1)
+    fine = stripes(1).astype(float)
+    fine[:40, :40] = np.nan
+    assert wada_merging(fine).verdict == "Wada"
+    assert wada_merging(np.zeros((50, 50), int)).verdict == "not"
+
+
+@pytest.mark.parametrize("shape", [(400, 12), (90, 6), (9, 9)])
+def test_narrow_pictures_take_a_smaller_radius(shape):
+    assert wada_merging(stripes(1, 3, shape)).verdict == "Wada"
+    assert wada_merging(stripes(1, 3, shape).T).verdict == "Wada"
+    assert wada_merging(stripes(3, 3, shape)).verdict == "not"
+    assert wada_merging(stripes(1, 2, shape)).verdict == "not"
+
+
+def test_volumes():
+    fine = np.arange(30)[:, None, None] % 3 + np.zeros((30, 20, 16), int)
+    assert wada_merging(fine).verdict == "Wada"
+    assert wada_merging(np.arange(30)[:, None, None] // 10 + np.zeros((30, 20, 16), int)).verdict == "not"
+
+
+def test_errors():
+    with pytest.raises(ValueError, match="radius=20"):
+        wada_merging(stripes(1), radius=20)
+    with pytest.raises(ValueError, match="1 cells"):
+        wada_merging([[0]])
+    with pytest.raises(ValueError, match="tolerance"):
+        wada_merging(stripes(1), tolerance=0.9)
+
+
+def test_merging_basins_of_pendulums(wada_pendulum, partial_pendulum):
+    """Wada at a forcing of 1.66, partially at 1.71 (Wagemakers, Daza, Sanjuan 2021, figure 2)."""
+    assert wada_merging(find_basins(wada_pendulum, window(400))).verdict == "Wada"
+    assert wada_merging(find_basins(partial_pendulum, window(400))).verdict == "partially"
+
+
+# --- the grid method
+
+
+def test_wada_pendulum(wada_pendulum):
+    """th'' + 0.2 th' + sin th = 1.66 cos t has three Wada basins (Nusse, Ott, Yorke 1995; Daza et al. 2015)."""
+    found = wada_grid(find_basins(wada_pendulum, window(100)), steps=12)
+    assert len(found.basins) == 3
+    assert found.verdict == "Wada"
+    assert found.shares[0, 3] < 0.8  # the centres alone do not tell
+    assert (np.diff(found.boxes[:, 3]) >= 0).all()
+    assert found.shares[8, 2] < 0.5 * found.shares[6, 2]
+    assert (found.boxes.sum(axis=1) == 100 * 100).all()
+    assert found.colours.shape == (100, 100)
+
+
+def test_partially_wada_pendulum(partial_pendulum):
+    """At a forcing of 1.71 there are four basins, and some boundary has two of them only (Wagemakers et al. 2021)."""
+    found = wada_grid(find_basins(partial_pendulum, window(100)), points=500_000)
+    assert len(found.basins) == 4
+    assert found.verdict == "partially"
+    # Boxes that lack a basin become half as many from step to step where the boundary is Wada; here they stay.
+    assert found.shares[-1, 2] > 0.9 * found.shares[-2, 2] > 0.0
+
+
+def test_two_basins_are_not_wada_on_the_grid():
+    """At a forcing of 2 there are two."""
+    basins = find_basins(pendulum(2.0), window(100))
+    found = wada_grid(basins)
+    assert found.verdict == "not"
+    assert found.shares[0, 2] == 1.0
+    assert len(found.points) == 1
+
+
+def test_smooth_basins_are_not_wada_on_the_grid():
+    """Sectors that meet in one point, from a rule, on a grid that is not square."""
+    still = discrete_map(lambda x, p: (x[0] + 0.0 * x[1], x[1]), {}, ("x", "y"))
+
+    def sector(points):
+        return np.floor((np.arctan2(points[:, 1], points[:, 0]) + pi) / (2.001 * pi / 3)).astype(int)
+
+    found = wada_grid(still, CellGrid((-1, -1), (1, 1), (80, 60)), outcome=sector, steps=8)
+    assert found.basins == (0, 1, 2)
+    assert found.verdict == "not"
+    assert found.shares[-1, 3] < 0.1
+
+
+@pytest.mark.parametrize("cells", [0.1, 0.5, 1.0, 1.5])
+def test_smooth_basins_as_narrow_as_boxes_are_not_wada(cells):
+    """Each box has all of three basins around it, but no point of the boundary has."""
+    still = discrete_map(lambda x, p: (x[0], x[1]), {}, ("x", "y"))
+    region = CellGrid((-2.0, -1.0), (2.02, 1.0), (90, 40))
+
+    def stripe(points):
+        return np.floor(points[:, 0] / (cells * region.widths[0]) + 1000.0).astype(int) % 3
+
+    found = wada_grid(still, region, outcome=stripe)
+    assert found.shares[-1, 3] > 0.3
+    assert found.verdict == "not"
+    assert found.closer.tolist() == [0, 0, 400, 0]
+
+
+def test_newtons_method_for_three_roots_is_wada():
+    """The boundary of the basins of z^3 = 1 is the Julia set of Newton's map, which all three share (Peitgen 1986)."""
+
+    def newton(x, p):
+        square, product = x[0] ** 2 - x[1] ** 2, 2.0 * x[0] * x[1]
+        size = 3.0 * (square**2 + product**2)
+        return 2.0 * x[0] / 3.0 + square / size, 2.0 * x[1] / 3.0 - product / size
+
+    basins = find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2.0, -1.5), (2.02, 1.53), (90, 60)))
+    found = wada_grid(basins)
+    assert found.verdict == "Wada"
+    assert found.closer[3] > 0.98 * found.closer.sum() > 350
+    for unresolved in (wada_grid(basins, steps=0), wada_grid(basins, points=100)):
+        assert unresolved.verdict == "not"
+
+
+def test_starts_without_a_basin_have_no_colour():
+    """A strip that diverges does not add a colour, unless it is counted."""
+    cubic = discrete_map(lambda x, p: (x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+
+    def rule(points):
+        return np.where(np.abs(points[:, 0]) < 0.5, 0, -1)
+
+    region = CellGrid((-2, -1), (2, 1), (60, 30))
+    apart = wada_grid(cubic, region, outcome=rule)
+    assert apart.basins == (0,)
+    assert apart.boundary == 0
+    both = wada_grid(cubic, region, outcome=rule, also=(-2,))
+    assert both.basins == (-2, 0)
+    assert both.verdict == "not"
+    assert both.boundary == 4 * 30
+
+
+def test_maps_and_slices(wada_pendulum, small):
+    """Without basins these are found first; an axis of one cell is held."""
+    line = wada_grid(wada_pendulum, CellGrid((-pi, 0.4), (pi, 0.6), (300, 1)), steps=6)
+    assert line.colours.shape == (300, 1)
+    assert len(line.basins) == 3
+    same = wada_grid(wada_pendulum, window(40), steps=3)
+    again = wada_grid(small, steps=3)
+    assert np.array_equal(same.boxes, again.boxes)
+
+
+def test_same_counts_for_any_number_of_threads(small):
+    counts = []
+    for threads in (1, 3):
+        set_threads(threads)
+        counts.append(wada_grid(small, steps=6).boxes)
+    assert np.array_equal(*counts)
+
+
+def test_budget(small):
+    found = wada_grid(small, points=1000)
+    assert found.points[1:].sum() <= 1000
+    assert wada_grid(small, steps=0).boxes.shape == (1, 4)
+
+
+def test_plots(small):
+    found = wada_grid(small, steps=5)
+    assert plot.wada(found).get_xlabel() == "step"
+    assert plot.wada(wada_merging(stripes(1))).get_title() == "Wada"
+    with pytest.raises(TypeError, match="give a WadaGrid"):
+        plot.wada(3)
+    mpl.pyplot.close("all")

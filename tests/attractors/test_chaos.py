@@ -1,0 +1,215 @@
+"""Chaotic attractors: recognised by their exponents, kept apart, held by boxes."""
+
+from __future__ import annotations
+
+from math import log, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap.attractors.chaos import chaotic_attractors, lyapunov_exponents
+from cellmap.attractors.settling import UNDECIDED, inside_cover
+from cellmap.orbits import Kind
+
+DAMPED = systems.dimensionless_pendulum(0.25, 0.55, 0.05)
+
+
+def linear(matrix) -> object:
+    rows = tuple(map(tuple, matrix))
+
+    def product(x, p):
+        return tuple(sum(a * b for a, b in zip(row, x, strict=True)) for row in rows)
+
+    return discrete_map(product, {}, tuple("abcd"[: len(rows)]))
+
+
+def switched(x, p):
+    """Henon's map with a = 0.8 + 0.6 s: chaotic where s tends to 1, at rest where it tends to -1."""
+    return 1 - (0.8 + 0.6 * x[2]) * x[0] ** 2 + x[1], 0.3 * x[0], x[2] + 0.5 * (x[2] - x[2] ** 3)
+
+
+def twofold(x, p):
+    """Henon's map beside a coordinate with attractors at -1 and 1: two chaotic attractors."""
+    return 1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0], x[2] + 0.25 * (x[2] - x[2] ** 3)
+
+
+# --- exponents
+
+
+@pytest.mark.parametrize("diagonal", [(0.5,), (1.5, 0.2), (0.9, -1.1), (1.2, 0.5, -0.3)])
+def test_exponents_of_a_linear_map(diagonal):
+    """The logarithms of the eigenvalues, in the order of the axes of a triangular matrix."""
+    matrix = np.diag(diagonal) + np.triu(np.full((len(diagonal),) * 2, 0.3), 1)
+    exponents, errors = lyapunov_exponents(linear(matrix), np.zeros((2, len(diagonal))), 50)
+    assert exponents == pytest.approx(np.log(np.abs([diagonal, diagonal])), abs=1e-12)
+    assert errors == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_exponent_of_the_logistic_map():
+    """ln 2 at r = 4; 400 orbits of 300 steps."""
+    logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    exponents, errors = lyapunov_exponents(logistic, np.random.default_rng(0).uniform(0, 1, (400, 1)), 300)
+    assert exponents.mean() == pytest.approx(log(2), abs=4 * errors.mean() / 20)
+
+
+def test_exponents_of_the_cat_map():
+    """The logarithms of (3 +- sqrt 5)/2, up to a transient of order 1/periods; their sum is 0."""
+    cat = discrete_map(
+        lambda x, p: (2 * x[0] + x[1], x[0] + x[1]),
+        {},
+        (angle("a", turn=1.0, lower=0.0), angle("b", turn=1.0, lower=0.0)),
+    )
+    exponents, _ = lyapunov_exponents(cat, np.random.default_rng(0).uniform(0, 1, (5, 2)), 300)
+    value = log((3 + sqrt(5)) / 2)
+    assert exponents == pytest.approx(np.array([[value, -value]] * 5), abs=2 / 300)
+    assert exponents.sum(axis=-1) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_exponents_of_henons_map():
+    """0.419 and -1.623; their sum is ln 0.3, the logarithm of the map's determinant, exactly."""
+    exponents, _ = lyapunov_exponents(systems.henon_map(), np.random.default_rng(0).uniform(-0.1, 0.1, (200, 2)), 500)
+    assert exponents.mean(axis=0) == pytest.approx([0.419, -1.623], abs=0.004)
+    assert exponents.sum(axis=-1) == pytest.approx(log(0.3), abs=1e-11)
+
+
+@pytest.mark.parametrize("damping", [0.05, 0.2])
+def test_sum_of_exponents_is_the_damping(damping):
+    """Liouville: volumes shrink by exp(-damping * period) in every period."""
+    strobe = stroboscopic_map(DAMPED.with_params(gamma=damping))
+    starts = np.random.default_rng(0).uniform([-pi, -1], [pi, 1], (5, 2))
+    exponents, _ = lyapunov_exponents(strobe, starts, 40)
+    assert exponents.sum(axis=-1) == pytest.approx(-damping * 2 * pi, abs=1e-10)
+
+
+def test_orbits_that_end_have_no_exponents():
+    """x' = 4 x (1 - x) throws what is outside of [0, 1] out; the orbits beside it keep their bits."""
+    logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
+    alone, _ = lyapunov_exponents(logistic, np.array([[0.3], [0.6]]), 100)
+    beside, errors = lyapunov_exponents(logistic, np.array([[0.3], [2.0], [0.6]]), 100)
+    assert np.array_equal(beside[[0, 2]], alone)
+    assert np.isnan(beside[1]).all()
+    assert np.array_equal(np.isnan(errors), [False, True, False])
+
+
+# --- attractors
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return find_basins(stroboscopic_map(DAMPED), CellGrid((-pi, -3.0), (pi, 3.0), (20, 20)), max_periods=500)
+
+
+def test_chaotic_pendulum(pendulum):
+    """paper.md, hard case 7.  Benettin's two orbits (RK4, 1024 steps, 20,000 periods) grow apart by 0.884 a period."""
+    (a,) = pendulum.attractors
+    assert a.kind is Kind.CHAOTIC
+    assert (pendulum.labels == 0).all()
+    assert a.exponents.sum() == pytest.approx(-0.05 * 2 * pi, abs=1e-9)
+    assert a.exponents[0] == pytest.approx(0.884, abs=0.02)
+
+
+def test_record_of_a_chaotic_attractor(pendulum):
+    (a,) = pendulum.attractors
+    assert (a.period, a.turns, a.multipliers.shape, a.neighbourhood) == (0, (0, 0), (0,), None)
+    assert a.points.shape[1] == 2
+    assert len(a.points) >= 1000
+    assert np.isnan(a.rotation_number[0])
+    assert a.rotation_number[1] == 0.0
+    assert a.name == "chaotic"
+    assert repr(a).startswith("Attractor(chaotic, largest exponent 0.8")
+
+
+@pytest.mark.slow
+def test_interpolated_map_is_chaotic_alike(pendulum):
+    icm = interpolated_map(stroboscopic_map(DAMPED), CellGrid((-pi, -4.0), (pi, 4.0), (128, 128)), outside="integrate")
+    (a,) = find_basins(icm, pendulum.grid).attractors
+    assert a.kind is Kind.CHAOTIC
+    assert a.exponents.sum() == pytest.approx(-0.05 * 2 * pi, abs=1e-9)
+    assert a.exponents[0] == pytest.approx(0.884, abs=0.02)
+
+
+def test_cover_holds_the_attractor_for_ever():
+    henon = systems.henon_map()
+    (a,) = chaotic_attractors(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
+    starts = henon.iterate(np.linspace(0.0, 0.2, 20)[:, None] * [1.0, 1.0], 100).points
+    later = henon.orbit(starts, 5_000).points.reshape(-1, 2)
+    assert inside_cover(a.cover, later, henon).mean() > 0.9999
+    assert inside_cover(a.cover, a.points, henon).all()
+    assert not inside_cover(a.cover, np.array([[0.0, 0.0], [1.0, 0.35]]), henon).any()
+
+
+def test_attractors_without_a_common_box_are_two():
+    grid = CellGrid((-0.5, -0.1, -1.5), (0.5, 0.1, 1.5), (6, 6, 6))
+    basins = find_basins(discrete_map(twofold, {}, ("x", "y", "s")), grid, max_periods=300)
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
+    side = [np.sign(a.points[:, 2]) for a in basins.attractors]
+    assert {s[0] for s in side} == {-1.0, 1.0}
+    for k, s in enumerate(side):
+        assert (s == s[0]).all()
+        assert np.array_equal(basins.labels == k, np.sign(grid.centres()[..., 2]) == s[0])
+
+
+def test_chaos_beside_a_fixed_point():
+    grid = CellGrid((-0.1, -0.1, -1.2), (0.1, 0.1, 1.2), (4, 4, 12))
+    basins = find_basins(discrete_map(switched, {}, ("x", "y", "s")), grid, max_periods=300)
+    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT, Kind.CHAOTIC]
+    assert np.array_equal(basins.labels == 0, grid.centres()[..., 2] < 0)
+    assert (basins.labels >= 0).all()
+
+
+def test_chaotic_band_of_a_map_that_folds_a_line():
+    """x' = 3.9 x (1 - x) has a chaotic attractor (May 1976), and ln abs(f') has the mean 0.496 (10^6 steps)."""
+    logistic = discrete_map(lambda x, p: (3.9 * x[0] * (1 - x[0]),), {}, ("x",))
+    basins = find_basins(logistic, CellGrid((0.0,), (1.0,), (50,)), max_periods=500)
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC]
+    assert basins.attractors[0].exponents == pytest.approx([0.496], abs=0.02)
+
+
+# --- what is not a chaotic attractor
+
+NOT_CHAOTIC = {
+    # Chaos that preserves areas: nothing attracts.
+    "standard map": (
+        lambda x, p: (x[0] + x[1] + 5.0 * sin(x[0]), x[1] + 5.0 * sin(x[0])),
+        (angle("a"), angle("b")),
+        ((-pi, -pi), (pi, pi)),
+    ),
+    # An invariant circle (delayed logistic map, Aronson et al. 1982): attracting, with the exponent 0.
+    "invariant circle": (lambda x, p: (2.05 * x[0] * (1 - x[1]), x[0]), ("x", "y"), ((0.3, 0.3), (0.6, 0.6))),
+    # A rigid rotation.
+    "rotation": (lambda x, p: (x[0] + 1.0,), (angle("a"),), ((-pi,), (pi,))),
+    # Convergence like 1/n to a fixed point with the multiplier 1.
+    "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), ((-0.5,), (0.5,))),
+}
+
+
+@pytest.mark.parametrize("name", NOT_CHAOTIC)
+def test_undecided_rather_than_chaotic(name):
+    function, coordinates, window = NOT_CHAOTIC[name]
+    grid = CellGrid(*window, (8,) * len(coordinates))
+    basins = find_basins(discrete_map(function, {}, coordinates), grid, max_periods=300)
+    assert basins.attractors == ()
+    assert (basins.labels == UNDECIDED).all()
+
+
+def test_chaotic_transient_that_ends_is_no_attractor():
+    """Beyond its boundary crisis at a = 1.427 (Grebogi, Ott, Yorke 1983) Henon's map throws every orbit out."""
+    basins = find_basins(systems.henon_map(1.5), CellGrid((-0.5, -0.2), (0.5, 0.2), (20, 20)))
+    assert basins.attractors == ()
+
+
+def test_states_of_which_none_is_chaotic():
+    assert chaotic_attractors(linear([[0.5]]), np.zeros((3, 1))) == []
+
+
+def test_chaos_along_a_later_axis() -> None:
+    """Two wells across, the logistic map upwards: frames stay on the axes, and the second one is stretched."""
+    exact = discrete_map(lambda x, p: (1.4 * x[0] - 0.4 * x[0] ** 3, 3.9 * x[1] * (1.0 - x[1])), {}, ("x", "y"))
+    basins = find_basins(exact, CellGrid((-1.5, 0.05), (1.5, 0.95), (30, 20)))
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC, Kind.CHAOTIC]
+    assert [f.share for f in basins.fractions.values()] == [0.5, 0.5]
+    for attractor in basins.attractors:
+        assert attractor.exponents[1] == pytest.approx(np.log(0.2), rel=1e-6)
+        assert 0.45 < attractor.exponents[0] < 0.55

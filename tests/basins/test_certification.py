@@ -1,0 +1,361 @@
+"""Certified pictures against direct integration and closed forms."""
+
+from __future__ import annotations
+
+from math import pi, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, shortest_path
+
+import cellmap
+from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap._compiled.kernels.certainty import carry_rows, reach_ends
+from cellmap.attractors.settling import UNDECIDED, Catalogue, settle
+from cellmap.attractors.transients import Reason
+from cellmap.basins import Certificate, Evidence
+from cellmap.basins.certification.cell_owners import within
+from cellmap.maps.orbit_batch import Orbits
+from systems import dimensionless_pendulum, driven_pendulum, forced_pendulum, two_well_duffing
+
+COARSE = 1e6  # a tolerance that leaves no cell to the exact map
+EDGE = 0.1234567  # of the basins of the map below
+
+
+def threshold(x, p):
+    """Fixed points -1 and 1 attract; between their basins lies that at p.edge."""
+    return (x[0] - 0.3 * (x[0] - p.edge) * (x[0] - 1.0) * (x[0] + 1.0),)
+
+
+def certified(system, table, window, order=5, outside="integrate", **settings):
+    exact = stroboscopic_map(system)
+    icm = interpolated_map(exact, table, order=order, outside=outside)
+    basins = find_basins(icm, window)
+    certificate = certify(basins, **settings)
+    direct = find_basins(exact, window, attractors=basins.attractors)
+    return certificate, basins, direct
+
+
+@pytest.fixture(scope="module")
+def fractal():
+    """A picture of which a coarse table gets a tenth wrong."""
+    side = CellGrid((-2.9, -2.9), (2.9, 2.9), (160, 160)), CellGrid((-2.2, -2.2), (2.2, 2.2), (100, 100))
+    return certified(two_well_duffing(), *side)
+
+
+def test_every_label_of_a_fractal_picture_is_that_of_direct_integration(fractal):
+    certificate, basins, direct = fractal
+    assert (basins.labels != direct.labels).mean() > 0.02
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert certificate.changed == np.count_nonzero(basins.labels != direct.labels)
+    assert certificate.audit.wrong == 0
+
+
+def test_evidence_adds_up(fractal):
+    certificate, basins, _ = fractal
+    counts = np.bincount(certificate.evidence.ravel(), minlength=4)
+    assert counts.sum() == basins.labels.size
+    assert counts[Evidence.EXACT] + counts[Evidence.OPEN] == certificate.redone
+    assert counts[Evidence.OPEN] == certificate.open
+    assert counts[Evidence.CELL] > 0
+    assert counts[Evidence.ORBIT] > 0
+
+
+@pytest.mark.slow
+def test_open_labels_are_those_on_which_exact_integrators_differ(fractal):
+    certificate, basins, direct = fractal
+    finer = stroboscopic_map(two_well_duffing(), rtol=1e-13, atol=1e-13)
+    labels = find_basins(finer, basins.grid, attractors=basins.attractors).labels
+    differ = labels != direct.labels
+    assert differ.sum() > 100
+    assert (certificate.evidence[differ] == Evidence.OPEN).all()
+
+
+def test_smooth_boundary_needs_no_integration():
+    window = CellGrid((-pi, -4.0), (pi, 4.0), (120, 120))
+    table = CellGrid((-pi, -4.5), (pi, 4.5), (256, 256))
+    certificate, _, direct = certified(dimensionless_pendulum(-0.1, 0.545, 0.2), table, window)
+    assert certificate.redone <= 2
+    assert certificate.open == 0
+    assert (certificate.evidence == Evidence.CELL).mean() > 0.9
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_boundary_in_closed_form(order):
+    exact = discrete_map(threshold, {"edge": EDGE}, ("x",))
+    table = CellGrid((-1.6,), (1.6,), (24,))
+    window = CellGrid((-1.5,), (1.5,), (20_001,))
+    basins = find_basins(interpolated_map(exact, table, order=order, tolerance=0.1), window)
+    certificate = certify(basins)
+    right = np.where(window.axis(0) > EDGE, 0, 1)  # the attractor at 1 comes first
+    assert (basins.labels != right).any() == (order == 1)
+    np.testing.assert_array_equal(certificate.basins.labels, right)
+    assert certificate.redone < 5_000
+
+
+def test_orbits_that_leave_the_window():
+    def henon(x, p):
+        return 1.0 - p.a * x[0] * x[0] + x[1], p.b * x[0]
+
+    exact = discrete_map(henon, {"a": 0.2, "b": 0.3}, ("x", "y"))
+    table, window = CellGrid((-9.0, -9.0), (9.0, 9.0), (90, 90)), CellGrid((-8.0, -8.0), (8.0, 8.0), (150, 150))
+    basins = find_basins(interpolated_map(exact, table, order=1, tolerance=0.05), window)
+    certificate = certify(basins)
+    # By hand, with the window of the table.
+    x, y = np.moveaxis(window.centres(), -1, 0)
+    inside = np.ones(x.shape, bool)
+    for _ in range(400):
+        inside &= (np.abs(x) <= 9.0) & (np.abs(y) <= 9.0)
+        x, y = np.where(inside, 1.0 - 0.2 * x * x + y, 0.0), np.where(inside, 0.3 * x, 0.0)
+    np.testing.assert_array_equal(certificate.basins.labels, np.where(inside, 0, -1))
+    assert 0 < (certificate.basins.labels == -1).sum() < window.size
+    assert (certificate.evidence[certificate.basins.labels == -1] <= Evidence.ORBIT).any()
+
+
+def labels_within(basins):
+    """Labels of the exact map with the window of the table, by iteration alone."""
+    exact, starts = basins.point_map.exact, basins.grid.centres().reshape(-1, basins.grid.dimension)
+    windowed = within(basins.point_map.table.grid, exact)
+    catalogue = Catalogue.of(basins.attractors, exact)
+    settled = settle(windowed, Orbits.starting(starts), catalogue, basins.settings["max_periods"])
+    return settled.labels.reshape(basins.labels.shape)
+
+
+def test_errors_that_cancel_at_the_centres_of_cells_decide_no_label():
+    """Holomorphic: z - 0.3 (z^3 - z) on square cells; attractors -1 and 1, and infinity."""
+
+    def cubic(x, p):
+        re, im = x[0] * x[0] - x[1] * x[1], 2.0 * x[0] * x[1]
+        return 1.3 * x[0] - 0.3 * (re * x[0] - im * x[1]), 1.3 * x[1] - 0.3 * (re * x[1] + im * x[0])
+
+    exact = discrete_map(cubic, {}, ("x", "y"))
+    table, window = CellGrid((-1.4, -1.4), (1.4, 1.4), (16, 16)), CellGrid((-1.4, -1.4), (1.4, 1.4), (80, 80))
+    basins = find_basins(interpolated_map(exact, table, 1, "integrate", tolerance=COARSE), window, max_periods=100)
+    certificate = certify(basins, audit=50)
+    direct = find_basins(exact, window, max_periods=100, attractors=certificate.basins.attractors)
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert (certificate.evidence <= Evidence.ORBIT).sum() > 1000
+
+
+@pytest.mark.parametrize("gap", [1e-3, 0.05])
+def test_attractors_that_hold_no_cell_as_a_whole(gap):
+    """Paths of cells lead past these attractors and out of the window; orbits stay, or cross the gap to its other side.
+
+    One period takes the angle as far as across the gap, so that it may come to either edge of the window.
+    """
+    exact = discrete_map(
+        lambda x, p: (0.5 * x[0] + 3.0 * sin(x[0]), 0.4 * x[1] + 0.3 * sin(x[0])), {}, (angle("theta"), "y")
+    )
+    icm = interpolated_map(exact, CellGrid((-pi, -2.0), (pi - gap, 2.0), (60, 40)), order=3, tolerance=0.2)
+    basins = find_basins(icm, CellGrid((-pi, -2.0), (pi, 2.0), (40, 40)), max_periods=300)
+    assert len(basins.attractors) > 0
+    certificate = certify(basins, audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.2, 1.1])
+def test_attractors_across_the_edge_of_the_window(gap):
+    exact = discrete_map(lambda x, p: (x[0] + 0.2 * sin(3.0 * x[0]) + 0.1,), {}, (angle("theta"),))
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi - gap,), (40,)), order=1, tolerance=0.2)
+    basins = find_basins(icm, CellGrid((-pi,), (pi,), (1000,)))
+    certificate = certify(basins, audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+
+
+@pytest.mark.parametrize("contraction", [0.9, 0.98])
+def test_starts_that_settle_late_or_never(contraction):
+    """Cells around a weak attractor touch others that lead out of the window.
+
+    Labels are those after the periods that the picture was given.
+    """
+
+    def henon(x, p):
+        y = x[1] - x[0] * x[0]
+        return p.c * (0.3 * x[0] - 0.954 * y), p.c * (0.954 * x[0] + 0.3 * y)
+
+    exact = discrete_map(henon, {"c": contraction}, ("x", "y"))
+    icm = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)))
+    basins = find_basins(icm, CellGrid((-1.2, -1.2), (1.2, 1.2), (40, 40)), max_periods=20)
+    certificate = certify(basins, audit=50)
+    assert (certificate.basins.labels == UNDECIDED).any()
+    np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
+    assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
+    assert certificate.basins.undecided == {Reason.REGULAR: min(certificate.undecided, 32)}  # spirals
+    undecided = (certificate.basins.labels == UNDECIDED).mean()
+    assert certificate.undecided == round(undecided * certificate.evidence.size)
+    assert certificate.wrong[0] == 0.0
+    assert undecided < certificate.wrong[1] < undecided + 0.1  # none of these labels counts as right
+
+
+@pytest.mark.slow
+def test_kinks_of_dry_friction():
+    system = driven_pendulum(friction=20.0, damping=0.0)
+    table, window = CellGrid((-pi, -60.0), (pi, 60.0), (96, 96)), CellGrid((-pi, -40.0), (pi, 40.0), (40, 40))
+    certificate, _, direct = certified(system, table, window, audit=200)
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+
+
+def test_coexisting_chaos():
+    """A chaotic attractor of the cubic map x -> r x (1 - x^2) on each side of 0, whose basins meet at 0."""
+    exact = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0] * x[0]),), {"r": 2.5}, ("x",))
+    basins = find_basins(
+        interpolated_map(exact, CellGrid((-1.2,), (1.2,), (400,))), CellGrid((-0.99,), (0.99,), (1000,))
+    )
+    assert [a.kind for a in basins.attractors] == ["chaotic"] * 2
+    certificate = certify(basins)
+    assert certificate.redone < 50
+    np.testing.assert_array_equal(certificate.basins.labels, basins.labels)
+
+
+def test_attractors_that_the_table_has_not_shown():
+    """x -> 2.9 sin x is chaotic on either side of 0; straight lines between seven nodes have no attractor."""
+    exact = discrete_map(lambda x, p: (p.r * sin(x[0]),), {"r": 2.9}, ("x",))
+    window = CellGrid((-3.1,), (3.1,), (100,))
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (6,)), 1, "integrate", tolerance=COARSE)
+    basins = find_basins(icm, window, max_periods=300)
+    assert (basins.labels == UNDECIDED).all()
+    assert sum(basins.undecided.values()) > 0
+    certificate = certify(basins, audit=50)
+    assert certificate.basins.undecided == {}
+    direct = find_basins(exact, window, max_periods=300)
+    assert [a.kind for a in certificate.basins.attractors] == ["chaotic", "chaotic"]
+    assert (certificate.undecided, certificate.changed) == (0, window.size)
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert (certificate.basins.settling_time >= 0).all()
+
+
+@pytest.mark.slow
+def test_an_attractor_that_the_table_has_not_shown():
+    """Of the two kinds of motion of this pendulum the coarse table finds rotations only."""
+    exact = stroboscopic_map(forced_pendulum(damping=0.5, forcing=2.5))
+    window = CellGrid((-pi, -4.0), (pi, 4.0), (12, 12))
+    icm = interpolated_map(exact, CellGrid((-pi, -9.0), (pi, 9.0), (16, 16)), 3, "integrate", tolerance=COARSE)
+    basins = find_basins(icm, window, max_periods=500)
+    assert "chaotic" not in [a.kind for a in basins.attractors]
+    assert (basins.labels == UNDECIDED).any()
+    certificate = certify(basins, audit=50)
+    direct = find_basins(exact, window, max_periods=500)
+    assert [a.kind for a in certificate.basins.attractors] == ["rotating", "rotating", "chaotic"]
+    assert certificate.undecided == 0
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+    assert ((certificate.basins.settling_time >= 0) == (certificate.basins.labels >= 0)).all()
+    assert certificate.basins.verify(100).wrong == 0
+
+
+def test_given_starts_and_three_dimensions():
+    def contraction(x, p):
+        return x[0] - 0.2 * x[0] * (x[0] * x[0] - 1.0), 0.5 * x[1] + 0.1 * x[0], 0.6 * x[2] + 0.1 * x[1]
+
+    exact = discrete_map(contraction, {}, ("x", "y", "z"))
+    icm = interpolated_map(exact, CellGrid((-1.6,) * 3, (1.6,) * 3, (24,) * 3), order=3)
+    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (5, 400, 3))
+    certificate = certify(find_basins(icm, starts), audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, (starts[..., 0] < 0).astype(int))
+
+
+def test_same_bits_for_any_number_of_threads(fractal):
+    certificate, basins, _ = fractal
+    for threads in (1, 3):
+        cellmap.set_threads(threads)
+        try:
+            again = certify(basins)
+        finally:
+            cellmap.set_threads(None)
+        np.testing.assert_array_equal(again.evidence, certificate.evidence)
+        np.testing.assert_array_equal(again.basins.labels, certificate.basins.labels)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "cells"), [(1, 800), (3, 200), (5, 256)])
+def test_forced_pendulum_with_tables_of_all_kinds(order, cells):
+    table = CellGrid((-pi, -9.0), (pi, 9.0), (cells, cells))
+    certificate, basins, direct = certified(
+        forced_pendulum(), table, CellGrid((-pi, -4.0), (pi, 4.0), (200, 200)), order
+    )
+    assert (basins.labels != direct.labels).any()
+    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
+
+
+def test_error_ellipsoids_hold_all_errors():
+    rng = np.random.default_rng(3)
+    for d in (1, 2, 3):
+        for _ in range(50):
+            root, slope, radius = rng.normal(size=(d, d)), rng.normal(size=(d, d)), abs(rng.normal())
+            spread = root @ root.T
+            errors = _directions(rng, 200, d) @ np.linalg.cholesky(spread).T @ slope.T
+            errors += radius * _directions(rng, 200, d)
+            carry_rows(spread[None], slope[None], np.array([radius]))
+            sizes = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(spread), errors)
+            assert sizes.max() <= 1.0 + 1e-9
+
+
+def _directions(rng, number, d):
+    vectors = rng.normal(size=(number, d))
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def test_first_error_is_a_ball():
+    spread = np.zeros((2, 2))
+    carry_rows(spread[None], np.eye(2)[None], np.array([0.5]))
+    np.testing.assert_allclose(spread, 0.25 * np.eye(2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("wraps", [(False, False), (True, False), (True, True)])
+def test_reach_of_cells_by_a_graph(seed, wraps):
+    rng = np.random.default_rng(seed)
+    cells = np.array([7, 9])
+    n = int(cells.prod())
+    circle = np.where(wraps, cells * 1.0, 0.0)
+    first = rng.integers(-2, 9, (n, 2))
+    last = first + rng.integers(0, 3, (n, 2))
+    ends = np.zeros(n, np.int64)
+    fixed = np.zeros(n, bool)
+    for bit, cell in ((1, 5), (2, 40)):
+        ends[cell], fixed[cell] = bit, True
+    expected = _reach_by_graph(ends, fixed, first, last, cells, wraps, 4)
+    reach_ends(ends, fixed, first, last, cells, circle, 4)
+    several = np.array([bin(e).count("1") > 1 for e in expected])
+    np.testing.assert_array_equal(several, ends & (ends - 1) != 0)
+    np.testing.assert_array_equal(ends[~several], expected[~several])
+
+
+def _reach_by_graph(ends, fixed, first, last, cells, wraps, beyond):
+    n = len(ends)
+    links = np.zeros((n + 1, n + 1), bool)  # the last node is the outside
+    for c in np.flatnonzero(~fixed):
+        for i in range(first[c, 0], last[c, 0] + 1):
+            for j in range(first[c, 1], last[c, 1] + 1):
+                place = [k % m if w else k for k, m, w in zip((i, j), cells, wraps, strict=True)]
+                inside = all(0 <= k < m for k, m in zip(place, cells, strict=True))
+                links[c, place[0] * cells[1] + place[1] if inside else n] = True
+    reached = np.isfinite(shortest_path(csr_matrix(links), unweighted=True))
+    own = np.append(ends, beyond)
+    assert connected_components(csr_matrix(links))[0] >= 1
+    return np.array([np.bitwise_or.reduce(own[reached[c]]) for c in range(n)])
+
+
+def test_bad_input(fractal):
+    certificate, basins, direct = fractal
+    with pytest.raises(TypeError, match="basins="):
+        certify(basins.labels)
+    with pytest.raises(ValueError, match="no table"):
+        certify(direct)
+    with pytest.raises(ValueError, match="safety"):
+        certify(basins, safety=0.5)
+    with pytest.raises(ValueError, match="audit"):
+        certify(basins, audit=0)
+    assert isinstance(certificate, Certificate)
+    assert "redone" in repr(certificate)
+
+
+def test_interval_of_what_is_wrong(fractal):
+    """Of kept starts the audit finds a share; redone ones are right."""
+    certificate, basins, _ = fractal
+    kept = 1.0 - certificate.redone / basins.labels.size
+    z2 = 1.959963984540054**2
+    assert certificate.wrong[0] == 0.0
+    assert certificate.wrong[1] == pytest.approx(kept * z2 / (1000 + z2))
+    assert sqrt(z2) == pytest.approx(1.96, abs=1e-3)

@@ -1,0 +1,367 @@
+"""Basins against a parameter: reference counts, births and deaths of attractors, labels that persist, interruption."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from math import pi, sin, sqrt, tanh
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import Attractor, CellGrid, angle, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap.attractors.matching import attractor_distance, match_attractors
+from cellmap.attractors.settling import DIVERGED, UNDECIDED
+from cellmap.basins import BasinContinuation, ContinuationInterrupt, continue_basins
+from cellmap.basins import continuation as global_continuation
+from cellmap.orbits import Kind
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+PENDULUM = stroboscopic_map(systems.driven_pendulum())
+WINDOW = (-pi, -500.0), (pi, 500.0)
+BIRTH = 1.731758671939e-3  # of the rotations, in m (paper.md)
+REFERENCE = np.array([25484, 6152, 4182, 4182])  # at 3 mm, of 40,000 cells (paper.md)
+
+
+def wells(x, p):
+    return (tanh(p.a * x[0]),)
+
+
+def tilted(x, p):
+    """Steps downhill in x^4/4 - x^2/2 - t x with t = 0.6 - c^2: two wells where abs(t) < 2/sqrt(27)."""
+    return (x[0] + 0.2 * (x[0] - x[0] ** 3 + 0.6 - p.c * p.c),)
+
+
+def parabola(x, p):
+    return (x[0] * x[0] + p.c,)
+
+
+TILTED = discrete_map(tilted, {"c": 0.0}, ("x",), "tilted wells")
+LINE = CellGrid((-2.0,), (2.0,), (100,))
+SWEEP = np.linspace(-1.0, 1.0, 21)
+
+
+# --- the report's pendulum
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """Downwards from 3 mm, past the births of the inverted state and of the rotations."""
+    values = np.array([3e-3, 2.5e-3, 2.2e-3, 2e-3, 1.8e-3, 1.74e-3, BIRTH * (1 + 1e-5), BIRTH * (1 - 1e-5), 1.6e-3])
+    return continue_basins(PENDULUM, "amplitude", values, CellGrid(*WINDOW, (60, 60)))
+
+
+def test_fractions_are_those_of_the_reference(pendulum):
+    """The reference counts are of other, finer cells: within four standard errors."""
+    expected = REFERENCE / REFERENCE.sum()
+    assert pendulum.labels == (0, 1, 2, 3)
+    assert (np.abs(pendulum.fractions[0] - expected) < 4 * pendulum.standard_errors[0]).all()
+    assert pendulum.standard_errors[0] == pytest.approx(np.sqrt(expected * (1 - expected) / 3600), rel=0.05)
+    assert (pendulum.counts.sum(axis=1) == 3600).all()
+
+
+def test_attractors_are_there_between_birth_and_death(pendulum):
+    """The inverted state is stable from 2.329021135978 mm, the rotations are born at BIRTH (paper.md)."""
+    assert pendulum.present[:, 0].all()
+    assert (pendulum.present[:, 1] == (pendulum.values > 2.329021135978e-3)).all()
+    for label in (2, 3):
+        assert (pendulum.present[:, label] == (pendulum.values > BIRTH)).all()
+    assert [pendulum.label_name(k) for k in pendulum.labels] == [
+        "fixed point (0, 0)",
+        "fixed point (π, 0)",
+        "rotating, period 1, +1 turn",
+        "rotating, period 1, -1 turn",
+    ]
+
+
+def test_small_basin_is_not_lost(pendulum):
+    """Close to their birth the rotations own 2 cells in 40,000, and at most one of these 3,600."""
+    k = np.argmin(np.abs(pendulum.values - BIRTH * (1 + 1e-5)))
+    assert (pendulum.counts[k, 2:] <= 1).all()
+    assert pendulum.present[k, 2:].all()
+
+
+def test_labels_keep_their_rotation_numbers(pendulum):
+    for found in pendulum.attractors:
+        for label, turns in ((0, 0), (1, 0), (2, 1), (3, -1)):
+            assert label not in found or found[label].turns == (turns, 0)
+
+
+def test_mirror_images_have_equal_basins(pendulum):
+    assert (pendulum.counts[:, 2] == pendulum.counts[:, 3]).all()
+
+
+def test_counts_of_the_reference_grid():
+    """Two independent programs agree on these (paper.md); at most 5 cells off, for the boundary is smooth."""
+    sweep = continue_basins(PENDULUM, "amplitude", [3e-3, 2e-3], CellGrid(*WINDOW, (200, 200)))
+    assert sweep.counts[0] == pytest.approx(REFERENCE, abs=5)
+    narrow = CellGrid((-pi, -100.0), (pi, 100.0), (200, 200))
+    sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], narrow)
+    assert sweep.counts == pytest.approx(np.array([[40000, 0], [32896, 7104]]), abs=5)
+
+
+def test_random_sample_of_the_pendulum():
+    starts = np.random.default_rng(0).uniform(*WINDOW, (4000, 2))
+    sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], starts)
+    order = [sweep.labels.index(k) for k in (0, 3, 1, 2)]  # the inverted state comes last here
+    expected = REFERENCE / REFERENCE.sum()
+    assert (np.abs(sweep.fractions[1, order] - expected) < 4 * sweep.standard_errors[1, order]).all()
+
+
+# --- labels
+
+
+@pytest.fixture(scope="module")
+def tilted_sweep():
+    return continue_basins(TILTED, "c", SWEEP, LINE)
+
+
+def test_attractor_that_comes_back_has_its_old_label(tilted_sweep):
+    """The left well is there where 0.6 - c^2 < 2/sqrt(27), the right one where it is above -2/sqrt(27)."""
+    tilt = 0.6 - SWEEP**2
+    edge = 2 / sqrt(27)
+    assert tilted_sweep.labels == (0, 1)
+    assert (tilted_sweep.present[:, 0] == (tilt < edge)).all()
+    assert (tilted_sweep.present[:, 1] == (tilt > -edge)).all()
+    assert not tilted_sweep.present[:, 0].all()
+    for found in tilted_sweep.attractors:
+        assert all(np.sign(a.points[0, 0]) == (-1, 1)[label] for label, a in found.items())
+
+
+def test_fractions_of_wells(tilted_sweep):
+    """The ridge between the wells is the middle root of x - x^3 + t."""
+    for c, shares, found in zip(SWEEP, tilted_sweep.fractions, tilted_sweep.attractors, strict=True):
+        if len(found) == 2:
+            ridge = np.sort(np.roots([-1.0, 0.0, 1.0, 0.6 - c * c]).real)[1]
+            assert shares == pytest.approx([(ridge + 2) / 4, (2 - ridge) / 4], abs=0.5 / 100 + 1e-9)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_pitchfork(direction):
+    """tanh(a x): 0 up to a = 1, then two wells, which in one step are farther from 0 than the threshold."""
+    values = np.array([0.5, 0.8, 1.5, 2.0])[::direction]
+    sweep = continue_basins(discrete_map(wells, {"a": 1.0}, ("x",)), "a", values, CellGrid((-1,), (1,), (100,)))
+    assert (sweep.counts.sum(axis=1) == 100).all()
+    assert sweep.labels == (0, 1, 2)
+    one = np.array([[100, 0, 0], [0, 50, 50]]) if direction == 1 else np.array([[50, 50, 0], [0, 0, 100]])
+    assert sweep.counts.tolist() == np.repeat(one, 2, axis=0).tolist()
+
+
+def test_cascade_to_chaos_is_one_attractor():
+    """Logistic map: doublings change no label, nor does chaos in a band that the cycle grew into."""
+    sweep = continue_basins(
+        systems.logistic_map(), "mu", [3.3, 3.4, 3.5, 3.55, 3.59], CellGrid((0.0,), (1.0,), (50,)), max_periods=500
+    )
+    assert sweep.labels == (0,)
+    assert (sweep.fractions == 1.0).all()
+    assert [found[0].period for found in sweep.attractors] == [2, 2, 4, 8, 0]
+    assert sweep.attractors[-1][0].kind is Kind.CHAOTIC
+    assert len(sweep.attractors[-1][0].points) <= 1024
+
+
+def fixed(*points, turns=0, period=None):
+    places = np.array(points, dtype=float)[:, None]
+    kind = Kind.ROTATING if turns else Kind.PERIODIC
+    return Attractor(kind, period or len(places), places, (turns,), np.zeros(1, complex), np.zeros(1), (angle("a"),))
+
+
+def test_distances_go_round_the_circle():
+    turn = np.array([2 * pi])
+    assert attractor_distance(fixed(pi - 0.1), fixed(-pi + 0.1), turn) == pytest.approx(0.2 / (2 * pi))
+    # A cycle that has just doubled is as near as its points have moved apart.
+    assert attractor_distance(fixed(1.0), fixed(0.9, 1.1), turn) == pytest.approx(0.1 / (2 * pi))
+    assert attractor_distance(fixed(1.0), fixed(1.0, 2.0), turn) == pytest.approx(0.5 / (2 * pi))
+
+
+def test_matching_takes_the_least_sum():
+    known = {5: fixed(0.0), 7: fixed(0.3)}
+    assert match_attractors([fixed(0.25), fixed(0.55)], known, np.ones(1), 0.5) == {0: 5, 1: 7}
+    assert match_attractors([fixed(0.25), fixed(2.0)], known, np.ones(1), 0.5) == {0: 7}
+    assert match_attractors([fixed(2.0)], known, np.ones(1), 0.5) == {}
+    assert match_attractors([], known, np.ones(1), 0.5) == match_attractors([fixed(0.0)], {}, np.ones(1), 0.5) == {}
+
+
+def test_matching_prefers_the_same_rotation_number():
+    known = {0: fixed(0.0, turns=1), 1: fixed(0.3)}
+    assert match_attractors([fixed(0.12), fixed(0.18, turns=1)], known, np.ones(1), 0.5) == {0: 1, 1: 0}
+    assert match_attractors([fixed(0.3, turns=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {}
+    assert match_attractors([fixed(0.2, turns=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {0: 0}
+
+
+def test_matching_may_refuse_unlike_attractors():
+    near, other = fixed(0.0, turns=1), fixed(0.0)
+    assert match_attractors([near], {0: other}, np.ones(1), 0.5) == {0: 0}
+    assert match_attractors([near], {0: other}, np.ones(1), 0.5, unlike=np.inf) == {}
+
+
+def test_matching_knows_that_periods_double():
+    assert match_attractors([fixed(0.3, period=4)], {0: fixed(0.0, period=2)}, np.ones(1), 0.5) == {0: 0}
+    assert match_attractors([fixed(0.3, period=6)], {0: fixed(0.0, period=4)}, np.ones(1), 0.5) == {}
+
+
+# --- starts without an attractor
+
+
+def test_starts_without_an_attractor_have_their_own_labels():
+    """x^2 + c has bounded orbits in abs(x) < (1 + sqrt(1 - 4 c))/2, for c from -2 to 1/4."""
+    values = np.array([-0.5, 0.0, 0.2, 0.5])
+    sweep = continue_basins(discrete_map(parabola, {"c": 0.0}, ("x",)), "c", values, LINE)
+    assert sweep.labels == (0, DIVERGED)
+    assert sweep.label_name(DIVERGED) == "diverged"
+    bounded = np.where(values < 0.25, (1 + np.sqrt(np.maximum(1 - 4 * values, 0))) / 4, 0.0)
+    assert sweep.fractions[:, 0] == pytest.approx(bounded, abs=1 / 100 + 1e-9)
+    assert (sweep.counts.sum(axis=1) == 100).all()
+    assert sweep.present.tolist() == [[True, True]] * 3 + [[False, True]]
+
+
+def test_undecided_starts_are_counted():
+    """The circle map below criticality: locked at rate 0.03, and winding without a period at the golden mean."""
+
+    def circle(x, p):
+        return (x[0] + 2 * pi * p.rate - 0.5 * sin(x[0]),)
+
+    maps, starts = discrete_map(circle, {"rate": 0.0}, (angle("a"),)), CellGrid((-pi,), (pi,), (40,))
+    sweep = continue_basins(maps, "rate", [0.03, (3 - sqrt(5)) / 2], starts, max_periods=200)
+    assert sweep.labels == (0, UNDECIDED)
+    assert sweep.counts.tolist() == [[40, 0], [0, 40]]
+
+
+# --- tables, threads, interruption
+
+
+def test_table_is_made_again_at_each_value(tilted_sweep):
+    icm = interpolated_map(TILTED, CellGrid((-2.2,), (2.2,), (256,)), outside="integrate")
+    by_table = continue_basins(icm, "c", SWEEP, LINE)
+    assert (by_table.counts == tilted_sweep.counts).all()
+    assert (by_table.present == tilted_sweep.present).all()
+
+
+def same(a: BasinContinuation, b: BasinContinuation) -> bool:
+    points = [
+        {label: found[label].points.tolist() for label in sorted(found)}
+        for sweep in (a, b)
+        for found in sweep.attractors
+    ]
+    half = len(points) // 2
+    return a.labels == b.labels and (a.counts == b.counts).all() and points[:half] == points[half:]
+
+
+def test_same_bits_for_any_number_of_threads(pendulum):
+    set_threads(3)
+    again = continue_basins(PENDULUM, "amplitude", pendulum.values[:3], CellGrid(*WINDOW, (60, 60)))
+    assert (again.counts == pendulum.counts[:3]).all()
+    for one, other in zip(again.attractors, pendulum.attractors, strict=False):
+        assert all((one[k].points == other[k].points).all() for k in one)
+
+
+def test_interruption_keeps_what_is_done(monkeypatch, tilted_sweep):
+    whole, calls = global_continuation.find_basins, []
+
+    def interrupted(*arguments, **options):
+        calls.append(1)
+        if len(calls) == 8:
+            raise KeyboardInterrupt
+        return whole(*arguments, **options)
+
+    monkeypatch.setattr(global_continuation, "find_basins", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        continue_basins(TILTED, "c", SWEEP, LINE)
+    assert isinstance(stop.value, ContinuationInterrupt)
+    partial = pickle.loads(pickle.dumps(stop.value.partial))
+    assert partial.values.tolist() == SWEEP[:7].tolist()
+    assert (partial.counts == tilted_sweep.counts[:7]).all()
+    rest = continue_basins(TILTED, "c", SWEEP, LINE, resume=partial)
+    assert len(calls) == 8 + len(SWEEP) - 7
+    assert same(rest, tilted_sweep)
+    assert rest.cost.steps == tilted_sweep.cost.steps
+
+
+def test_interruption_at_the_first_value(monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(global_continuation, "find_basins", interrupted)
+        with pytest.raises(ContinuationInterrupt) as stop:
+            continue_basins(TILTED, "c", SWEEP[:2], LINE)
+    partial = stop.value.partial
+    assert (len(partial.values), partial.counts.shape, partial.present.shape) == (0, (0, 0), (0, 0))
+    assert repr(partial) == "BasinContinuation(tilted wells, c: 0 values, 0 attractors)"
+    assert len(continue_basins(TILTED, "c", SWEEP[:2], LINE, resume=partial).values) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": "d"}, "other parameters"),
+        ({"starts": CellGrid((-2.0,), (2.0,), (99,))}, "other starts"),
+        ({"starts": [[0.1]]}, "other starts"),
+        ({"max_periods": 7}, "other settings"),
+        ({"values": SWEEP[1:]}, "other values"),
+        ({"values": SWEEP[:5]}, "other values"),
+        ({"point_map": discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "wells")}, "other system"),
+        ({"resume": 3}, "resume=3"),
+    ],
+)
+def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
+    maps = discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "tilted wells")
+    fitting = replace(tilted_sweep, params={"d": 0.0})
+    arguments = {"point_map": maps, "name": "c", "values": SWEEP, "starts": LINE, "resume": fitting} | change
+    with pytest.raises((TypeError, ValueError), match=message):
+        continue_basins(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"point_map": 3}, "point_map=3"),
+        ({"name": "b"}, "'b'"),
+        ({"values": [0.0, 1.0, 0.5]}, "values goes up and down"),
+        ({"values": 0.5}, "give a list of at least one value"),
+        ({"starts": np.empty((0, 1))}, "starts is empty"),
+        ({"starts": [0.1, 0.2]}, "starts has shape"),
+        ({"starts": CellGrid((0, 0), (1, 1), (2, 2))}, "starts has 2 axes"),
+        ({"max_periods": 0}, "max_periods=0"),
+        ({"max_period": 0}, "max_period=0"),
+        ({"threshold": 0.0}, "threshold=0.0"),
+        ({"starts": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer starts"),
+    ],
+)
+def test_bad_arguments_are_named(change, message):
+    arguments = {"point_map": TILTED, "name": "c", "values": [0.0, 0.1], "starts": LINE} | change
+    with pytest.raises((TypeError, ValueError, MemoryError), match=message):
+        continue_basins(**arguments)
+
+
+# --- pictures
+
+
+def test_picture(tilted_sweep):
+    upper, lower = plot.basin_continuation(tilted_sweep)
+    assert len(upper.collections) == 2
+    tops = [c.get_facecolor()[0][:3].tolist() for c in upper.collections]
+    assert tops == [
+        line.get_markerfacecolor() and list(mpl.colors.to_rgb(line.get_color())) for line in lower.get_lines()
+    ]
+    assert [line.get_xdata().size for line in lower.get_lines()] == tilted_sweep.present.sum(axis=0).tolist()
+    assert (lower.get_xlabel(), lower.get_ylabel()) == ("c", "x")
+
+
+def test_picture_on_given_axes(tilted_sweep):
+    _, ax = plt.subplots()
+    assert plot.basin_continuation(tilted_sweep, ax=ax, colours={1: "red"}, legend=False) == (ax,)
+    assert ax.collections[1].get_facecolor()[0][:3].tolist() == [1.0, 0.0, 0.0]
+
+
+def test_picture_of_nothing(tilted_sweep):
+    with pytest.raises(ValueError, match="coordinate='y'"):
+        plot.basin_continuation(tilted_sweep, coordinate="y")
+    with pytest.raises(TypeError, match="continuation=3"):
+        plot.basin_continuation(3)
+    empty = replace(tilted_sweep, values=np.empty(0), counts=np.empty((0, 2), np.int64), attractors=())
+    with pytest.raises(ValueError, match="no values"):
+        plot.basin_continuation(empty)

@@ -1,0 +1,245 @@
+"""Basins come to an end: known chaotic attractors are recognised, passes are bounded, undecided orbits have reasons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, cosh, pi, sin, sinh
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors.chaos import Examination, chaotic_attractors, examine
+from cellmap.attractors.equilibria import sets_of_equilibria
+from cellmap.attractors.settling import RESIDENCE, UNDECIDED
+from cellmap.attractors.transients import Reason
+from cellmap.basins import finding as basin_finding
+from cellmap.basins.finding import _REPEATS
+from cellmap.basins.store import load_basins, save_basins
+from cellmap.orbits import Kind
+
+LOGISTIC = systems.logistic_map(3.9)
+HENON = systems.henon_map()
+LINE, PLANE = CellGrid((0.0,), (1.0,), (50,)), CellGrid((-0.5, -0.2), (0.5, 0.2), (20, 20))
+
+
+@pytest.fixture
+def passes(monkeypatch):
+    """The passes of a run, as they are made."""
+    made = []
+    label = basin_finding._Run._label
+
+    def counted(self, now, states):
+        made.append(now)
+        return label(self, now, states)
+
+    monkeypatch.setattr(basin_finding._Run, "_label", counted)
+    return made
+
+
+def twofold(x, p):
+    """Henon's map beside a coordinate that creeps to -1 or 1: two chaotic attractors after long chaotic transients."""
+    return 1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0], x[2] + p.rate * (x[2] - x[2] ** 3)
+
+
+def fading(x, p):
+    """Henon's map with a = above + range s, where s tends to 0."""
+    return 1 - (p.above + p.range * x[2]) * x[0] ** 2 + x[1], 0.3 * x[0], p.keep * x[2]
+
+
+TWOFOLD = discrete_map(twofold, {"rate": 0.004}, ("x", "y", "s"))
+FADING = discrete_map(fading, {"above": 1.4, "range": -0.3, "keep": 0.99}, ("x", "y", "s"))
+CREEPING = CellGrid((-0.5, -0.1, -1.5), (0.5, 0.1, 1.5), (4, 4, 8))
+FADING_FROM = np.random.default_rng(0).uniform([-0.1, -0.1, 1.0], [0.1, 0.1, 1.0], (20, 3))
+
+
+# --- the search ends
+
+
+@pytest.mark.parametrize("max_periods", [5, 33, 64, 65])
+@pytest.mark.parametrize(("chaotic", "grid"), [(LOGISTIC, LINE), (HENON, PLANE)], ids=["logistic", "Henon"])
+def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, passes) -> None:
+    """Nothing can stay for 64 periods within fewer; from 65 on everything is decided."""
+    basins = find_basins(chaotic, grid, max_periods=max_periods)
+    assert len(passes) <= 3
+    assert len(basins.attractors) <= 1
+    if max_periods < RESIDENCE - 1:
+        assert (basins.labels == UNDECIDED).all()
+    if max_periods > RESIDENCE:
+        assert (basins.labels == 0).all()
+    assert set(basins.undecided) <= {Reason.KNOWN}
+    assert sum(basins.undecided.values()) == min(np.count_nonzero(basins.labels == UNDECIDED), 32)
+
+
+def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(passes) -> None:
+    """A start at s = 0.19 is more than 0.1 away from 1 for 600 periods; no start is given to the other side."""
+    basins = find_basins(TWOFOLD, CREEPING, max_periods=300)
+    assert len(passes) <= 4
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
+    s = CREEPING.centres()[..., 2]
+    decided = basins.labels >= 0
+    side = np.array([np.sign(a.points[0, 2]) for a in basins.attractors])
+    assert (side[basins.labels[decided]] == np.sign(s[decided])).all()
+    assert (basins.labels[np.abs(s) < 0.5] == UNDECIDED).all()
+    assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN}
+    assert basins.undecided[Reason.TRANSIENT] > 0
+
+
+def duffing(t, x, p):
+    return x[1], p.a * x[0] - p.b * x[0] ** 3 - p.d * x[1] + p.g * cos(p.w * t)
+
+
+SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0.10391845296070396}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("max_periods", [600, 2000])
+def test_two_wells_with_long_transients(max_periods, passes) -> None:
+    """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
+    w = 0.7992158982633143
+    two_wells = stroboscopic_map(ForcedSystem(duffing, SEVENFOLD | {"w": w}, 2 * pi / w, ("q", "v")))
+    basins = find_basins(two_wells, CellGrid((-1.8, -1.8), (1.8, 1.8), (30, 30)), max_periods)
+    assert len(passes) <= 8
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
+    assert [a.exponents[0] for a in basins.attractors] == pytest.approx([0.083, 0.083], abs=0.01)
+    assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN, Reason.REGULAR, Reason.VISITING}
+
+
+def test_passes_are_bounded_whatever_is_found(passes, monkeypatch) -> None:
+    """A search that claims a new attractor each time: a pass that decides nothing new is the last."""
+    real = basin_finding.examine
+
+    def credulous(point_map, states, extent, known, age):
+        return real(point_map, states, extent, (), age)
+
+    monkeypatch.setattr(basin_finding, "examine", credulous)
+    find_basins(LOGISTIC, LINE, max_periods=20)
+    assert len(passes) == 2
+
+
+def test_passes_are_bounded_where_each_decides_one_more(passes, monkeypatch) -> None:
+    """Points that stay where they are, of which each look declares one an attractor."""
+    still = discrete_map(lambda x, p: (x[0],), {}, ("x",))
+    half = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
+    (sink,) = find_attractors(half, [[1.0]])
+
+    def credulous(point_map, states, extent, known, age):
+        assert sink.neighbourhood is not None
+        here = replace(sink.neighbourhood, centres=states[:1].copy(), metrics=np.full((1, 1, 1), 1e16))
+        return Examination((replace(sink, points=states[:1].copy(), neighbourhood=here),), ())
+
+    monkeypatch.setattr(basin_finding, "examine", credulous)
+    basins = find_basins(still, CellGrid((0.1,), (1.0,), (100,)), max_periods=20)
+    assert len(passes) == _REPEATS + 1
+    assert len(basins.attractors) == _REPEATS
+
+
+# --- what is a chaotic attractor, and what is not
+
+
+def test_exponents_are_those_of_the_attractor() -> None:
+    """0.419 at a = 1.4; on the way there, from a = 1.1, they are smaller."""
+    (found,) = find_attractors(FADING, FADING_FROM, max_periods=50)
+    assert found.kind is Kind.CHAOTIC
+    assert found.exponents[0] == pytest.approx(0.419, abs=0.01)
+
+
+def test_chaos_that_fades_is_no_attractor() -> None:
+    """From a = 1.4 down to 0.2, where a fixed point attracts: chaotic for a while, and periodic later."""
+    fades = FADING.with_params(above=0.2, range=1.2, keep=0.9995)
+    found = examine(fades, fades.iterate(FADING_FROM, 50).points, age=50)
+    assert found.attractors == ()
+    assert len(found.reasons) == len(FADING_FROM)
+
+
+def test_a_flat_attractor_is_one() -> None:
+    """Rounding keeps s at different distances of 1e-14 from 1: the boxes are not as thin as that."""
+    found = find_attractors(TWOFOLD, CREEPING.centres(), max_periods=1000)
+    assert len(found) == 2
+    assert sorted(round(float(a.points[0, 2]), 9) for a in found) == [-1.0, 1.0]
+
+
+def test_orbits_on_a_known_attractor_are_on_no_new_one() -> None:
+    (first,) = chaotic_attractors(HENON, HENON.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
+    others = HENON.iterate(np.zeros((7, 2)) + 0.003 * np.arange(7)[:, None], 400).points
+    again = examine(HENON, others, known=[first])
+    assert again.attractors == ()
+    assert again.reasons == (Reason.KNOWN,) * 7
+
+
+# --- why orbits are undecided
+
+REASONS = {
+    "standard map": (
+        # A few orbits are on islands.
+        lambda x, p: (x[0] + x[1] + 5.0 * sin(x[0]), x[1] + 5.0 * sin(x[0])),
+        (angle("a"), angle("b")),
+        (-pi, pi),
+        Reason.CONSERVATIVE,
+    ),
+    "slow rotation": (lambda x, p: (x[0] + 1.0,), (angle("a"),), (-pi, pi), Reason.REGULAR),
+    "half a turn": (lambda x, p: (x[0] + pi,), (angle("a"),), (-pi, pi), Reason.PERIODIC),
+    "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.REGULAR),
+}
+
+
+@pytest.mark.parametrize("name", REASONS)
+def test_reasons(name) -> None:
+    function, coordinates, (lower, upper), reason = REASONS[name]
+    d = len(coordinates)
+    basins = find_basins(discrete_map(function, {}, coordinates), CellGrid((lower,) * d, (upper,) * d, (8,) * d), 300)
+    assert sum(basins.undecided.values()) == min(8**d, 32)
+    assert basins.undecided[reason] > 25 or basins.undecided == {reason: 8}
+
+
+def test_what_is_decided_has_no_reasons() -> None:
+    assert find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), LINE).undecided == {}
+
+
+def test_reasons_are_kept_in_files(tmp_path) -> None:
+    basins = find_basins(HENON, PLANE, max_periods=20, checkpoint=tmp_path / "kept.h5")
+    assert basins.undecided == {Reason.KNOWN: 32}
+    again = find_basins(HENON, PLANE, max_periods=20, checkpoint=tmp_path / "kept.h5")
+    saved = load_basins(save_basins(basins, tmp_path / "saved.h5"))
+    assert basins.undecided == again.undecided == saved.undecided == find_basins(HENON, PLANE, max_periods=20).undecided
+
+
+# --- tiny windows near a Julia set, from which orbits go to sinks far away
+
+
+def holomorphic(x, p):
+    """z + c sin z: sinks at the odd multiples of pi, with the multiplier 1 - c, and a repelling fixed point at 0."""
+    s, c = sin(x[0]) * cosh(x[1]), cos(x[0]) * sinh(x[1])
+    return x[0] + p.re * s - p.im * c, x[1] + p.re * c + p.im * s
+
+
+SINKS = discrete_map(holomorphic, {"re": 0.5 * cos(0.5), "im": 0.5 * sin(0.5)}, ("x", "y"))
+TINY = 5.4e-12
+
+
+def test_a_sink_is_no_set_of_equilibria_in_a_tiny_window() -> None:
+    """A step of 1e-18 is lost in rounding at pi, and not at 0: the point would rest along one axis only."""
+    sinks = np.array([[k * pi, 0.0] for k in (1, -3, 7)])
+    assert sets_of_equilibria(SINKS, sinks, np.full(2, 2 * TINY)) == []
+
+
+def test_a_sink_far_away_from_a_tiny_window() -> None:
+    """Rounding at 1053 pi is a sixth of half the window."""
+    start = SINKS.iterate([[-1053 * pi + 0.3, 0.2]], 60).points
+    (sink,) = find_attractors(SINKS, np.concatenate([start, start + TINY]), max_periods=300)
+    assert sink.kind is Kind.FIXED_POINT
+    assert sink.points[0] == pytest.approx([-1053 * pi, 0.0], abs=1e-11)
+    assert np.abs(sink.multipliers) == pytest.approx([0.6102601397] * 2, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_sinks_of_a_tiny_window_are_listed_once(passes) -> None:
+    """Around the repelling fixed point at 0 a 60 x 60 window reaches 24 sinks, all at odd multiples of pi."""
+    basins = find_basins(SINKS, CellGrid((-TINY, -TINY), (TINY, TINY), (60, 60)))
+    assert {a.kind for a in basins.attractors} == {Kind.FIXED_POINT}
+    places = np.array([a.points[0, 0] for a in basins.attractors]) / pi
+    assert places == pytest.approx(np.round(places), abs=1e-9)
+    assert (np.round(places) % 2 == 1).all()
+    assert len(set(np.round(places))) == len(places) == 24
+    assert len(passes) <= 3 * (_REPEATS + 1)

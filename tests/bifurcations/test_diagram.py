@@ -1,0 +1,324 @@
+"""Bifurcation diagrams: exact cycles and exponents, hysteresis against folds found by SciPy, orbits that end."""
+
+from __future__ import annotations
+
+from math import cos, log, pi, sin, sqrt, tanh
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import systems
+from cellmap import (
+    CellGrid,
+    Status,
+    angle,
+    bifurcation_diagram,
+    discrete_map,
+    interpolated_map,
+    plot,
+    set_threads,
+    stroboscopic_map,
+)
+from cellmap.orbits.lyapunov_qr import exponents_of_cycles
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+LOGISTIC = systems.logistic_map()
+DUFFING = stroboscopic_map(systems.duffing_oscillator())
+PENDULUM = stroboscopic_map(systems.driven_pendulum())
+BIRTH = 1.731758671939e-3  # of the rotations, in m (paper.md)
+
+
+def parabola(x, p):
+    return (x[0] * x[0] + p.c,)
+
+
+def wells(x, p):
+    return (tanh(p.a * x[0]),)
+
+
+def branching(x, p):
+    return (p.mu * x[0] * (1.0 - x[0]) if x[0] < 0.5 else p.mu * (1.0 - x[0]) * x[0],)
+
+
+def circle(x, p):
+    return (x[0] + 2 * pi * p.rate - 0.95 * sin(x[0]),)
+
+
+# --- exact results
+
+
+@pytest.mark.parametrize("follow", ["none", "up", "down"])
+def test_cycle_of_two_of_the_logistic_map(follow):
+    """x = (r + 1 +- sqrt((r - 3)(r + 1))) / 2r with the multiplier 4 + 2 r - r^2."""
+    values = np.array([3.1, 3.2, 3.3, 3.4])
+    diagram = bifurcation_diagram(LOGISTIC, "mu", values, [0.3], follow)
+    assert (diagram.period == 2).all()
+    for k, r in enumerate(values):
+        root = sqrt((r - 3) * (r + 1))
+        assert np.sort(diagram.points[0, k, -2:, 0]) == pytest.approx(
+            [(r + 1 - root) / (2 * r), (r + 1 + root) / (2 * r)], abs=1e-12
+        )
+        assert diagram.exponents[0, k, 0] == pytest.approx(log(abs(4 + 2 * r - r * r)) / 2, abs=1e-9)
+    assert (diagram.standard_errors == 0).all()
+
+
+def test_doublings_and_windows_of_the_logistic_map():
+    """May (1976): doublings at 3, 1 + sqrt(6) and 3.5440903, the window of period 3 from 1 + sqrt(8) to 3.8414990."""
+    periods = {
+        **{2.99: 1, 3.01: 2, 1 + sqrt(6) - 0.01: 2, 1 + sqrt(6) + 0.005: 4, 3.542: 4, 3.546: 8},
+        **{1 + sqrt(8) - 1e-3: 0, 1 + sqrt(8) + 1e-3: 3, 3.841: 3, 3.842: 6},
+    }
+    diagram = bifurcation_diagram(LOGISTIC, "mu", list(periods), [0.3], follow="none", transient=20_000)
+    assert diagram.period[0].tolist() == list(periods.values())
+
+
+@pytest.mark.parametrize("r", [2.97, 2.99, 3.0, 3.44, 3.54])
+def test_slow_approach_is_no_longer_period(r):
+    """Below a doubling an orbit comes in from side to side: it has no period yet, never twice the true one."""
+    true = 1 if r <= 3 else 2 if r < 1 + sqrt(6) else 4
+    for transient in (0, 30, 100, 300, 1000, 5000):
+        found = bifurcation_diagram(LOGISTIC, "mu", [r], [0.3], "none", transient, exponents=False).period
+        assert found[0, 0] in (0, true)
+
+
+def test_exponent_of_the_logistic_map_at_four():
+    """ln 2 (references.md)."""
+    diagram = bifurcation_diagram(LOGISTIC, "mu", [4.0], [0.3], follow="none", periods=20_000)
+    assert diagram.chaotic[0, 0]
+    assert diagram.standard_errors[0, 0, 0] < 1e-3
+    assert abs(diagram.exponents[0, 0, 0] - log(2)) < 4 * diagram.standard_errors[0, 0, 0]
+
+
+def test_exponents_of_the_henon_map():
+    """0.419 and -1.623 (references.md); volumes shrink by 0.3 in each step."""
+    diagram = bifurcation_diagram(systems.henon_map(), "a", [1.4], [0.0, 0.0], follow="none", periods=20_000)
+    assert diagram.exponents[0, 0].sum() == pytest.approx(log(0.3), abs=1e-12)
+    error = diagram.standard_errors[0, 0]
+    assert (error < 3e-3).all()
+    assert (np.abs(diagram.exponents[0, 0] - [0.419, -1.623]) < 4 * error).all()
+
+
+def test_long_cycles_of_strong_contraction():
+    """The smallest multiplier of a round is far below the rounding of the largest."""
+    rng = np.random.default_rng(0)
+    turned, _ = np.linalg.qr(rng.standard_normal((2, 2)))
+    steps = np.tile(turned @ np.diag([0.9, 1e-3]) @ turned.T, (1, 32, 1, 1))
+    assert exponents_of_cycles(steps)[0] == pytest.approx([log(0.9), log(1e-3)], abs=1e-12)
+
+
+def test_exponents_of_a_map_that_branches():
+    """A function that cannot be traced, against the same one as a formula."""
+    maps = discrete_map(branching, {"mu": 3.0}, ("x",)), LOGISTIC
+    by_steps, exact = (bifurcation_diagram(m, "mu", [3.2, 3.5, 4.0], [0.3], "none", 300) for m in maps)
+    assert by_steps.points[0, :2] == pytest.approx(exact.points[0, :2], abs=1e-12)
+    assert by_steps.exponents[0, :2] == pytest.approx(exact.exponents[0, :2], abs=1e-9)
+    chaos = by_steps.points[0, 2, 128 - 9 * 12 :, 0]  # 9 of 10 stretches of the orbit, the first aligns frames
+    assert by_steps.exponents[0, 2, 0] == pytest.approx(np.log(np.abs(4 * (1 - 2 * chaos))).mean(), abs=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "p", "q"), [(0.5, 1, 2), (0.342, 1, 3), (-0.342, -1, 3), (1.5, 3, 2)])
+def test_rotation_numbers_of_the_circle_map(rate, p, q):
+    diagram = bifurcation_diagram(discrete_map(circle, {"rate": 0.0}, (angle("a"),)), "rate", [rate], [0.3])
+    assert (diagram.period == q).all()
+    assert (diagram.rotation_numbers == p / q).all()
+    assert (np.abs(diagram.points) <= pi).all()
+
+
+# --- hysteresis
+
+
+@pytest.fixture(scope="module")
+def folds():
+    """Saddle-node bifurcations of the Duffing oscillator, P(x) = x and det(DP - 1) = 0, by SciPy."""
+
+    def equations(unknown):
+        x, v, w = unknown
+
+        def motion(t, y):
+            slope = -(1.0 + 3.0 * y[0] ** 2)
+            matrix = y[2:].reshape(2, 2)
+            force = -0.1 * y[1] - y[0] - y[0] ** 3 + 0.3 * cos(w * t)
+            return [y[1], force, *matrix[1], *(slope * matrix[0] - 0.1 * matrix[1])]
+
+        end = solve_ivp(motion, (0, 2 * pi / w), [x, v, 1, 0, 0, 1], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        return [end[0] - x, end[1] - v, np.linalg.det(end[2:].reshape(2, 2) - np.eye(2))]
+
+    found = []
+    for guess in ((-0.55, 0.2, 1.325), (-0.05, 2.7, 1.775)):
+        solution, info, success, _ = fsolve(equations, guess, full_output=True)
+        assert success == 1
+        assert np.abs(info["fvec"]).max() < 1e-10
+        found.append(solution[2])
+    return found
+
+
+@pytest.fixture(scope="module")
+def duffing():
+    return bifurcation_diagram(DUFFING, "frequency", np.linspace(1.3, 1.8, 26), [0.0, 0.0], transient=300, periods=64)
+
+
+def test_hysteresis_lies_between_the_folds(duffing, folds):
+    """Each branch jumps at the first value beyond the fold of its attractor."""
+    up, down = duffing.points[:, :, -1]
+    differ = np.abs(up - down).max(axis=-1) > 1e-3
+    inside = (duffing.values > folds[0]) & (duffing.values < folds[1])
+    assert (differ == inside).all()
+    assert 0 < inside.sum() < inside.size
+    assert (duffing.period == 1).all()
+    assert duffing.directions == ("up", "down")
+    assert not duffing.restarted.any()
+
+
+def test_damping_is_the_sum_of_exponents(duffing):
+    """Liouville, with a period that depends on the parameter."""
+    assert duffing.exponents.sum(axis=-1) == pytest.approx(np.tile(-0.1 * 2 * pi / duffing.values, (2, 1)), abs=1e-10)
+
+
+def test_rotation_of_the_pendulum_is_followed_to_its_birth():
+    """Down from 3 mm it goes round until it is lost at BIRTH; up again it hangs."""
+    above = 10.0 ** np.arange(-5.0, -0.2, 0.25)  # close to its birth the basin is small, and so must be the steps
+    values = BIRTH * (1.0 + np.append([-1e-2, -1e-3, -1e-4, -1e-5], above))
+    rotation = np.array([2.520339579944, 1.019933227842 * 100 * pi])
+    down = bifurcation_diagram(PENDULUM, "amplitude", values, rotation, follow="down", periods=64)
+    assert down.rotation_numbers[0, :, 0].tolist() == (values > BIRTH).astype(float).tolist()
+    up = bifurcation_diagram(PENDULUM, "amplitude", values, [0.1, 0.0], follow="up", periods=64)
+    assert (up.rotation_numbers == 0.0).all()
+    assert down.exponents.sum(axis=-1) == pytest.approx(-0.2, abs=1e-9)  # damping 10 /s, period 20 ms
+
+
+def test_orbit_leaves_an_equilibrium_that_has_lost_its_stability():
+    """tanh(a x): 0 is stable up to a = 1."""
+    maps, values = discrete_map(wells, {"a": 1.0}, ("x",)), [0.5, 0.8, 1.5, 2.0]
+    followed = bifurcation_diagram(maps, "a", values, [0.0], follow="up")
+    assert np.abs(followed.points[0, :2]) == pytest.approx(0.0, abs=1e-9)
+    ends = np.abs(followed.points[0, 2:, -1, 0])
+    assert np.tanh(np.array(values[2:]) * ends) == pytest.approx(ends, abs=1e-9)
+    assert (ends > 0.5).all()
+    still = bifurcation_diagram(maps, "a", values, [0.0], follow="up", nudge=0.0)
+    assert (still.points == 0.0).all()
+    assert still.exponents[0, :, 0] == pytest.approx(np.log(values), abs=1e-12)
+
+
+# --- orbits that end, several starts, one batch
+
+
+def test_orbits_that_end_are_marked_and_begin_again():
+    """x^2 + c: bounded for c up to 1/4, from the start 0."""
+    values = np.array([-0.5, 0.0, 0.2, 0.3, 0.4])
+    diagram = bifurcation_diagram(discrete_map(parabola, {"c": 0.0}, ("x",)), "c", values, [0.0])
+    ended = np.tile(values > 0.25, (2, 1))
+    assert ((diagram.status == Status.DIVERGED) == ended).all()
+    assert (np.isnan(diagram.points).all(axis=(2, 3)) == ended).all()
+    assert (np.isnan(diagram.exponents[..., 0]) == ended).all()
+    assert (np.isfinite(diagram.points).all(axis=(2, 3)) == ~ended).all()
+    assert diagram.restarted.tolist() == [[False, False, False, True, True], [False, False, True, True, False]]
+    fixed = (1 - np.sqrt(1 - 4 * values[:3])) / 2
+    assert diagram.points[:, :3, -1, 0] == pytest.approx(np.tile(fixed, (2, 1)), abs=1e-5)
+    assert not diagram.chaotic.any()
+
+
+def test_orbit_that_falls_off_begins_at_its_start():
+    """(x - d)^2 + d: the fixed point d has the basin d - 1 < x < d + 1."""
+
+    def moved(x, p):
+        return ((x[0] - p.d) ** 2 + p.d,)
+
+    maps, values = discrete_map(moved, {"d": 0.0}, ("x",)), [1.0, 2.5, 2.6]
+    diagram = bifurcation_diagram(maps, "d", values, [1.8], follow="up")
+    assert diagram.restarted.tolist() == [[False, True, False]]
+    assert (diagram.status == Status.OK).all()
+    assert diagram.points[0, :, -1, 0] == pytest.approx(values, abs=1e-12)
+
+
+def test_several_starts_are_branches():
+    maps = discrete_map(wells, {"a": 1.0}, ("x",))
+    diagram = bifurcation_diagram(maps, "a", [3.0, 2.0], [[0.5], [-0.5]])
+    assert diagram.directions == ("up", "up", "down", "down")
+    assert diagram.starts[:, 0].tolist() == [0.5, -0.5, 0.5, -0.5]
+    assert diagram.values.tolist() == [2.0, 3.0]
+    assert (np.sign(diagram.points[:, :, -1, 0]) == [[1, 1], [-1, -1]] * 2).all()
+    assert diagram.points[0] == pytest.approx(-diagram.points[1], abs=1e-5)
+
+
+def test_interpolated_map_serves_its_exact_map():
+    icm = interpolated_map(LOGISTIC, CellGrid((0.0,), (1.0,), (64,)))
+    by_table, direct = (bifurcation_diagram(m, "mu", [3.2, 3.5], [0.3]) for m in (icm, LOGISTIC))
+    assert (by_table.points == direct.points).all()
+
+
+@pytest.mark.parametrize("follow", ["both", "none"])
+def test_same_bits_for_any_number_of_threads(follow):
+    def diagram(threads: int):
+        set_threads(threads)
+        return bifurcation_diagram(DUFFING, "frequency", np.linspace(1.3, 1.8, 5), [[0.0, 0.0], [1.0, 0.0]], follow, 50)
+
+    one, three = diagram(1), diagram(3)
+    for name in ("points", "exponents", "standard_errors", "period", "rotation_numbers"):
+        assert (getattr(one, name) == getattr(three, name)).all()
+
+
+def test_batches_do_not_mix():
+    """More lanes than a slice holds: every value alone gives the same."""
+    values = np.linspace(3.4, 4.0, 1500)
+    together = bifurcation_diagram(LOGISTIC, "mu", values, [0.3], "none", 20, 20, 4)
+    for k in (0, 700, 1499):
+        alone = bifurcation_diagram(LOGISTIC, "mu", [values[k]], [0.3], "none", 20, 20, 4)
+        assert (alone.points[0, 0] == together.points[0, k]).all()
+        assert alone.exponents[0, 0, 0] == pytest.approx(together.exponents[0, k, 0], abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"point_map": 3}, "point_map=3"),
+        ({"name": "r"}, "'r'"),
+        ({"values": [3.0, 3.2, 3.1]}, "values goes up and down"),
+        ({"values": []}, "give a list of at least one value"),
+        ({"values": [3.0, np.nan]}, "values has the value nan"),
+        ({"values": "all"}, "give real numbers, one for each step"),
+        ({"start": [0.3, 0.4]}, "start has shape"),
+        ({"start": [[[0.3]]]}, "start has shape"),
+        ({"follow": "sideways"}, "follow='sideways'"),
+        ({"transient": -1}, "transient=-1"),
+        ({"periods": 19}, "periods=19"),
+        ({"max_period": 65}, "max_period=65"),
+        ({"tolerance": 0.0}, "tolerance=0.0"),
+        ({"nudge": np.inf}, "nudge"),
+        ({"nudge": [1e-6, 1e-6]}, "nudge"),
+        ({"values": np.linspace(3, 4, 1_000_001), "periods": 10**8}, "take fewer"),
+    ],
+)
+def test_bad_arguments_are_named(change, message):
+    arguments = {"point_map": LOGISTIC, "name": "mu", "values": [3.0, 3.2], "start": [0.3]} | change
+    with pytest.raises((TypeError, ValueError, MemoryError), match=message.replace("[", r"\[")):
+        bifurcation_diagram(**arguments)
+
+
+# --- pictures
+
+
+def test_picture_shows_all_points(duffing):
+    upper, lower = plot.bifurcation_diagram(duffing, coordinate="x")
+    drawn = [line for line in upper.get_lines() if line.get_marker() == "."]
+    assert [line.get_xdata().size for line in drawn] == [26 * 64] * 2
+    assert {t.get_text() for t in upper.get_legend().get_texts()} == {"up", "down"}
+    assert (upper.get_ylabel(), lower.get_xlabel(), upper.get_title()) == ("x", "frequency", "Duffing")
+
+
+def test_picture_on_given_axes(duffing):
+    _, ax = plt.subplots()
+    assert plot.bifurcation_diagram(duffing, coordinate=1, ax=ax) == (ax,)
+    assert (ax.get_ylabel(), ax.get_xlabel()) == ("v", "frequency")
+
+
+@pytest.mark.parametrize(("coordinate", "message"), [("y", "coordinate='y'"), (2, "coordinate=2")])
+def test_picture_of_no_coordinate(duffing, coordinate, message):
+    with pytest.raises(ValueError, match=message):
+        plot.bifurcation_diagram(duffing, coordinate=coordinate)
+    with pytest.raises(TypeError, match="diagram="):
+        plot.bifurcation_diagram(3)

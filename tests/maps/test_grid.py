@@ -1,0 +1,170 @@
+"""Cells: every place in exactly one of them."""
+
+from __future__ import annotations
+
+import math
+from math import inf, nan, nextafter, pi
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import cellmap._lib.checks
+from cellmap import CellGrid, Coordinate, angle
+
+finite = st.floats(-1e300, 1e300)
+
+
+@st.composite
+def axes(draw: st.DrawFn, wraps: bool | None = None) -> CellGrid:
+    """Grids of one axis, from the narrowest window that has cells to the widest."""
+    lower, upper = sorted((draw(finite), draw(finite)))
+    cells = draw(st.integers(1, 1000))
+    wrap = draw(st.booleans()) if wraps is None else wraps
+    try:
+        return CellGrid((lower,), (upper,), (cells,), (wrap,))
+    except ValueError:
+        assume(False)
+        raise
+
+
+@given(axes(wraps=False), st.lists(finite, min_size=1, max_size=20))
+def test_outside_is_minus_one_and_inside_is_a_cell(grid: CellGrid, places: list[float]) -> None:
+    cells = grid.locate(np.array(places)[:, None])
+    for x, cell in zip(places, cells, strict=True):
+        assert (0 <= cell < grid.size) if grid.lower[0] <= x < grid.upper[0] else cell == -1
+
+
+@given(axes(wraps=True), st.lists(finite, min_size=1, max_size=20))
+def test_on_a_circle_every_number_has_a_cell(grid: CellGrid, places: list[float]) -> None:
+    cells = grid.locate(np.array(places)[:, None])
+    assert ((cells >= 0) & (cells < grid.size)).all()
+
+
+@given(axes())
+def test_a_cell_owns_its_lower_edge_and_not_its_upper_one(grid: CellGrid) -> None:
+    n, edges = grid.size, grid.edges(0)
+    assert np.array_equal(grid.locate(edges[:-1, None]), np.arange(n))
+    below = np.nextafter(edges[1:], -inf)
+    assert np.array_equal(grid.locate(below[:, None]), np.arange(n))
+    assert grid.locate([grid.upper[0]]) == (0 if grid.wraps[0] else -1)
+    assert grid.locate([nextafter(grid.lower[0], -inf)]) == (n - 1 if grid.wraps[0] else -1)
+
+
+@given(axes())
+def test_centres_lie_in_their_cells(grid: CellGrid) -> None:
+    assume(1e-6 * max(abs(v) for v in grid.lower + grid.upper) < grid.widths[0])
+    assert np.array_equal(grid.locate(grid.centres()), np.arange(grid.size))
+
+
+@given(st.floats(1e-300, 1e300), st.integers(1, 1000), st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=20))
+def test_symmetric_windows_have_cells_that_are_mirror_images(half: float, n: int, fractions: list[float]) -> None:
+    grid = CellGrid((-half,), (half,), (n,))
+    for places in (grid.axis(0), grid.edges(0), grid.along(0, np.arange(-9, n + 10))):
+        assert np.array_equal(places, -places[::-1])
+    points = np.array(fractions)[:, None] * half
+    assume(not np.isin(np.append(points, -points), grid.edges(0)).any())
+    assert np.array_equal(grid.locate(-points), n - 1 - grid.locate(points))
+
+
+@given(axes(), st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=2, max_size=20))
+def test_cells_are_in_the_order_of_their_places(grid: CellGrid, fractions: list[float]) -> None:
+    low, high = grid.lower[0], grid.upper[0]
+    places = np.clip(low + np.sort(fractions) * (high - low), low, nextafter(high, -inf))
+    assert (np.diff(grid.locate(places[:, None])) >= 0).all()
+
+
+@given(st.floats(-50.0, 50.0), st.integers(-5, 5), st.integers(1, 400))
+def test_whole_turns_do_not_matter(x: float, turns: int, cells: int) -> None:
+    # Dyadic cells and places: adding turns is exact.
+    x = round(x * 64) / 64
+    grid = CellGrid((-4.0,), (4.0,), (2 ** (cells % 7),), (True,))
+    assert grid.locate([x]) == grid.locate([x + 8.0 * turns])
+
+
+def test_one_cell() -> None:
+    assert np.array_equal(CellGrid((0.0,), (1.0,), (1,)).locate([[-1e-9], [0.0], [0.5], [1.0]]), [-1, 0, 0, -1])
+    circle = CellGrid((0.0,), (1.0,), (1,), (True,))
+    assert np.array_equal(circle.locate([[-1e-9], [0.0], [0.5], [1.0], [1e300], [-1e300]]), np.zeros(6))
+
+
+@pytest.mark.parametrize("place", [nan, inf, -inf])
+@pytest.mark.parametrize("wraps", [False, True])
+def test_what_is_no_place_is_in_no_cell(place: float, wraps: bool) -> None:
+    assert CellGrid((-1.0,), (1.0,), (4,), (wraps,)).locate([place]) == -1
+    assert CellGrid((-1.0, 0.0), (1.0, 1.0), (4, 4), (wraps, False)).locate([place, 0.5]) == -1
+
+
+def test_cells_are_numbered_row_by_row() -> None:
+    grid = CellGrid((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (2, 3, 4))
+    assert np.array_equal(grid.locate(grid.centres()), np.arange(24).reshape(2, 3, 4))
+    assert grid.locate([1.5, 2.5, 0.5]) == 1 * 12 + 2 * 4
+    assert grid.locate([1.5, 3.5, 0.5]) == -1
+
+
+def test_centres_edges_and_widths() -> None:
+    grid = CellGrid((-1.0, 0.0), (1.0, 1.0), (4, 2))
+    assert np.array_equal(grid.widths, [0.5, 0.5])
+    assert np.array_equal(grid.axis(0), [-0.75, -0.25, 0.25, 0.75])
+    assert np.array_equal(grid.edges(1), [0.0, 0.5, 1.0])
+    assert np.array_equal(grid.centres()[3, 1], [0.75, 0.75])
+    assert (grid.dimension, grid.size) == (2, 8)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"lower": (1.0, 0.0)}, ValueError, "the window is empty or inverted"),
+        ({"lower": (2.0, 0.0)}, ValueError, "the window is empty or inverted"),
+        ({"lower": (nan, 0.0)}, ValueError, "lower=.*: a window has finite corners"),
+        ({"upper": (inf, 1.0)}, ValueError, "upper=.*: a window has finite corners"),
+        ({"upper": ("one", 1.0)}, TypeError, "upper=.*: give one number for each coordinate"),
+        ({"upper": None}, (TypeError, ValueError), "upper="),
+        ({"shape": (0, 4)}, ValueError, "shape=0: give a whole number of at least 1"),
+        ({"shape": (-3, 4)}, ValueError, "shape=-3: give a whole number of at least 1"),
+        ({"shape": (2.5, 4)}, TypeError, "shape=2.5: give a whole number"),
+        ({"shape": (True, 4)}, TypeError, "shape=True: give a whole number"),
+        ({"shape": (4,)}, ValueError, "a grid needs one entry for each coordinate"),
+        ({"wraps": (True,)}, ValueError, "a grid needs one entry for each coordinate"),
+        ({"lower": (-1e308, 0.0), "upper": (1.7e308, 1.0)}, ValueError, "no floating-point numbers separate"),
+        ({"lower": (1.0, 0.0), "upper": (nextafter(1.0, 2.0), 1.0)}, ValueError, "no floating-point numbers separate"),
+        ({"lower": (0.0, 0.0), "upper": (5e-324, 1.0)}, ValueError, "no floating-point numbers separate"),
+    ],
+)
+def test_bad_grids_are_refused(change: dict[str, Any], error: type[Exception], message: str) -> None:
+    arguments: dict[str, Any] = {"lower": (-1.0, 0.0), "upper": (1.0, 1.0), "shape": (4, 4)}
+    with pytest.raises(error, match=message):
+        CellGrid(**{**arguments, **change})
+
+
+def test_numbers_stand_for_one_axis() -> None:
+    assert CellGrid(0, 1, 5) == CellGrid((0.0,), (1.0,), (5,))
+
+
+def test_points_of_a_wrong_shape_are_refused() -> None:
+    grid = CellGrid((0.0, 0.0), (1.0, 1.0), (2, 2))
+    for points in (0.5, [0.5], [[0.1, 0.2, 0.3]]):
+        with pytest.raises(ValueError, match="its last axis must hold 2 coordinates"):
+            grid.locate(points)
+
+
+def test_axes_wrap_where_they_cover_one_turn() -> None:
+    coordinates = (angle("theta"), Coordinate("v"))
+    assert CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
+    assert CellGrid((0.0, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
+    assert CellGrid((-1.0, -pi), (1.0, pi), (4, 4)).on(coordinates).wraps == (False, False)
+    with pytest.raises(ValueError, match="more than one turn"):
+        CellGrid((-pi, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates)
+    with pytest.raises(ValueError, match="grid has 1 axes and the system 2 coordinates"):
+        CellGrid((0.0,), (1.0,), (4,)).on(coordinates)
+
+
+def test_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cellmap._lib.checks, "memory_available", lambda: 10**9)
+    grid = CellGrid((0.0, 0.0), (1.0, 1.0), (10**4, 10**4))
+    with pytest.raises(MemoryError, match=r"100,000,000 cells needs 1.6 GB and 1 GB are free: take fewer cells"):
+        grid.centres()
+    assert math.isclose(grid.size, 1e8)
+    assert "10000 x 10000 cells" in str(grid)

@@ -1,0 +1,132 @@
+"""Derivatives of point maps, from the variational equation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import cos, exp, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from cellmap import CellGrid, ForcedSystem, discrete_map, interpolated_map, stroboscopic_map
+from cellmap.maps import jacobian
+from cellmap.maps.tangent import tangent
+
+
+def damping_of(system: ForcedSystem) -> float:
+    p = system.params
+    return p["damping"] if "damping" in p else p["gamma"]
+
+
+@pytest.mark.parametrize(
+    "name", ["pendulum, 3 mm", "pendulum, 10 mm", "vertically driven", "Duffing", "forced pendulum"]
+)
+def test_liouville(problems: Mapping[str, ForcedSystem], name: str) -> None:
+    """Areas shrink by exp(-damping x period) everywhere."""
+    system = problems[name]
+    span = (pi, 100.0) if "mm" in name else (pi, 2.0)
+    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (64, 2)) * span
+    # In units in which both components are of order 1, so that the determinant loses no digits.
+    scale = np.array(span)
+    matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
+    assert np.linalg.det(matrices) == pytest.approx(exp(-damping_of(system) * system.length), abs=1e-10)
+
+
+def test_liouville_over_several_periods(problems: Mapping[str, ForcedSystem]) -> None:
+    matrices = jacobian(stroboscopic_map(problems["Duffing"]), [[-0.8, 0.03], [1.2, 0.05]], periods=3)
+    assert np.linalg.det(matrices) == pytest.approx(exp(-0.15 * 6 * pi), abs=1e-10)
+
+
+@pytest.mark.slow
+def test_the_double_pendulum_keeps_its_own_area(problems: Mapping[str, ForcedSystem]) -> None:
+    """Undamped double pendulum: det = det M(q0) / det M(q(T)), with det M ~ m1 + m2 sin^2(th1 - th2) (paper.md)."""
+    strobe = stroboscopic_map(problems["double pendulum"])
+    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 4))
+    images = strobe(starts)
+
+    def mass(x: Any) -> Any:
+        return 1.0 + 0.25 * np.sin(x[:, 0] - x[:, 1]) ** 2
+
+    assert np.linalg.det(jacobian(strobe, starts)) == pytest.approx(mass(starts) / mass(images), rel=1e-9)
+
+
+def test_the_matrix_of_a_linear_system() -> None:
+    matrix = np.array([[0.0, 1.0, 0.0], [-2.0, -0.3, 0.5], [0.1, 0.0, -0.7]])
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
+        a, b, c = x
+        return b, -2.0 * a - 0.3 * b + 0.5 * c + cos(t), 0.1 * a - 0.7 * c
+
+    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("a", "b", "c")))
+    matrices = jacobian(strobe, np.zeros((2, 5, 3)))
+    assert matrices.shape == (2, 5, 3, 3)
+    assert matrices == pytest.approx(np.broadcast_to(expm(2 * pi * matrix), matrices.shape), abs=1e-12)
+
+
+def test_the_derivative_is_that_of_the_images(problems: Mapping[str, ForcedSystem]) -> None:
+    for name in ("vertically driven", "double pendulum"):
+        strobe = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12)
+        start = np.full(strobe.dimension, 0.4)
+        h = 1e-3
+        columns = []
+        for j in range(strobe.dimension):
+            moved = start + h * np.arange(-2, 3)[:, None] * np.eye(strobe.dimension)[j]
+            images = strobe.iterate(moved, 2).unwrapped
+            columns.append((images[0] - 8.0 * images[1] + 8.0 * images[3] - images[4]) / (12.0 * h))
+        assert jacobian(strobe, start, periods=2) == pytest.approx(np.stack(columns, axis=-1), rel=1e-6, abs=1e-7)
+
+
+def test_a_right_hand_side_that_cannot_be_traced(problems: Mapping[str, ForcedSystem]) -> None:
+    """Derivatives then come from central differences; the branch is never taken."""
+    plain = problems["vertically driven"]
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        v = x[1] if x[1] < 1e6 else 1e6
+        return v, -p.gamma * v - (p.alpha - p.beta * cos(t)) * sin(x[0])
+
+    branching = ForcedSystem(rhs, plain.params, plain.length, plain.axes)
+    starts = [[1.0, 0.5], [3.0, -1.0], [-3.1, 2.0]]
+    exact, approximate = (jacobian(stroboscopic_map(s), starts, periods=2) for s in (plain, branching))
+    assert approximate == pytest.approx(exact, rel=1e-5, abs=1e-5)
+
+
+def test_images_come_with_their_derivatives(problems: Mapping[str, ForcedSystem]) -> None:
+    strobe = stroboscopic_map(problems["forced pendulum"])
+    starts = np.random.default_rng(2).uniform(-3.0, 3.0, (20, 2))
+    for periods in (1, 3):
+        images, matrices = tangent(strobe, starts, periods)
+        assert images == pytest.approx(strobe.iterate(starts, periods).unwrapped, abs=1e-6)
+        assert matrices == pytest.approx(jacobian(strobe, starts, periods), rel=1e-12)
+    rounds = np.arange(20) % 4
+    images, matrices = tangent(strobe, starts, rounds)
+    for k in range(4):
+        alone = tangent(strobe, starts[rounds == k], k)
+        assert np.array_equal(images[rounds == k], alone[0])
+        assert np.array_equal(matrices[rounds == k], alone[1])
+
+
+def test_of_an_interpolated_map_the_exact_map_is_differentiated() -> None:
+    exact = discrete_map(lambda x, p: (1.0 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
+    table = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (16, 16)), order=3)
+    assert np.array_equal(jacobian(table, [0.5, 0.1]), [[-1.4, 1.0], [0.3, 0.0]])
+
+
+def test_no_period_gives_the_identity(problems: Mapping[str, ForcedSystem]) -> None:
+    assert np.array_equal(jacobian(stroboscopic_map(problems["Duffing"]), [0.5, 0.1], periods=0), np.eye(2))
+
+
+@pytest.mark.parametrize(
+    ("points", "periods", "error", "message"),
+    [
+        ([[0.1]], 1, ValueError, "its last axis must hold the 2 state variables"),
+        ([[0.1, np.nan]], 1, ValueError, "remove starts that are not finite"),
+        ([0.1, 0.1], -1, ValueError, "periods=-1: give a whole number"),
+        ([0.1, 0.1], 1.0, TypeError, "periods=1.0: give a whole number"),
+    ],
+)
+def test_bad_input_is_refused(points: Any, periods: Any, error: type[Exception], message: str) -> None:
+    function: Callable[..., Any] = lambda x, p: (x[1], x[0])  # noqa: E731
+    with pytest.raises(error, match=message):
+        jacobian(discrete_map(function, {}, ("x", "y")), points, periods)

@@ -1,0 +1,233 @@
+"""Maps of unforced systems, against closed forms and SciPy's events."""
+
+from __future__ import annotations
+
+import pickle
+from math import exp, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, load_basins, save_basins, section_map
+from cellmap.basins import recompute_basins
+from cellmap.basins.final_states import final_states
+from cellmap.maps import flow_map, jacobian
+from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
+from systems import magnetic_pendulum, two_well_duffing
+
+
+def lorenz(t, x, p):
+    return p.s * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - p.b * x[2]
+
+
+def thomas(t, x, p):
+    return sin(x[1]) - p.b * x[0], sin(x[2]) - p.b * x[1], sin(x[0]) - p.b * x[2]
+
+
+LORENZ = ForcedSystem(lorenz, {"s": 10.0, "r": 28.0, "b": 8 / 3}, 0.7, ("x", "y", "z"))
+THOMAS = ForcedSystem(thomas, {"b": 0.19}, 6.0, ("x", "y", "z"))
+SPIRAL = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}, 6.0, ("q", "v"))
+TORQUE = ForcedSystem(
+    lambda t, x, p: (x[1], p.torque - sin(x[0]) - 0.2 * x[1]), {"torque": 1.5}, 2.0, (angle("theta"), "v")
+)
+TURNING = ForcedSystem(lambda t, x, p: (p.w, sin(x[0]) - x[1]), {"w": 1.0}, 2.0, (angle("theta"), "v"))
+PENDULUM = ForcedSystem(lambda t, x, p: (x[1], -sin(x[0]) - p.d * x[1]), {"d": 0.02}, 2.0, (angle("theta"), "v"))
+CENTRED = ForcedSystem(lambda t, x, p: (x[1], p.c - x[0] - 0.4 * x[1]), {"c": 0.0}, 6.0, ("q", "v"))
+
+
+def by_events(system, place, value, direction, start, time=60.0):
+    """First crossing after the start."""
+
+    def event(t, y):
+        return sin((y[place] - value) / 2) if system.axes[place].is_angle else y[place] - value
+
+    settings = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853", "max_step": 0.05}
+    event.direction = direction
+    done = solve_ivp(system.fun, (0.0, time), start, events=event, **settings)
+    late = done.t_events[0] > 1e-9
+    return done.t_events[0][late][0], done.y_events[0][late][0]
+
+
+@pytest.mark.parametrize(
+    ("system", "section", "starts"),
+    [
+        pytest.param(
+            LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]], marks=pytest.mark.slow
+        ),
+        pytest.param(LORENZ, ("x", 0.0, 0), [[5.0, 20.0], [-7.0, 25.0]], marks=pytest.mark.slow),
+        (THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]]),
+    ],
+)
+def test_returns_are_those_of_an_event_finder(system, section, starts):
+    place = [c.name for c in system.axes].index(section[0])
+    returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(starts)
+    loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(starts)
+    for k, start in enumerate(starts):
+        time, state = by_events(system, place, section[1], section[2], np.insert(start, place, section[1]))
+        assert returns.times[k] == pytest.approx(time, abs=1e-10)
+        np.testing.assert_allclose(returns.points[k], np.delete(state, place), atol=1e-9)
+        np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_damped_oscillator_in_closed_form(direction):
+    """Half a turn or a whole one, of the damped frequency."""
+    frequency = sqrt(1 - 0.01)
+    time = (pi if direction == 0 else 2 * pi) / frequency
+    back = section_map(SPIRAL, ("q", 0.0, direction), rtol=1e-12, atol=1e-12)
+    factor = (-1 if direction == 0 else 1) * exp(-0.1 * time)
+    starts = np.array([[0.3], [2.0]]) * (direction or 1)
+    returns = back.returns(starts)
+    np.testing.assert_allclose(returns.times, time, rtol=1e-11)
+    np.testing.assert_allclose(returns.points, factor * starts, rtol=1e-10)
+    np.testing.assert_allclose(jacobian(back, starts)[:, 0, 0], factor, rtol=1e-9)
+    # One that begins on the way through in the other direction needs half a turn.
+    if direction:
+        half = back.returns(-starts)
+        np.testing.assert_allclose(half.times, pi / frequency, rtol=1e-11)
+        np.testing.assert_allclose(half.points, starts * exp(-0.1 * pi / frequency), rtol=1e-10)
+
+
+def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
+    """A pendulum that a torque drives round and round: from theta = 1 to theta = 1 + 2 pi."""
+    back = section_map(TORQUE, ("theta", 1.0, 1), rtol=1e-11, atol=1e-11)
+    returns = back.returns([[3.0], [7.0]])
+    for k, v in enumerate((3.0, 7.0)):
+        time, state = by_events(TORQUE, 0, 1.0, 0, [1.0, v])
+        assert returns.times[k] == pytest.approx(time, abs=1e-9)
+        assert returns.points[k, 0] == pytest.approx(state[1], abs=1e-8)
+    basins = find_basins(back, CellGrid((3.0,), (9.0,), (20,)))
+    assert len(basins.attractors) == 1 and basins.fractions[0].share == 1.0
+    # Of the rotation the multiplier is exp(-damping * time): Liouville.
+    point = basins.attractors[0].points
+    assert basins.attractors[0].multipliers[0].real == pytest.approx(exp(-0.2 * back.returns(point).times[0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("value", [0.4, pi, 7.0])
+def test_an_angle_that_only_grows_never_falls_through_its_section(value):
+    """theta' = w: a turn takes 2 pi / w, in the direction of w alone."""
+    for w in (1.0, -1.0):
+        for direction in (-1, 0, 1):
+            back = section_map(TURNING.with_params(w=w), ("theta", value, direction), max_time=20.0)
+            time = back.returns([[0.3]]).times[0]
+            assert np.isnan(time) if direction == -w else time == pytest.approx(2 * pi, rel=1e-12)
+
+
+def test_pendulum_swings_through_both_ways_and_rotates_through_one():
+    """Energy is kept: it comes back as fast as it went, on the way asked for."""
+    pendulum = PENDULUM.with_params(d=0.0)
+    starts = [[1.0], [-1.0], [3.0], [-3.0]]
+    for direction, expected in ((1, [1, 1, 3, np.nan]), (-1, [-1, -1, np.nan, -3]), (0, [-1, 1, 3, -3])):
+        images = section_map(pendulum, ("theta", 0.0, direction)).returns(starts)
+        np.testing.assert_allclose(images.points[:, 0], expected, rtol=1e-7)
+
+
+@pytest.mark.parametrize("value", [0.0, 5.0])
+def test_orbits_that_come_to_rest_on_the_section_do_not_return(value):
+    """A spiral around a point of the section: no speed is left to go through it."""
+    back = section_map(CENTRED.with_params(c=value), ("q", value, 1))
+    assert back.iterate([[0.0], [1.0]], 100).status.tolist() == [Status.NO_RETURN, Status.NO_RETURN]
+    assert (find_basins(back, CellGrid((-1.0,), (1.0,), (4,))).labels == -4).all()
+
+
+def test_cells_of_a_section_whose_orbits_do_not_return(tmp_path):
+    """A pendulum with friction passes the top some times, and then no more."""
+    top = section_map(TORQUE.with_params(torque=0.0), ("theta", pi, 1), max_time=50.0)
+    grid = CellGrid((0.05,), (5.0,), (4,))
+    mapping, chain = simple_cell_mapping(top, grid), generalized_cell_mapping(top, grid)
+    direct = find_basins(top, grid).labels
+    assert (direct == -4).all()
+    for basins in (mapping.basins(), chain.basins()):
+        np.testing.assert_array_equal(basins.labels, direct)
+        assert basins.verify(100).wrong == 0
+        np.testing.assert_array_equal(load_basins(save_basins(basins, tmp_path / "cells.h5")).labels, direct)
+
+
+def test_groups_of_cells_whose_orbits_do_not_return():
+    """Coarse cells keep what a little damping takes away: each is a group, and the exact map sees through it."""
+    mapping = simple_cell_mapping(
+        section_map(PENDULUM, ("theta", pi, 1), max_time=60.0), CellGrid((0.05,), (5.0,), (4,))
+    )
+    assert (mapping.groups >= 0).all()
+    assert (mapping.basins().labels == -4).all()
+
+
+def test_maps_travel_and_are_made_again(tmp_path):
+    back = section_map(LORENZ, ("z", 27.0, -1), max_time=20.0)
+    starts = [[-10.0, -12.0], [6.0, 2.0]]
+    same = pickle.loads(pickle.dumps(back))
+    np.testing.assert_array_equal(same(starts), back(starts))
+    np.testing.assert_array_equal(same.returns(starts).times, back.returns(starts).times)
+    turning = section_map(TORQUE, ("theta", 1.0, 1))
+    basins = find_basins(turning, CellGrid((3.0,), (9.0,), (10,)))
+    again = recompute_basins(load_basins(save_basins(basins, tmp_path / "turning.h5")), TORQUE)
+    np.testing.assert_array_equal(again.labels, basins.labels)
+
+
+def test_orbits_that_do_not_return_say_so():
+    """Without torque a pendulum comes to rest below, and theta = pi is not crossed again."""
+    rest = section_map(TORQUE.with_params(torque=0.0), ("theta", pi, 0), max_time=50.0)
+    images = rest.iterate([[0.0], [0.5], [9.0]], 1)
+    assert images.status.tolist() == [Status.NO_RETURN, Status.NO_RETURN, Status.OK]
+    assert np.isnan(images.points[:2]).all()
+    basins = find_basins(rest, CellGrid((0.1,), (1.0,), (9,)))
+    assert (basins.labels == -4).all() and basins.label_name(-4) == "did not return"
+    unended = final_states(rest, basins.grid, (), lambda points: np.full(len(points), -1), max_periods=3)
+    assert (unended.labels(basins.grid.centres()) == -4).all()
+    returns = rest.returns([[0.5], [9.0]])
+    assert np.isnan(returns.times[0]) and returns.times[1] > 0
+
+
+def test_derivatives_are_those_of_differences():
+    back = section_map(LORENZ, ("z", 27.0, -1), rtol=1e-13, atol=1e-13)
+    starts = np.array([[6.0, 2.0], [-10.0, -12.0]])
+    for start, matrix in zip(starts, jacobian(back, starts), strict=True):
+        columns = [(back(start + 1e-5 * e) - back(start - 1e-5 * e)) / 2e-5 for e in np.eye(2)]
+        np.testing.assert_allclose(matrix, np.stack(columns, axis=-1), atol=1e-8)
+
+
+def test_image_does_not_depend_on_its_neighbours():
+    back = section_map(LORENZ, ("z", 27.0, -1))
+    starts = np.random.default_rng(0).uniform(-12, 12, (70, 2))
+    together = back(starts)
+    np.testing.assert_array_equal(np.concatenate([back(s[None]) for s in starts[:5]]), together[:5])
+    np.testing.assert_array_equal(back(starts[::-1])[::-1], together)
+
+
+def test_fixed_time_map_is_the_flow():
+    pendulum = magnetic_pendulum()
+    start = np.array([[0.4, 0.3, 0.0, 0.1]])
+    done = solve_ivp(pendulum.fun, (0.0, 2.5), start[0], method="DOP853", rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(flow_map(pendulum, 2.5)(start)[0], done.y[:, -1], atol=1e-8)
+    half = flow_map(pendulum, 1.25, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(half(half(start)), flow_map(pendulum, 2.5, 1e-12, 1e-12)(start), atol=1e-10)
+
+
+def test_right_hand_sides_that_jump_have_no_section():
+    def rhs(t, x, p, s):
+        return x[1], -x[0] - 0.5 * s[0]
+
+    block = ForcedSystem(rhs, {}, 3.0, ("q", "v"), "block", lambda t, x, p: (x[1],))
+    with pytest.raises(ValueError, match=r"has switches.*flow_map"):
+        section_map(block, ("q", 0.0, 1))
+    assert abs(flow_map(block, 1.0)([0.4, 0.0]) - [0.4, 0.0]).max() < 1e-12  # it sticks
+
+
+def test_what_is_wrong_is_named():
+    with pytest.raises(ValueError, match="depends on time"):
+        section_map(two_well_duffing(), ("v", 0.0, 1))
+    with pytest.raises(ValueError, match="depends on time"):
+        flow_map(two_well_duffing(), 1.0)
+    with pytest.raises(TypeError, match="section=3"):
+        section_map(LORENZ, 3)
+    with pytest.raises(ValueError, match=r"coordinates are \['x', 'y', 'z'\]"):
+        section_map(LORENZ, ("w", 0.0, 1))
+    with pytest.raises(ValueError, match=r"section\[2\]=2"):
+        section_map(LORENZ, ("z", 27.0, 2))
+    with pytest.raises(ValueError, match="max_time=0"):
+        section_map(LORENZ, ("z", 27.0, 1), max_time=0)
+    with pytest.raises(ValueError, match=r"time=-1"):
+        flow_map(LORENZ, -1.0)
+    with pytest.raises(TypeError, match="give a ForcedSystem"):
+        flow_map(lorenz, 1.0)

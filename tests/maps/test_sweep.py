@@ -1,0 +1,122 @@
+"""Maps with parameters as further state variables, against maps made for each value."""
+
+from __future__ import annotations
+
+from math import cos, pi
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, ForcedSystem, PointMap, Status, angle, discrete_map, interpolated_map, stroboscopic_map
+from cellmap.maps import jacobian, swept_map
+from systems import driven_pendulum, henon_map
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> PointMap:
+    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+
+
+def test_images_are_those_of_each_value(pendulum: PointMap) -> None:
+    rng = np.random.default_rng(0)
+    lower, upper = (-pi, -100.0, 0.0, 20.0, 0.02), (pi, 100.0, 0.01, 80.0, 0.04)
+    states = rng.uniform(lower, upper, (40, 5))
+    images = swept_map(pendulum, "amplitude", "frequency", "length")(states)
+    for state, image in zip(states, images, strict=True):
+        amplitude, frequency, length = state[2:]
+        alone = pendulum.with_params(amplitude=amplitude, frequency=frequency, length=length)
+        np.testing.assert_allclose(image[:2], alone(state[:2]), rtol=1e-10, atol=1e-10)
+        assert (image[2:] == state[2:]).all()
+
+
+def test_derivatives_by_a_parameter(pendulum: PointMap) -> None:
+    # Against Richardson's extrapolation of central differences.
+    state, h = np.array([1.0, 31.4]), 1e-6
+    for name in ("amplitude", "frequency", "damping"):
+        value = pendulum.params[name]
+
+        def slope(step: float, name: str = name, value: float = value) -> np.ndarray:
+            ahead, behind = (pendulum.with_params(**{name: value + s * step})(state) for s in (1.0, -1.0))
+            return (ahead - behind) / (2.0 * step)
+
+        step = h * max(value, 1.0) if name != "amplitude" else 1e-5
+        expected = (4.0 * slope(step) - slope(2.0 * step)) / 3.0
+        found = jacobian(swept_map(pendulum, name), [*state, value])
+        np.testing.assert_allclose(found[:2, 2], expected, rtol=1e-5, atol=1e-7)
+        np.testing.assert_array_equal(found[2], [0.0, 0.0, 1.0])
+
+
+def test_a_discrete_map() -> None:
+    henon = henon_map()
+    swept = swept_map(henon, "b", "a")
+    np.testing.assert_array_equal(swept([0.5, 0.2, 0.1, 1.2])[:2], henon.with_params(a=1.2, b=0.1)([0.5, 0.2]))
+    np.testing.assert_allclose(jacobian(swept, [0.5, 0.2, 0.1, 1.2])[:2, 2:], [[0.0, -0.25], [0.5, 0.0]], rtol=1e-14)
+
+
+def test_a_parameter_called_like_a_state() -> None:
+    shift = discrete_map(lambda x, p: (x[0] + p.x,), {"x": 1.0}, ("x",))
+    assert [c.name for c in swept_map(shift, "x").coordinates] == ["x", "parameter x"]
+
+
+def test_dry_friction() -> None:
+    exact = stroboscopic_map(driven_pendulum(amplitude=0.003, friction=10.0))
+    swept = swept_map(exact, "friction")
+    state = [2.5, 10.0]
+    for friction in (5.0, 20.0):
+        expected = exact.with_params(friction=friction)(state)
+        np.testing.assert_allclose(swept([*state, friction])[:2], expected, rtol=1e-8, atol=1e-8)
+
+
+def test_where_the_right_hand_side_cannot_be_traced() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        q, v = x
+        stiffness = p.k if q > -100.0 else 2.0 * p.k
+        return v, -stiffness * q - 0.1 * v + cos(t)
+
+    exact = stroboscopic_map(ForcedSystem(rhs, {"k": 1.0}, 2 * pi, ("q", "v")))
+    states = np.array([[0.1, 0.2, 1.0], [0.1, 0.2, 3.0], [-1.0, 0.0, 1.0]])
+    swept = swept_map(exact, "k")
+    for state, image in zip(states, swept(states), strict=True):
+        np.testing.assert_array_equal(image[:2], exact.with_params(k=state[2])(state[:2]))
+        assert image[2] == state[2]
+    assert swept.iterate([[1e300, 0.0, 1.0]], 3).status[0] == Status.DIVERGED
+
+
+def test_a_table_gives_the_exact_map(pendulum: PointMap) -> None:
+    table = interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (32, 32)), outside="integrate")
+    state = [1.0, 31.4, 0.003]
+    np.testing.assert_array_equal(swept_map(table, "amplitude")(state), swept_map(pendulum, "amplitude")(state))
+    other = table.with_params(amplitude=0.0)
+    assert other.table is not None
+    assert other.params["amplitude"] == 0.0
+    assert other.recipe["shape"] == table.recipe["shape"]
+
+
+def test_turns_are_counted() -> None:
+    circle = discrete_map(lambda x, p: (x[0] + p.shift,), {"shift": 1.0}, (angle("theta"),))
+    np.testing.assert_array_equal(swept_map(circle, "shift").iterate([[0.0, 7.0]], 3).turns, [[3, 0]])
+
+
+def test_a_period_that_changes_is_refused() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -x[0] - 0.1 * x[1] + cos(p.omega * t)
+
+    fixed = stroboscopic_map(ForcedSystem(rhs, {"omega": 1.0}, 2 * pi, ("q", "v")))
+    with pytest.raises(ValueError, match="period=lambda p"):
+        swept_map(fixed, "omega")
+    following = ForcedSystem(rhs, {"omega": 1.0}, lambda p: 2 * pi / p.omega, ("q", "v"))
+    free = stroboscopic_map(following, rtol=1e-12, atol=1e-12)
+    image = swept_map(free, "omega")([0.3, 0.1, 1.3])[:2]
+    np.testing.assert_allclose(image, free.with_params(omega=1.3)([0.3, 0.1]), rtol=1e-10)
+
+
+def test_bad_names_are_refused(pendulum: PointMap) -> None:
+    with pytest.raises(ValueError, match="names='depth'"):
+        swept_map(pendulum, "depth")
+    with pytest.raises(ValueError, match="different parameters"):
+        swept_map(pendulum, "amplitude", "amplitude")
+    with pytest.raises(ValueError, match="different parameters"):
+        swept_map(pendulum)
+    with pytest.raises(ValueError, match="params has no"):
+        pendulum.with_params(depth=1.0)

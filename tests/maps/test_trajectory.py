@@ -1,0 +1,188 @@
+"""Trajectories: SciPy's solutions as witness, the stroboscopic map at whole periods, failures as data."""
+
+from __future__ import annotations
+
+from math import cos, exp, pi, sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import systems
+from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map, trajectory
+from cellmap.maps import ToleranceWarning, Trajectory
+
+OSCILLATOR = ForcedSystem(
+    lambda t, x, p: (x[1], -x[0]),
+    {},
+    2 * pi,
+    ("q", "v"),
+    "oscillator",
+    outputs={"energy": lambda t, x, p: (0.5 * (x[0] ** 2 + x[1] ** 2),), "phase": lambda t, x, p: (cos(t), sin(t))},
+)
+ROTATION = ForcedSystem(lambda t, x, p: (3.0 + cos(t),), {}, 2 * pi, (angle("theta"),))
+BLOW_UP = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",))  # x = 1 / (1/x0 - t)
+
+
+def solution(system, start, times):
+    """SciPy's DOP853 with steps short enough for its dense output to have 11 digits."""
+    made = solve_ivp(
+        system.fun,
+        (times[0], times[-1]),
+        start,
+        "DOP853",
+        times,
+        rtol=1e-13,
+        atol=1e-15,
+        max_step=(times[1] - times[0]) / 2,
+    )
+    assert made.success
+    return made.y.T
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("method", ["auto", "DOP853"])
+@pytest.mark.parametrize("factory", [systems.two_well_duffing, systems.driven_pendulum, systems.forced_pendulum])
+def test_samples_meet_the_tolerance_within_every_period(factory, method, tolerance, allowance):
+    system = factory()
+    starts = [[0.5, 0.3], [2.0, -40.0 if factory is systems.driven_pendulum else -1.0]]
+    motion = trajectory(system, starts, 4, samples=40, phase=0.3, rtol=tolerance, atol=tolerance, method=method)
+    for k in (0, 3):
+        part = slice(40 * k, 40 * k + 41)
+        for i in range(2):
+            states = motion.states[part, i]
+            error = np.abs(solution(system, states[0], motion.times[part]) - states)
+            assert (error <= allowance(system, states, tolerance, tolerance)).all()
+
+
+def test_every_period_ends_where_the_map_leads():
+    strobe = stroboscopic_map(systems.forced_pendulum(), phase=0.25)
+    orbit = strobe.orbit([[0.5, 0.3], [3.0, 2.5]], 30)
+    motion = trajectory(systems.forced_pendulum(), [[0.5, 0.3], [3.0, 2.5]], 30, phase=0.25)
+    assert motion.strobe == pytest.approx(orbit.points, abs=1e-13)
+    assert motion.states[::64] == pytest.approx(orbit.unwrapped, abs=1e-12)
+
+
+def test_shapes_and_times():
+    motion = trajectory(OSCILLATOR, np.zeros((3, 4, 2)), 5, samples=7, phase=0.5)
+    assert motion.states.shape == motion.wrapped.shape == (36, 3, 4, 2)
+    assert motion.strobe.shape == (6, 3, 4, 2)
+    assert motion.status.shape == (3, 4)
+    assert motion.output("phase").shape == (36, 3, 4, 2)
+    assert motion.times == pytest.approx(pi + np.arange(36) * 2 * pi / 7)
+    assert (motion.periods, motion.samples) == (5, 7)
+    assert repr(motion) == "Trajectory(oscillator: 12 starts, 5 periods of 7 samples)"
+
+
+def test_one_sample_a_period_is_the_map_alone():
+    motion = trajectory(OSCILLATOR, [1.0, 0.0], 3, samples=1)
+    assert motion.states == pytest.approx(np.tile([1.0, 0.0], (4, 1)), abs=1e-9)
+
+
+def test_no_starts():
+    motion = trajectory(OSCILLATOR, np.zeros((0, 2)), 3)
+    assert motion.states.shape == (193, 0, 2)
+    assert motion.output("energy").shape == (193, 0, 1)
+
+
+def test_angles_are_unwrapped_from_the_given_start():
+    """Exactly theta = theta0 + 3 t + sin t, three turns a period."""
+    motion = trajectory(ROTATION, [[1.0], [1.0 + 20 * pi]], 5)
+    for i, start in enumerate((1.0, 1.0 + 20 * pi)):
+        exact = start + 3 * motion.times + np.sin(motion.times)
+        assert motion.states[:, i, 0] == pytest.approx(exact, abs=1e-8)
+        assert motion.states[0, i, 0] == start
+    assert (motion.wrapped >= -pi).all() and (motion.wrapped < pi).all()
+    assert np.cos(motion.wrapped) == pytest.approx(np.cos(motion.states), abs=1e-12)
+
+
+def test_outputs_follow_the_motion():
+    motion = trajectory(OSCILLATOR, [[1.0, 0.0], [0.0, 2.0]], 2, phase=0.25)
+    assert motion.output("energy")[..., 0] == pytest.approx(np.tile([0.5, 2.0], (129, 1)), abs=1e-8)
+    assert motion.output("phase")[:, 1] == pytest.approx(np.transpose([np.cos(motion.times), np.sin(motion.times)]))
+    with pytest.raises(ValueError, match=r"name='power': the outputs of oscillator are \['energy', 'phase'\]"):
+        motion.output("power")
+
+
+def test_an_orbit_that_diverges_is_followed_to_its_end():
+    system = ForcedSystem(BLOW_UP.rhs, {}, 1.0, ("x",), outputs={"square": lambda t, x, p: (x[0] ** 2,)})
+    motion = trajectory(system, [[0.1], [0.41]], 4, samples=8)  # the second one ends at t = 2.44
+    assert motion.status.tolist() == [Status.OK, Status.DIVERGED]
+    early = motion.times < 1 / 0.41
+    exact = 1 / (1 / 0.41 - motion.times[early])
+    assert motion.states[early, 1, 0] == pytest.approx(exact, rel=1e-7)
+    assert np.isnan(motion.states[~early, 1]).all()
+    assert np.isfinite(motion.states[:, 0]).all()
+    assert np.array_equal(np.isnan(motion.output("square")), np.isnan(motion.states))
+
+
+def test_a_missed_tolerance_is_told():
+    system = ForcedSystem(lambda t, x, p: (x[1], -4e4 * x[0]), {}, 2 * pi, ("q", "v"))
+    with pytest.warns(ToleranceWarning, match="1 of 2 orbits"):
+        motion = trajectory(system, [[1.0, 0.0], [0.0, 0.0]], 2, samples=4, max_steps=512)
+    assert motion.status.tolist() == [Status.INACCURATE, Status.OK]
+
+
+@pytest.mark.slow
+def test_dry_friction_stays_at_rest_between_samples():
+    """A block on a table, q'' = -sgn q' from speed 1: at rest from t = 1 on, at q = 1/2; the pull is too weak."""
+    system = ForcedSystem(
+        lambda t, x, p, s: (x[1], p.pull * sin(t) - s[0]),
+        {"pull": 0.0},
+        2 * pi,
+        ("q", "v"),
+        switches=lambda t, x, p: (x[1],),
+    )
+    motion = trajectory(system, [0.0, 1.0], 2)
+    moving = motion.times < 1.0
+    t = motion.times[moving]
+    assert motion.states[moving] == pytest.approx(np.transpose([t - t * t / 2, 1.0 - t]), abs=1e-9)
+    assert motion.states[~moving] == pytest.approx(np.tile([0.5, 0.0], (np.count_nonzero(~moving), 1)), abs=1e-9)
+
+
+def test_functions_that_cannot_be_traced_are_integrated_too():
+    def rhs(t, x, p):
+        return (-x[0] if x[0] > 0.0 else -2.0 * x[0],)
+
+    motion = trajectory(ForcedSystem(rhs, {}, 1.0, ("x",)), [[1.0], [-1.0]], 2, samples=8)
+    assert motion.states[..., 0] == pytest.approx(
+        np.transpose([np.exp(-motion.times), -np.exp(-2 * motion.times)]), abs=1e-9
+    )
+    assert motion.states[-1, 0, 0] == pytest.approx(exp(-2.0))
+
+
+def test_same_bits_for_any_number_of_threads_and_neighbours():
+    starts = np.random.default_rng(1).uniform(-2, 2, (700, 2))
+    set_threads(1)
+    one = trajectory(systems.two_well_duffing(), starts, 30, samples=4)
+    set_threads(2)
+    assert np.array_equal(trajectory(systems.two_well_duffing(), starts, 30, samples=4).states, one.states)
+    assert np.array_equal(trajectory(systems.two_well_duffing(), starts[5], 30, samples=4).states, one.states[:, 5])
+
+
+def test_states_are_not_tied_to_the_argument():
+    starts = np.array([[1.0, 0.0]])
+    motion = trajectory(OSCILLATOR, starts, 1, samples=2)
+    starts[:] = 7.0
+    assert motion.states[0].tolist() == [[1.0, 0.0]]
+    assert isinstance(motion, Trajectory)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"system": "pendulum"}, TypeError, "system='pendulum': give a ForcedSystem"),
+        ({"starts": [1.0]}, ValueError, "starts has shape"),
+        ({"starts": [[1.0, np.nan]]}, ValueError, "starts"),
+        ({"periods": 0}, ValueError, "periods=0: give a whole number of at least 1"),
+        ({"periods": 1.5}, TypeError, "periods=1.5: give a whole number"),
+        ({"samples": 0}, ValueError, "samples=0: give a whole number of at least 1"),
+        ({"phase": np.inf}, ValueError, "phase=inf: give a finite number"),
+        ({"rtol": 0.0}, ValueError, "rtol=0.0: give a number of at least 1e-14"),
+        ({"method": "Euler"}, ValueError, "method='Euler': choose one of"),
+        ({"periods": 10**12}, MemoryError, "take fewer periods, samples or starts"),
+    ],
+)
+def test_arguments_are_checked(change, error, message):
+    with pytest.raises(error, match=message):
+        trajectory(**{"system": OSCILLATOR, "starts": [1.0, 0.0], "periods": 1, **change})

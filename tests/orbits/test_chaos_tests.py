@@ -1,0 +1,273 @@
+"""Tests for chaos: what is told apart, and what must not be said."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import pi, sqrt
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, angle, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap.orbits import ChaosTest, alignment_test, exponent_test, zero_one_test, zero_one_test_of_series
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+TESTS = [exponent_test, zero_one_test]
+
+# Standard map, k = 1.2: circles around the elliptic fixed point (pi, 0) and its mirror image of period 2, and starts
+# beside the hyperbolic fixed point (0, 0) in the chaotic sea (Chirikov 1979).
+REGULAR = [[pi, 0.05], [pi, 0.4], [pi + 0.5, 0.1], [0.0, 3.0]]
+CHAOTIC = [[0.1, 0.0], [0.05, 0.1], [0.0, 2.0]]
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_regular_and_chaotic_starts_of_the_standard_map(test: Any) -> None:
+    """Some of the regular orbits have a positive exponent for all finite times."""
+    found = test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000, 0)
+    assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
+    assert ((found.low <= found.value) & (found.value <= found.high)).all()
+
+
+@pytest.mark.parametrize("test", TESTS)
+@pytest.mark.parametrize(
+    ("mu", "verdict"),
+    # Periods 2 and 4, the window of period 3, and bands (May 1976).
+    [(3.2, "regular"), (3.5, "regular"), (3.83, "regular"), (3.7, "chaotic"), (3.9, "chaotic"), (4.0, "chaotic")],
+)
+def test_the_logistic_map(test: Any, mu: float, verdict: str) -> None:
+    assert test(systems.logistic_map(mu), [[0.3], [0.4]], 2000, 1000).verdict.tolist() == [verdict] * 2
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_henon_and_flows(test: Any) -> None:
+    assert test(systems.henon_map(), [0.1, 0.1]).verdict == "chaotic"
+    assert test(stroboscopic_map(systems.two_well_duffing()), [0.5, 0.1], 400, 100).verdict == "regular"
+    assert (
+        test(stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05)), [0.5, 0.1], 400).verdict == "chaotic"
+    )
+    rotating = stroboscopic_map(systems.dimensionless_pendulum(-0.1, 0.545, 0.2))
+    assert test(rotating, [2.18, 1.19], 400, 100).verdict == "regular"
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_quasiperiodic_motion_is_regular(test: Any) -> None:
+    """An attracting invariant circle (delayed logistic map, Aronson et al. 1982) and rotations by irrational turns."""
+    circle = discrete_map(lambda x, p: (2.05 * x[0] * (1 - x[1]), x[0]), {}, ("x", "y"))
+    assert test(circle, [0.5, 0.4], 4000).verdict == "regular"
+    angle = systems.standard_map(0.0)
+    assert (
+        test(angle, [[0.0, 2.0 * pi * (sqrt(5.0) - 1.0) / 2.0], [1.0, 1.0]], 2000).verdict.tolist() == ["regular"] * 2
+    )
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_an_unstable_fixed_point_is_no_chaos(test: Any) -> None:
+    """Its exponent is 1.05 with k = 1.2 (multipliers of trace 2 + k); the orbit that stays on it is at rest."""
+    found = test(systems.standard_map(1.2), [0.0, 0.0], 500, 0)
+    assert found.verdict == "regular"
+
+
+def test_at_the_onset_of_chaos_the_exponent_decides_nothing() -> None:
+    """mu_infinity = 3.569945672 (Feigenbaum 1978): the exponent is 0, and the growth fluctuates without bound."""
+    assert exponent_test(systems.logistic_map(3.569945672), [0.3], 2000, 1000).verdict == "undecided"
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_nothing_is_said_of_orbits_that_end(test: Any) -> None:
+    found = test(systems.henon_map(), [[0.1, 0.1], [9.0, 9.0]], 500)
+    assert found.verdict.tolist() == ["chaotic", "undecided"]
+    assert np.isnan([found.value[1], found.low[1], found.high[1]]).all()
+    assert not (found.chaotic | found.regular)[1]
+    assert repr(found).endswith("1 chaotic, 1 undecided)")
+
+
+def test_short_orbits_of_weak_chaos_are_not_called_chaotic() -> None:
+    """k = 0.3: the stochastic layer of the hyperbolic point is exponentially thin, and its exponents tiny."""
+    found = exponent_test(systems.standard_map(0.3), [[1.0, 0.5], [2.0, 1.0], [3.0, 2.5]], 400, 0)
+    assert not found.chaotic.any()
+
+
+def test_noise_is_not_regular_and_tones_are_not_chaotic() -> None:
+    """Independent numbers diffuse (K = 1), sums of tones do not (K = 0); a constant is at rest."""
+    rng = np.random.default_rng(0)
+    time = np.arange(2000.0)
+    tones = np.cos(time * (sqrt(5.0) - 1.0)) + 0.5 * np.sin(time * sqrt(2.0) + 1.0)
+    found = zero_one_test_of_series(np.stack([rng.normal(size=2000), tones, np.full(2000, 0.1), time * 0.0], axis=1))
+    assert found.verdict.tolist() == ["chaotic", "regular", "regular", "regular"]
+    assert found.value[0] == pytest.approx(1.0, abs=0.02)
+    assert found.value[1:] == pytest.approx(0.0, abs=0.05)
+    assert found.value[2:].tolist() == [0.0, 0.0]
+
+
+def test_finely_sampled_chaos_is_not_told_by_the_0_1_test() -> None:
+    """Said in the literature (Gottwald, Melbourne 2009): oversampling lowers K; it must not come out as chaotic."""
+    x = systems.logistic_map(4.0).orbit([0.3], 200).points[:, 0]
+    fine = np.interp(np.arange(0, 2000) / 10.0, np.arange(len(x)), x)
+    assert zero_one_test_of_series(np.sin(0.001 * np.arange(2000.0)) + 1e-3 * fine).verdict != "chaotic"
+
+
+def test_mean_square_displacements_are_those_of_their_definition() -> None:
+    """Against sums as they are written by Gottwald and Melbourne (2009), equations 2.1 to 2.3."""
+    from cellmap.orbits.zero_one import _correlations
+
+    series = systems.logistic_map(3.9).orbit([0.3], 399).points[:, 0]
+    swing = series - series.mean()
+    n, cut = len(series), len(series) // 10
+    for c in (0.7, 1.9):
+        p = np.cumsum(swing * np.cos(c * np.arange(1, n + 1)))
+        q = np.cumsum(swing * np.sin(c * np.arange(1, n + 1)))
+        kept = np.arange(n - cut)
+        moved = [np.mean((p[kept + m] - p[kept]) ** 2 + (q[kept + m] - q[kept]) ** 2) for m in range(1, cut + 1)]
+        expected = np.corrcoef(np.arange(1, cut + 1), moved)[0, 1]
+        assert _correlations(series, np.array([c]))[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_an_observable_of_ones_own() -> None:
+    found = zero_one_test(systems.henon_map(), [0.1, 0.1], 1000, observable=lambda x: x[..., 0] ** 2)
+    assert found.verdict == "chaotic"
+    with pytest.raises(ValueError, match="one number for each"):
+        zero_one_test(systems.henon_map(), [0.1, 0.1], 1000, observable=lambda x: x)
+
+
+def test_the_0_1_test_needs_no_derivative_and_takes_tables() -> None:
+    exact = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
+    table = interpolated_map(exact, CellGrid((-pi, -4.0), (pi, 4.0), (128, 128)), outside="integrate")
+    assert zero_one_test(table, [0.5, 0.1], 500).verdict == "chaotic"
+
+
+def test_the_same_bits_for_a_seed_and_any_number_of_threads() -> None:
+    results = []
+    for count in (1, 2):
+        set_threads(count)
+        results.append(zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, seed=3))
+    assert np.array_equal(results[0].evidence, results[1].evidence)
+    other = zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, seed=4)
+    assert not np.array_equal(results[0].evidence, other.evidence)
+
+
+def test_the_median_has_an_exact_interval() -> None:
+    """Ranks 40 and 61 of 100 hold the median with 96.5 % (binomial): the smallest such interval of at least 95 %."""
+    found = zero_one_test_of_series(np.random.default_rng(1).normal(size=400))
+    assert found.low == found.evidence[39]
+    assert found.high == found.evidence[60]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ((3, [0.1, 0.1]), TypeError, "give a PointMap"),
+        ((systems.henon_map(), np.empty((0, 2))), ValueError, "starts is empty"),
+        ((systems.henon_map(), [0.1, 0.1], 10), ValueError, "periods=10: give a whole number of at least"),
+        ((systems.henon_map(), [0.1, 0.1], 300, -1), ValueError, "transient=-1"),
+    ],
+)
+@pytest.mark.parametrize("test", TESTS)
+def test_bad_input_is_refused(test: Any, arguments: tuple[Any, ...], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        test(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((np.zeros(100),), "at least 200 values"),
+        ((np.full(300, np.nan),), "not finite"),
+        ((np.zeros((300, 0)),), "at least one series"),
+        ((np.zeros(300), 5), "frequencies=5"),
+        ((np.zeros(300), 20, 1.0), "confidence=1.0"),
+    ],
+)
+def test_bad_series_are_refused(arguments: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        zero_one_test_of_series(*arguments)
+
+
+# --- alignment
+
+
+def test_alignment_tells_islands_from_the_sea() -> None:
+    found = alignment_test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000)
+    assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
+    assert ((found.low <= found.value) & (found.value <= found.high)).all()
+    # Two deviations beside a torus of one dimension: t^-2, which is ln(t) / t off no rate at all.
+    assert (np.abs(found.evidence[-1, :4]) < 3.0 * np.log(2000) / 2000).all()
+    assert plot.chaos_test(found).get_ylabel() == "rate of alignment per step"
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_rates_of_alignment_are_differences_of_exponents(order: int) -> None:
+    """Of two cat maps side by side: (order - 1) L1 - L2 - ... with +-0.9624 and +-1.7627 (Skokos et al. 2007)."""
+    cats = discrete_map(
+        lambda x, p: (2 * x[0] + x[1], x[0] + x[1], 5 * x[2] + 2 * x[3], 2 * x[2] + x[3]),
+        {},
+        tuple(angle(name, "", 1.0) for name in "abcd"),
+    )
+    exponents = np.array([np.log(3 + sqrt(8)), np.log(1.5 + sqrt(1.25))])
+    spectrum = np.concatenate([exponents, -exponents[::-1]])
+    found = alignment_test(cats, [[0.1, 0.2, 0.3, 0.4], [0.2, 0.1, 0.7, 0.3]], 300, order=order)
+    assert found.verdict.tolist() == ["chaotic"] * 2
+    assert found.value == pytest.approx(np.full(2, (order - 1) * spectrum[0] - spectrum[1:order].sum()), rel=1e-9)
+
+
+def test_shear_and_resting_orbits_are_regular() -> None:
+    """Plain shear aligns two deviations like 1/t; an unstable fixed point is no chaos."""
+    shear = discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("a"), "b"))
+    assert alignment_test(shear, [[0.3, 0.2], [0.1, 1.234]], 2000).verdict.tolist() == ["regular"] * 2
+    assert alignment_test(systems.standard_map(1.2), [0.0, 0.0], 500).verdict == "regular"
+
+
+def test_alignment_says_nothing_where_volumes_shrink_or_orbits_end() -> None:
+    """Beside an attracting cycle deviations align as well, as fast as its exponents differ."""
+    assert alignment_test(systems.henon_map(), [0.1, 0.1], 400).verdict == "undecided"
+    node = discrete_map(lambda x, p: (x[0] / 2, x[1] / 4), {}, ("x", "y"))
+    found = alignment_test(node, [0.1, 0.1], 400)
+    assert found.value == pytest.approx(np.log(2.0))
+    assert found.verdict == "undecided"
+    thrown = alignment_test(systems.henon_map(), [[5.0, 5.0]], 100)
+    assert thrown.verdict.tolist() == ["undecided"]
+    assert np.isnan(thrown.value).all()
+
+
+def test_alignment_has_the_same_bits_for_any_number_of_threads() -> None:
+    values = []
+    for threads in (1, 2):
+        set_threads(threads)
+        values.append(alignment_test(systems.standard_map(1.2), np.random.default_rng(0).random((600, 2)), 50).value)
+    assert np.array_equal(*values)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"point_map": 3}, TypeError, "give a PointMap"),
+        ({"starts": np.empty((0, 2))}, ValueError, "starts is empty"),
+        ({"periods": 43}, ValueError, "periods=43"),
+        ({"order": 3}, ValueError, "order=3"),
+        ({"order": 1}, ValueError, "order=1"),
+        ({"confidence": 1.0}, ValueError, "confidence=1.0"),
+    ],
+)
+def test_what_alignment_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        alignment_test(**{"point_map": systems.standard_map(1.2), "starts": [0.1, 0.1], **change})
+
+
+def test_the_picture() -> None:
+    found = exponent_test(systems.standard_map(1.2), [[pi, 0.3], [0.1, 0.0]], 400, 0)
+    assert isinstance(found, ChaosTest)
+    ax = plot.chaos_test(found)
+    # The verdict on one chaotic orbit depends on its last bits: a quarter of its neighbours stay undecided.
+    verdicts = Counter(found.verdict.tolist())
+    kinds = [kind for kind in ("chaotic", "regular", "undecided") if verdicts[kind]]
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == [f"{kind}: {verdicts[kind]}" for kind in kinds]
+    assert verdicts["regular"] == 1
+    assert len(kinds) == 2
+    assert plot.chaos_test(zero_one_test(systems.henon_map(), [0.1, 0.1], 300)).get_ylabel() == "K"
+    with pytest.raises(TypeError, match="give a ChaosTest"):
+        plot.chaos_test("chaotic")  # type: ignore[arg-type]
+    plt.close("all")

@@ -1,0 +1,203 @@
+"""Finite-time exponents over a grid: exact values, both directions, and their relation to basins."""
+
+from __future__ import annotations
+
+from math import cosh, log, pi
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, discrete_map, find_basins, lyapunov_spectrum, plot, set_threads, stroboscopic_map
+from cellmap._compiled.kernels.stretching import append_steps
+from cellmap.maps import jacobian
+from cellmap.orbits import ExponentField, finite_time_exponents
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (7, 5))
+
+
+def linear(matrix: Any) -> Any:
+    rows = tuple(map(tuple, matrix))
+
+    def product(x: Any, p: Any) -> tuple[float, ...]:
+        return tuple(sum(a * b for a, b in zip(row, x, strict=True)) for row in rows)
+
+    return discrete_map(product, {}, tuple("abcd"[: len(rows)]))
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 4])
+def test_a_linear_map_is_exact(dimension: int) -> None:
+    """Logarithms of the singular values of the power of the matrix, from NumPy's decomposition of that power."""
+    matrix = np.random.default_rng(dimension).normal(size=(dimension, dimension))
+    grid = CellGrid((-1.0,) * dimension, (1.0,) * dimension, tuple(range(2, 2 + dimension)))
+    field = finite_time_exponents(linear(matrix), grid, 6)
+    values = np.linalg.svd(np.linalg.matrix_power(matrix, 6), compute_uv=False)
+    assert field.forward == pytest.approx(np.full(grid.shape, log(values[0]) / 6.0), rel=1e-12)
+    assert field.backward == pytest.approx(np.full(grid.shape, -log(values[-1]) / 6.0), rel=1e-9)
+
+
+def test_a_shear_grows_like_time() -> None:
+    """n steps of (x + y, y) have the largest singular value (n + sqrt(n^2 + 4))/2."""
+    n = 50
+    field = finite_time_exponents(linear([[1.0, 1.0], [0.0, 1.0]]), SQUARE, n)
+    exact = log(0.5 * (n + (n * n + 4.0) ** 0.5)) / n
+    assert field.forward == pytest.approx(np.full(SQUARE.shape, exact), rel=1e-12)
+    assert field.backward == pytest.approx(np.full(SQUARE.shape, exact), rel=1e-10)
+
+
+def test_no_digits_are_lost_after_many_steps() -> None:
+    """The singular values 3^1000 and 0.1^1000 are beyond floating point, and their ratio is so after 11 steps."""
+    field = finite_time_exponents(linear(np.diag([3.0, 0.1])), CellGrid((-1.0, -1.0), (1.0, 1.0), (1, 1)), 1000)
+    assert field.forward[0, 0] == pytest.approx(log(3.0), rel=1e-12)
+    assert field.backward[0, 0] == pytest.approx(log(10.0), rel=1e-12)
+
+
+def test_the_derivative_of_the_flow() -> None:
+    strobe = stroboscopic_map(systems.forced_pendulum())
+    grid = CellGrid((-pi, -4.0), (pi, 4.0), (6, 4))
+    field = finite_time_exponents(strobe, grid, 3)
+    values = np.linalg.svd(jacobian(strobe, grid.centres(), 3), compute_uv=False)
+    assert field.forward == pytest.approx(np.log(values[..., 0]) / 3.0, rel=1e-9)
+    assert field.backward == pytest.approx(-np.log(values[..., 1]) / 3.0, rel=1e-6)
+    assert field.forward - field.backward == pytest.approx(-0.2 * 2.0 * pi, abs=1e-9)  # the area shrinks by damping
+    assert field.per_time == pytest.approx(field.forward / (2.0 * pi))
+    assert field.images == pytest.approx(strobe.iterate(grid.centres(), 3).points, abs=1e-6)
+
+
+def test_the_way_back_is_that_of_the_inverse_map() -> None:
+    """Henon's inverse is known: the forward exponent of it at the image is the backward exponent."""
+    henon = systems.henon_map()
+    inverse = discrete_map(lambda x, p: (x[1] / 0.3, x[0] - 1.0 + 1.4 * (x[1] / 0.3) ** 2), {}, ("x", "y"))
+    grid = CellGrid((-0.5, -0.1), (0.5, 0.1), (4, 3))
+    field = finite_time_exponents(henon, grid, 3)
+    values = np.linalg.svd(jacobian(inverse, field.images, 3), compute_uv=False)
+    assert field.backward == pytest.approx(np.log(values[..., 0]) / 3.0, rel=1e-9)
+
+
+def test_ridges_lie_on_the_basin_boundary() -> None:
+    """Two damped wells without a force: cells beside the separatrix part faster than all but a few others."""
+    strobe = stroboscopic_map(systems.two_well_duffing(damping=0.3, forcing=0.0))
+    grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (60, 40))
+    field = finite_time_exponents(strobe, grid, 2)
+    labels = find_basins(strobe, grid).labels
+    beside = np.zeros(labels.shape, bool)
+    beside[:-1] |= labels[:-1] != labels[1:]
+    beside[:, :-1] |= labels[:, :-1] != labels[:, 1:]
+    assert np.median(field.forward[beside]) > np.quantile(field.forward[~beside], 0.95)
+
+
+def test_long_times_give_the_lyapunov_exponent() -> None:
+    strobe = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
+    field = finite_time_exponents(strobe, CellGrid((-pi, -2.0), (pi, 2.0), (8, 8)), 200)
+    mean, error = lyapunov_spectrum(strobe, np.zeros((16, 2)) + 0.1 * np.arange(16)[:, None], 300).pooled
+    spread = field.forward.std() / 8.0
+    assert field.forward.mean() == pytest.approx(mean[0], abs=4.0 * (error[0] + spread) + 0.02)
+
+
+def test_orbits_that_end_have_no_exponent() -> None:
+    field = finite_time_exponents(systems.henon_map(), CellGrid((-5.0, -5.0), (5.0, 5.0), (11, 11)), 30)
+    kept = systems.henon_map().iterate(field.grid.centres(), 30).status == 0
+    assert np.array_equal(np.isfinite(field.forward), kept)
+    assert np.array_equal(np.isfinite(field.images).all(axis=-1), kept)
+    assert 0 < kept.sum() < kept.size
+    assert f"{(~kept).sum()} starts without" in repr(field)
+
+
+def test_a_direction_that_vanishes() -> None:
+    field = finite_time_exponents(linear([[2.0, 0.0], [0.0, 0.0]]), SQUARE, 3)
+    assert field.forward == pytest.approx(np.full(SQUARE.shape, log(2.0)))
+    assert (field.backward == np.inf).all()
+    nothing = finite_time_exponents(linear([[0.0, 0.0], [0.0, 0.0]]), SQUARE, 3)
+    assert (nothing.forward == -np.inf).all()
+    assert (nothing.backward == np.inf).all()
+
+
+def test_slices_and_single_cells() -> None:
+    """An axis of one cell is held at its centre; nothing is divided by the number of cells."""
+    strobe = stroboscopic_map(systems.two_well_duffing())
+    whole = finite_time_exponents(strobe, CellGrid((-1.0, -0.5), (1.0, 0.5), (9, 3)), 2)
+    row = finite_time_exponents(strobe, CellGrid((-1.0, -1e-3), (1.0, 1e-3), (9, 1)), 2)
+    assert row.forward[:, 0] == pytest.approx(whole.forward[:, 1], rel=1e-12)
+    one = finite_time_exponents(strobe, CellGrid((-1.0, -0.5), (1.0, 0.5), (1, 1)), 2)
+    assert one.forward[0, 0] == pytest.approx(whole.forward[4, 1], rel=1e-12)
+
+
+def test_a_field_on_a_line() -> None:
+    """x -> 2 sinh-like stretch: the derivative of sinh is cosh."""
+    from math import sinh
+
+    field = finite_time_exponents(discrete_map(lambda x, p: (sinh(x[0]),), {}, ("x",)), CellGrid((-1,), (1,), (4,)), 1)
+    assert field.forward == pytest.approx([log(cosh(x)) for x in field.grid.axis(0)], abs=1e-12)
+    assert field.backward == pytest.approx(-field.forward, abs=1e-12)
+
+
+def test_the_same_bits_for_any_number_of_threads() -> None:
+    grid = CellGrid((-1.0, -1.0), (1.0, 1.0), (60, 50))
+    results = []
+    for count in (1, 2):
+        set_threads(count)
+        results.append(finite_time_exponents(systems.henon_map(), grid, 5))
+    assert np.array_equal(results[0].forward, results[1].forward, equal_nan=True)
+    assert np.array_equal(results[0].backward, results[1].backward, equal_nan=True)
+
+
+def test_the_kernel_inverts_with_pivots() -> None:
+    """Against NumPy's inverse, on matrices whose first pivot is 0."""
+    steps = np.random.default_rng(5).normal(size=(4, 3, 3))
+    steps[:, 0, 0] = 0.0
+    there, back = (np.broadcast_to(np.eye(3), (4, 3, 3)).copy() for _ in range(2))
+    size_there, size_back = np.zeros(4), np.zeros(4)
+    append_steps(steps, there, size_there, back, size_back)
+    append_steps(steps, there, size_there, back, size_back)
+    twice = steps @ steps
+    assert there * np.exp(size_there)[:, None, None] == pytest.approx(twice, rel=1e-9, abs=1e-12)
+    assert back * np.exp(size_back)[:, None, None] == pytest.approx(np.linalg.inv(twice), rel=1e-8, abs=1e-10)
+
+
+def test_memory_is_claimed_beforehand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
+    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 1000)
+    with pytest.raises(MemoryError, match=r"exponents of 35 starts needs 1.12 kB.*take fewer cells"):
+        finite_time_exponents(systems.henon_map(), SQUARE, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"point_map": "map"}, TypeError, "give a PointMap"),
+        ({"grid": [[0.0, 0.0]]}, TypeError, "give a CellGrid"),
+        ({"grid": CellGrid((0.0,), (1.0,), (3,))}, ValueError, "grid has 1 axes"),
+        ({"periods": 0}, ValueError, "periods=0: give a whole number of at least 1"),
+    ],
+)
+def test_bad_input_is_refused(change: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        finite_time_exponents(**({"point_map": systems.henon_map(), "grid": SQUARE, "periods": 1} | change))
+
+
+def test_the_picture() -> None:
+    field = finite_time_exponents(stroboscopic_map(systems.forced_pendulum()), CellGrid((-pi, -4), (pi, 4), (9, 6)), 2)
+    assert isinstance(field, ExponentField)
+    ax = plot.exponent_field(field, per_time=True)
+    drawn = np.asarray(ax.collections[0].get_array()).reshape(6, 9)
+    assert drawn == pytest.approx(field.per_time.T)
+    back = plot.exponent_field(field, backward=True)
+    assert np.asarray(back.collections[0].get_offsets()) == pytest.approx(field.images.reshape(-1, 2))
+    with pytest.raises(TypeError, match="give an ExponentField"):
+        plot.exponent_field(field.forward)  # type: ignore[arg-type]
+    line = finite_time_exponents(systems.logistic_map(), CellGrid((0,), (1,), (5,)), 2)
+    for backward, places in ((False, line.grid.axis(0)), (True, line.images[:, 0])):
+        curve = np.asarray(plot.exponent_field(line, backward=backward).get_lines()[0].get_xydata())
+        assert curve[:, 0] == pytest.approx(places)
+        known = line.backward if backward else line.forward
+        assert curve[:, 1] == pytest.approx(np.where(np.isfinite(known), known, np.nan), nan_ok=True)
+    cat = discrete_map(lambda x, p: (2 * x[0], x[1] / 2, x[2]), {}, ("x", "y", "z"))
+    solid = finite_time_exponents(cat, CellGrid((0, 0, 0), (1, 1, 1), (2, 2, 2)), 2)
+    with pytest.raises(ValueError, match="two axes of more than one cell"):
+        plot.exponent_field(solid)
+    plt.close("all")

@@ -1,0 +1,174 @@
+"""Periodic orbits: all in a window, their kinds, Jury's criterion."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import cos, exp, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    PointMap,
+    angle,
+    discrete_map,
+    find_periodic_orbits,
+    interpolated_map,
+    periodic_orbit,
+    stroboscopic_map,
+)
+from cellmap.orbits import OrbitKind, jury_margins
+from systems import driven_pendulum, henon_map, standard_map
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> PointMap:
+    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+
+
+WINDOW = CellGrid((-pi, -500.0), (pi, 500.0), (120, 120))
+
+
+def test_all_cycles_of_the_henon_map() -> None:
+    # Biham, Wenzel, Physical Review Letters 63 (1989) 819: numbers of cycles; the saddle off the attractor besides.
+    known = {1: 2, 2: 1, 4: 1, 6: 2, 7: 4, 8: 7, 9: 6, 10: 10}
+    orbits = find_periodic_orbits(henon_map(), CellGrid((-2, -1), (2, 1), (100, 100)), max_period=10)
+    assert Counter(o.period for o in orbits) == known
+    for orbit in orbits:
+        rounding = 1e-14 * np.linalg.norm(orbit.matrix) ** 2
+        assert np.linalg.det(orbit.matrix) == pytest.approx((-0.3) ** orbit.period, abs=rounding)
+    first = next(o for o in orbits if o.kind is OrbitKind.FLIP_SADDLE)
+    x = (-0.7 + np.sqrt(0.49 + 5.6)) / 2.8
+    np.testing.assert_allclose(first.points, [[x, 0.3 * x]], rtol=1e-13)
+    slope = -1.4 * x
+    np.testing.assert_allclose(
+        sorted(first.multipliers.real), [slope - np.sqrt(slope**2 + 0.3), slope + np.sqrt(slope**2 + 0.3)], rtol=1e-12
+    )
+
+
+def test_orbits_of_the_driven_pendulum(pendulum: PointMap) -> None:
+    orbits = find_periodic_orbits(pendulum, WINDOW)
+    assert Counter(o.name for o in orbits) == {"saddle": 4, "stable focus": 4}
+    assert sorted(o.turns[0] for o in orbits) == [-1, -1, 0, 0, 0, 0, 1, 1]
+    for orbit in orbits:
+        assert np.linalg.det(orbit.matrix) == pytest.approx(exp(-0.2), rel=1e-10)  # Liouville
+        assert orbit.is_stable == (orbit.kind is OrbitKind.FOCUS)
+        assert orbit.rotation_number == (float(orbit.turns[0]), 0.0)
+    inverted = next(o for o in orbits if o.is_stable and abs(o.points[0, 0]) > 3.1)
+    assert inverted.multipliers[0] == pytest.approx(0.865837958746 + 0.262783907940j, rel=1e-11)
+    rotation = next(o for o in orbits if o.is_stable and o.turns[0] == 1)
+    np.testing.assert_allclose(rotation.points[0] / [1.0, 100 * pi], [2.520339579944, 1.019933227842], rtol=1e-10)
+
+
+def test_mirror_images_are_found_in_pairs(pendulum: PointMap) -> None:
+    orbits = find_periodic_orbits(pendulum.with_params(amplitude=0.010), WINDOW, max_period=3)
+    points = np.concatenate([o.points for o in orbits])
+    mirrored = -points
+    for point in mirrored:
+        shift = points - point
+        shift[:, 0] -= 2 * pi * np.round(shift[:, 0] / (2 * pi))
+        assert np.abs(shift / [1.0, 100.0]).max(axis=1).min() < 1e-9
+    assert {o.period for o in orbits} == {1, 2, 3}
+
+
+def test_a_table_finds_what_the_exact_map_does(pendulum: PointMap) -> None:
+    table = interpolated_map(pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (128, 128)), outside="integrate")
+    orbits = find_periodic_orbits(table, WINDOW)
+    expected = find_periodic_orbits(pendulum, WINDOW)
+    assert [o.name for o in orbits] == [o.name for o in expected]
+    np.testing.assert_allclose([o.points[0] for o in orbits], [o.points[0] for o in expected], atol=1e-9)
+
+
+def test_fixed_points_of_the_standard_map() -> None:
+    # On the cylinder y may rise by a turn: only (0, 0) and (pi, 0) are fixed; traces are 2 + K and 2 - K.
+    k = 0.9
+    orbits = find_periodic_orbits(standard_map(k), CellGrid((-pi, -pi), (pi, pi), (64, 64)))
+    assert {o.kind for o in orbits} == {OrbitKind.SADDLE, OrbitKind.CENTRE}
+    for orbit in orbits:
+        expected = 2 + k if orbit.kind is OrbitKind.SADDLE else 2 - k
+        assert np.trace(orbit.matrix) == pytest.approx(expected, rel=1e-12)
+        assert not orbit.is_stable
+
+
+def test_a_linear_map_has_the_kinds_of_its_multipliers() -> None:
+    def kind(a: float, b: float, c: float, d: float) -> str:
+        linear = discrete_map(lambda x, p: (a * x[0] + b * x[1], c * x[0] + d * x[1]), {}, ("x", "y"))
+        return periodic_orbit(linear, [0.3, -0.2]).name
+
+    assert kind(0.5, 0.0, 0.0, -0.2) == "stable node"
+    assert kind(1.5, 0.0, 0.0, 2.0) == "unstable node"
+    assert kind(0.5, -0.5, 0.5, 0.5) == "stable focus"
+    assert kind(1.5, -0.5, 0.5, 1.5) == "unstable focus"
+    assert kind(1.5, 0.0, 0.0, 0.5) == "saddle"
+    assert kind(-1.5, 0.0, 0.0, 0.5) == "flip saddle"
+    assert kind(cos(1.0), -sin(1.0), sin(1.0), cos(1.0)) == "centre"
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 4, 6])
+def test_jury_agrees_with_the_eigenvalues(dimension: int) -> None:
+    rng = np.random.default_rng(dimension)
+    seen = set()
+    for _ in range(300):
+        matrix = rng.normal(size=(dimension, dimension)) / dimension**0.5
+        stable = bool(np.abs(np.linalg.eigvals(matrix)).max() < 1.0)
+        margins = jury_margins(matrix)
+        assert margins.shape == (max(dimension + 1, 2),)
+        assert bool((margins > 0).all()) == stable
+        seen.add(stable)
+    assert seen == {True, False}
+
+
+def test_newton_begins_far_away(pendulum: PointMap) -> None:
+    # The saddle beside the inverted state, from starts up to a quarter of a radian and many rad/s away.
+    saddle = periodic_orbit(pendulum, [2.13, 0.9])
+    for guess in ([2.0, 15.0], [2.3, -10.0], [1.95, -5.0]):
+        np.testing.assert_allclose(periodic_orbit(pendulum, guess).points, saddle.points, rtol=1e-9)
+
+
+def test_the_least_period_is_found(pendulum: PointMap) -> None:
+    assert periodic_orbit(pendulum, [0.1, 0.0], period=6).period == 1
+
+
+def test_no_orbit_is_said() -> None:
+    translation = discrete_map(lambda x, p: (x[0] + 1.0 + 0.1 * sin(x[0]),), {}, ("x",))
+    with pytest.raises(ValueError, match="no point of period 1"):
+        periodic_orbit(translation, [0.3])
+    assert find_periodic_orbits(translation, CellGrid((-3,), (3,), (50,))) == ()
+
+
+def test_an_angle_may_turn() -> None:
+    circle = discrete_map(lambda x, p: (x[0] + 2 * pi + 0.5 * sin(x[0]),), {}, (angle("theta"),))
+    orbits = find_periodic_orbits(circle, CellGrid((-pi,), (pi,), (40,)))
+    assert [(o.turns, round(float(o.multipliers[0].real), 12)) for o in orbits] == [((1,), 1.5), ((1,), 0.5)]
+
+
+def test_where_derivatives_are_not_known() -> None:
+    def kinked(t: float, x: Any, p: Any) -> tuple[float, float]:
+        q, v = x
+        stiffness = 2.0 if q > -5.0 else 1.0
+        return v, -stiffness * q - 0.2 * v + cos(t)
+
+    orbit = periodic_orbit(stroboscopic_map(ForcedSystem(kinked, {}, 2 * pi, ("q", "v"))), [0.0, 0.0])
+    # Linear response where the spring is never left: q = Re(exp(it)/(1 + 0.2i)).
+    response = 1.0 / (1.0 + 0.2j)
+    np.testing.assert_allclose(orbit.points[0], [response.real, (1j * response).real], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda m: periodic_orbit(m, [0.0]), ValueError, "guess has shape"),
+        (lambda m: periodic_orbit(m, [[0.0, 0.0]]), ValueError, "one state"),
+        (lambda m: periodic_orbit(m, [0.0, 0.0], period=0), ValueError, "period=0"),
+        (lambda m: find_periodic_orbits("map", WINDOW), TypeError, "point_map='map'"),
+        (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "window="),
+        (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axes"),
+        (lambda m: find_periodic_orbits(m, WINDOW, max_period=1.5), TypeError, "max_period=1.5"),
+    ],
+)
+def test_bad_input_is_refused(pendulum: PointMap, call: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        call(pendulum)

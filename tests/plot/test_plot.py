@@ -1,0 +1,409 @@
+"""Pictures of basins: what is drawn where, in which colour, under which name."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+from dataclasses import replace
+from math import pi
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import systems
+from cellmap import (
+    Attractor,
+    Basins,
+    CellGrid,
+    Coordinate,
+    angle,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    plot,
+    stroboscopic_map,
+)
+from cellmap.attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
+from cellmap.maps.coordinates import as_coordinates
+from cellmap.orbits import Kind
+from cellmap.orbits.attractor import distinct_names
+from cellmap.plot._axes import multiple_of_pi
+from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Basins:
+    exact = stroboscopic_map(systems.driven_pendulum())
+    return find_basins(exact, CellGrid((-pi, -500.0), (pi, 500.0), (40, 30)))
+
+
+@pytest.fixture(scope="module")
+def lost() -> Basins:
+    exact = stroboscopic_map(systems.driven_pendulum())
+    icm = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)))
+    return find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (40, 30)))
+
+
+def two_wells(shape=(6, 4), lower=(-1.0, -2.0), upper=(1.0, 2.0)) -> Basins:
+    from math import tanh
+
+    exact = discrete_map(lambda x, p: (tanh(2 * x[0]), x[1] / 2), {}, (Coordinate("x", "m"), "y"), name="two wells")
+    return find_basins(exact, CellGrid(lower, upper, shape))
+
+
+def picture(ax) -> np.ndarray:
+    """Colours of the cells, the first row at the bottom."""
+    (image,) = ax.get_images()
+    assert image.origin == "lower"
+    return np.asarray(image.get_array())[..., :3]
+
+
+def legend_of(ax) -> list[str]:
+    return [t.get_text() for t in ax.get_legend().get_texts()]
+
+
+# --- axes
+
+
+def test_axes_have_names_and_units(pendulum):
+    ax = plot.basins(pendulum)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("theta (rad)", "theta' (rad/s)")
+    assert ax.get_title() == "driven pendulum"
+    assert ax.get_xlim() == pytest.approx((-pi, pi))
+    assert ax.get_ylim() == pytest.approx((-500.0, 500.0))
+
+
+def test_angles_are_in_multiples_of_pi(pendulum):
+    ax = plot.basins(pendulum)
+    ax.figure.canvas.draw()
+    labels = [t.get_text() for t in ax.get_xticklabels()]
+    inside = [t for t, x in zip(labels, ax.get_xticks(), strict=True) if -pi - 1e-9 <= x <= pi + 1e-9]
+    assert inside == [r"$-\pi$", r"$-\pi/2$", "0", r"$\pi/2$", r"$\pi$"]
+    assert "pi" not in ax.get_yticklabels()[0].get_text()
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [
+        (0, "0"),
+        (pi, r"$\pi$"),
+        (-pi, r"$-\pi$"),
+        (2 * pi, r"$2\pi$"),
+        (-3 * pi / 4, r"$-3\pi/4$"),
+        (pi / 12, r"$\pi/12$"),
+    ],
+)
+def test_multiples_of_pi(x, text):
+    assert multiple_of_pi(x) == text
+
+
+def test_angle_in_degrees_is_not_in_multiples_of_pi():
+    exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("phi", "deg", 360.0), "y"))
+    ax = plot.basins(find_basins(exact, CellGrid((-180, -1), (180, 1), (8, 8))))
+    ax.figure.canvas.draw()
+    assert ax.get_xlabel() == "phi (deg)"
+    assert not any("pi" in t.get_text() for t in ax.get_xticklabels())
+
+
+def test_given_axes_are_used(pendulum):
+    _, axes = plt.subplots(1, 2)
+    assert plot.basins(pendulum, ax=axes[1]) is axes[1]
+    assert axes[0].get_images() == []
+    assert len(plt.get_fignums()) == 1
+
+
+# --- cells
+
+
+def test_every_cell_has_the_colour_of_its_label():
+    """Left well to the left; the first coordinate runs to the right, the second one upwards."""
+    basins = two_wells()
+    labels = basins.labels.copy()
+    labels[0, 3] = UNDECIDED  # left, top
+    basins = replace(basins, labels=labels)
+    palette = label_colours(basins)
+    cells = picture(plot.basins(basins))
+    assert cells.shape == (4, 6, 3)
+    for i, j in itertools.product(range(6), range(4)):
+        assert cells[j, i] == pytest.approx(palette[int(labels[i, j])], abs=1e-6)
+
+
+def test_slice_of_more_dimensions():
+    """Axes of one cell are left out; the others keep their names and their places."""
+    from math import tanh
+
+    exact = discrete_map(lambda x, p: (x[0] / 2, tanh(2 * x[1]), x[2] / 2, x[3] / 2), {}, tuple("abcd"))
+    basins = find_basins(exact, CellGrid((-1,) * 4, (1,) * 4, (1, 6, 1, 3)))
+    ax = plot.basins(basins)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("b", "d")
+    assert np.array_equal(np.unique(picture(ax), axis=0).shape, (1, 6, 3))
+
+
+@pytest.mark.parametrize("shape", [(8,), (8, 1), (1, 1), (4, 4, 4), (2, 1, 1)])
+def test_grids_without_two_axes_are_refused(shape):
+    d = len(shape)
+    exact = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple("abc"[:d]), name="shrink")
+    basins = find_basins(exact, CellGrid((-1.0,) * d, (1.0,) * d, shape))
+    with pytest.raises(ValueError, match="basins of shrink: a picture needs a grid with two axes"):
+        plot.basins(basins)
+
+
+def test_basins_of_starts_are_refused():
+    exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
+    with pytest.raises(ValueError, match="a picture needs a grid"):
+        plot.basins(find_basins(exact, [[0.1, 0.2]]))
+
+
+def test_refused_picture_leaves_no_figure():
+    exact = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    with pytest.raises(ValueError, match="two axes"):
+        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (4,))))
+    assert plt.get_fignums() == []
+
+
+# --- legend
+
+
+def test_legend_names_each_attractor_and_its_share(pendulum):
+    entries = legend_of(plot.basins(pendulum))
+    assert len(entries) == 4
+    for entry, (label, fraction) in zip(entries, pendulum.fractions.items(), strict=True):
+        assert entry == f"{pendulum.label_name(label)}: {100 * fraction.share:.2f} %"
+    patches = plot.basins(pendulum).get_legend().legend_handles
+    assert [p.get_facecolor()[:3] for p in patches] == [pytest.approx(c) for c in label_colours(pendulum).values()]
+
+
+def test_mirror_images_have_names_of_their_own():
+    """In each half of the plane x stays and y goes to and fro, on the right from -1.31 to 1.69."""
+    from math import tanh
+
+    def rhs(x, p):
+        return 2.0 * tanh(2.0 * x[0]), -1.5 * tanh(3.0 * x[1]) + 0.2 * tanh(x[0])
+
+    basins = find_basins(discrete_map(rhs, {}, ("x", "y")), CellGrid((-3, -3), (3, 3), (20, 20)))
+    assert [a.name for a in basins.attractors] == ["periodic, period 2"] * 2
+    names = [entry.rpartition(":")[0] for entry in legend_of(plot.basins(basins))]
+    assert names == ["periodic, period 2, through (2, -1.31)", "periodic, period 2, through (-2, 1.31)"]
+
+
+CYLINDER = (angle("theta"), Coordinate("v"))
+
+
+def fixed_point(*place, coordinates=CYLINDER):
+    points = np.array([place])
+    return Attractor(Kind.FIXED_POINT, 1, points, (0, 0), np.zeros(2, complex), np.zeros(2), coordinates)
+
+
+@pytest.mark.parametrize(
+    ("attractor", "name"),
+    [
+        (fixed_point(-pi, 0.0), "fixed point (π, 0)"),
+        (fixed_point(pi - 1e-9, 1e-12), "fixed point (π, 0)"),
+        (fixed_point(1e-12, -1.5), "fixed point (0, -1.5)"),
+        (fixed_point(3.14, pi), "fixed point (3.14, 3.14)"),
+        (fixed_point(1e-9, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (0, 0)"),
+        (fixed_point(pi, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (π, 0)"),
+        (fixed_point(-180.0, 0.0, coordinates=(angle("theta", "deg", 360.0), "v")), "fixed point (180, 0)"),
+    ],
+)
+def test_angles_of_fixed_points_are_readable(attractor, name):
+    assert replace(attractor, coordinates=as_coordinates(attractor.coordinates)).name == name
+
+
+def test_close_fixed_points_are_told_apart_by_more_digits():
+    close = [fixed_point(1.0001, 0.0), fixed_point(1.0002, 0.0), fixed_point(0.5, 0.0)]
+    assert [a.name for a in close[:2]] == ["fixed point (1, 0)"] * 2
+    assert distinct_names(close) == ("fixed point (1.0001, 0)", "fixed point (1.0002, 0)", "fixed point (0.5, 0)")
+    assert distinct_names(close[:1] * 2) == ("fixed point (1.0001, 0)",) * 2
+
+
+def test_legend_names_what_is_lost(lost):
+    entries = legend_of(plot.basins(lost))
+    assert entries[-1].startswith("left the window: ")
+    assert len(entries) == len(lost.attractors) + 1
+
+
+def test_small_shares_are_not_written_as_nothing():
+    basins = two_wells((100, 100))
+    labels = np.zeros_like(basins.labels)
+    labels[3, 3] = 1
+    entries = legend_of(plot.basins(replace(basins, labels=labels)))
+    assert entries[1].endswith(": 0.01 %")
+
+
+def test_legend_can_be_left_out(pendulum):
+    assert plot.basins(pendulum, legend=False).get_legend() is None
+
+
+# --- colours
+
+
+def test_colours_of_codes_and_attractors_are_all_different():
+    codes = [mpl.colors.to_rgb(c) for c in CODE_COLOURS.values()]
+    assert CODE_COLOURS.keys() == {ESCAPED, DIVERGED, UNDECIDED, NO_RETURN}
+    attractors = [mpl.colors.to_rgb(c) for c in COLOURS]
+    for a, b in itertools.combinations(codes + attractors, 2):
+        assert np.abs(np.subtract(a, b)).max() > 0.15
+
+
+def test_many_attractors_have_different_colours(pendulum):
+    """Two rounds through the set of twenty."""
+    many = replace(
+        pendulum,
+        attractors=pendulum.attractors[:1] * 40,
+        labels=np.arange(1200, dtype=np.int16).reshape(40, 30) % 40,
+    )
+    palette = list(label_colours(many).values())
+    for a, b in itertools.combinations(palette, 2):
+        assert np.abs(np.subtract(a, b)).max() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("eyes", "least"), [("normal", 0.1), ("protan", 0.07), ("deutan", 0.07), ("tritan", 0.07)], ids=str
+)
+def test_colours_of_attractors_differ_for_all_eyes(eyes, least):
+    """Distances in Oklab (Ottosson 2020) as large as among the first seven; 0.02 is a difference that is just seen.
+
+    Machado, Oliveira, Fernandes 2009, severity 1: matrices on linear RGB.
+    """
+    matrix = {
+        "normal": np.eye(3),
+        "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+        "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+        "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    }[eyes]
+    to_lms = [
+        [0.41222147, 0.53633254, 0.05144599],
+        [0.2119035, 0.6806995, 0.10739696],
+        [0.08830246, 0.28171884, 0.6299787],
+    ]
+    to_lab = [
+        [0.21045426, 0.79361779, -0.00407205],
+        [1.9779985, -2.42859221, 0.45059371],
+        [0.0259040, 0.7827718, -0.8086758],
+    ]
+    colours = np.array([mpl.colors.to_rgb(c) for c in COLOURS])
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(linear @ np.transpose(matrix), 0.0, 1.0)
+    lab = np.cbrt(seen @ np.transpose(to_lms)) @ np.transpose(to_lab)
+    for a, b in itertools.combinations(lab, 2):
+        assert np.linalg.norm(a - b) > least
+
+
+def test_chosen_colours(pendulum):
+    ax = plot.basins(pendulum, colours={0: "white", 1: "black"})
+    cells = picture(ax)
+    assert (cells[(pendulum.labels == 0).T] == 1.0).all()
+    assert (cells[(pendulum.labels == 1).T] == 0.0).all()
+    assert label_colours(pendulum, {0: "white"})[2] == label_colours(pendulum)[2]
+
+
+@pytest.mark.parametrize("colours", [{0: "no such colour"}, {0: 17}])
+def test_colours_that_are_none(pendulum, colours):
+    with pytest.raises(ValueError, match=r"colou?r|RGBA"):
+        plot.basins(pendulum, colours=colours)
+
+
+# --- shade and points
+
+
+def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
+    flat, shaded = picture(plot.basins(lost)), picture(plot.basins(lost, shade=True))
+    times, escaped = lost.settling_time.T, (lost.labels == ESCAPED).T
+    assert np.array_equal(shaded[escaped], flat[escaped])
+    assert (shaded >= flat - 1e-12).all()
+    assert np.array_equal(shaded[times == 0], flat[times == 0])
+    latest = times == times.max()
+    assert (shaded[latest] > flat[latest]).any(axis=-1).all()
+    assert shaded.max() <= 1.0
+    in_one_basin = (lost.labels == 0).T
+    order = np.argsort(times[in_one_basin])
+    assert (np.diff(shaded[in_one_basin][order].sum(axis=-1)) >= -1e-9).all()
+
+
+def test_shade_without_settled_starts():
+    basins = two_wells()
+    undecided = replace(
+        basins, labels=np.full_like(basins.labels, UNDECIDED), settling_time=np.full((6, 4), -1, np.int32)
+    )
+    assert np.array_equal(picture(plot.basins(undecided, shade=True)), picture(plot.basins(undecided)))
+
+
+def test_attractors_are_marked(pendulum):
+    ax = plot.basins(pendulum)
+    marked = np.concatenate([line.get_xydata() for line in ax.get_lines()])
+    for a in pendulum.attractors:
+        for point in a.points:
+            assert np.abs(marked - point).max(axis=1).min() < 1e-9
+    assert plot.basins(pendulum, points=False).get_lines() == []
+
+
+def test_point_on_the_seam_is_marked_at_both_ends(pendulum):
+    """The inverted pendulum stands at -pi, which is pi."""
+    marked = np.concatenate([line.get_xydata() for line in plot.basins(pendulum).get_lines()])
+    for place in (-pi, pi):
+        assert np.abs(marked - [place, 0.0]).max(axis=1).min() < 1e-6
+
+
+def test_points_outside_do_not_widen_the_picture():
+    exact = discrete_map(lambda x, p: (x[0] / 2 + 10, x[1] / 2), {}, ("x", "y"))
+    ax = plot.basins(find_basins(exact, CellGrid((-1, -1), (1, 1), (4, 4))))
+    assert ax.get_xlim() == (-1.0, 1.0)
+    assert ax.get_ylim() == (-1.0, 1.0)
+
+
+def test_chaotic_attractor_is_drawn_as_a_cloud():
+    basins = find_basins(systems.henon_map(), CellGrid((-2, -2), (2, 2), (20, 20)))
+    ax = plot.basins(basins)
+    (line,) = ax.get_lines()
+    assert len(line.get_xdata()) == len(basins.attractors[0].points)
+    assert legend_of(ax)[0].startswith("chaotic: 4")
+    assert legend_of(ax)[-1].startswith("diverged: ")
+
+
+@pytest.mark.parametrize("shade", [True, False])
+def test_picture_can_be_written(pendulum, shade, tmp_path):
+    ax = plot.basins(pendulum, shade=shade)
+    for suffix in ("png", "pdf", "svg"):
+        path = tmp_path / f"basins.{suffix}"
+        ax.figure.savefig(path)
+        assert path.stat().st_size > 1000
+
+
+# --- import
+
+
+@pytest.mark.parametrize("module", ["cellmap", "systems"])
+def test_import_loads_no_heavy_library(module):
+    program = (
+        f"import {module}, sys; "
+        "heavy = ('matplotlib', 'sklearn', 'h5py', 'scipy.integrate', 'scipy.ndimage', 'pandas'); "
+        "print([m for m in heavy if m in sys.modules])"
+    )
+    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert output.strip() == "[]"
+
+
+def test_late_names_are_listed_and_load_on_use():
+    program = (
+        "import cellmap, sys; assert 'plot' in dir(cellmap) and 'save_basins' in cellmap.__all__;"
+        "assert 'matplotlib' not in sys.modules; cellmap.plot.basins; assert 'matplotlib' in sys.modules;"
+        "assert 'h5py' not in sys.modules; cellmap.basins.StoreError; assert 'h5py' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+    import cellmap
+
+    with pytest.raises(AttributeError, match="No cellmap attribute plot_basin"):
+        cellmap.plot_basin  # noqa: B018
+
+
+def test_every_public_name_exists():
+    import cellmap
+
+    for name in cellmap.__all__:
+        assert getattr(cellmap, name).__doc__

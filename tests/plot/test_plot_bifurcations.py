@@ -1,0 +1,267 @@
+"""Pictures of branches and stability maps: lines against closed forms, cuts at the seam, markers, classes, legends."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cellmap import angle, continue_orbit, discrete_map, periodic_orbit, plot, stability_map, stroboscopic_map
+from cellmap.bifurcations import Branch, Cascade, Crossing, StabilityMap, period_doubling_cascade, switch_branch
+from cellmap.plot._stability import CROSSING_COLOURS
+from systems import driven_pendulum, henon_map, logistic_map
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import same_color
+
+
+@pytest.fixture(scope="module")
+def logistic() -> Branch:
+    exact = logistic_map(2.0)
+    return continue_orbit(exact, periodic_orbit(exact, [0.5]), "mu", 0.5, 4.0)
+
+
+@pytest.fixture(scope="module")
+def cascade() -> Cascade:
+    exact = logistic_map(2.8)
+    return period_doubling_cascade(exact, periodic_orbit(exact, [0.5]), "mu", 4.0, doublings=3)
+
+
+@pytest.fixture(scope="module")
+def henon() -> StabilityMap:
+    """The fixed point that exists for a >= -(1 - b)^2/4 and is stable up to a = 3 (1 - b)^2/4."""
+    exact = henon_map(0.2, 0.3)
+    axes = ("a", np.linspace(-0.6, 1.2, 37)), ("b", np.linspace(-0.5, 0.5, 20))
+    return stability_map(exact, periodic_orbit(exact, [0.5, 0.2]), *axes)
+
+
+def lines(ax: Axes, style: str) -> NDArray[np.float64]:
+    """Return all points of the lines of one style."""
+    return np.concatenate([line.get_xydata() for line in ax.get_lines() if line.get_linestyle() == style])
+
+
+def marks(ax: Axes, marker: str) -> NDArray[np.float64]:
+    return np.concatenate([line.get_xydata() for line in ax.get_lines() if line.get_marker() == marker])
+
+
+def legend_of(ax: Axes) -> list[str]:
+    return [t.get_text() for t in ax.get_legend().get_texts()]
+
+
+def longest_jump(places: NDArray[np.float64]) -> float:
+    """Return the longest step of a line in its second column, where the pen is down."""
+    return float(np.nanmax(np.abs(np.diff(places[:, 1]))))
+
+
+# --- branches
+
+
+def test_stable_parts_are_solid_and_end_at_bifurcations(logistic: Branch) -> None:
+    ax = plot.branches(logistic)
+    solid, dashed = lines(ax, "-"), lines(ax, "--")
+    for places in (solid, dashed):
+        mu, x = places[~np.isnan(places[:, 0])].T
+        np.testing.assert_allclose(x, 1.0 - 1.0 / mu, atol=1e-11)
+    assert [np.nanmin(solid[:, 0]), np.nanmax(solid[:, 0])] == pytest.approx([1.0, 3.0], rel=1e-12)
+    mu = dashed[~np.isnan(dashed[:, 0]), 0]
+    assert not ((mu > 1.0 + 1e-12) & (mu < 3.0 - 1e-12)).any()
+    assert [mu.min(), mu.max()] == pytest.approx([0.5, 4.0])
+    # Unstable on both sides of what is stable, and the pen is lifted in between.
+    assert np.isnan(dashed[:, 0]).sum() == 1
+    np.testing.assert_allclose(marks(ax, "X"), [[1.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(marks(ax, "o"), [[3.0, 2.0 / 3.0]], rtol=1e-12)
+    assert legend_of(ax) == ["stable", "unstable", "period doubling", "transcritical"]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("mu", "x")
+
+
+def test_all_points_of_an_orbit_or_the_first(logistic: Branch) -> None:
+    doubled = switch_branch(logistic, logistic.bifurcations[1], 2.5, 3.9)
+    both, first = plot.branches(doubled), plot.branches(doubled, every_point=False)
+    for ax, count in ((both, 2), (first, 1)):
+        places = np.concatenate([lines(ax, "-"), lines(ax, "--")])
+        mu, x = places[~np.isnan(places[:, 0])].T
+        split = np.sqrt((mu - 3.0) * (mu + 1.0))
+        above = np.isclose(x, (mu + 1.0 + split) / (2.0 * mu), atol=1e-9)
+        below = np.isclose(x, (mu + 1.0 - split) / (2.0 * mu), atol=1e-9)
+        assert (above | below).all()
+        assert int(above.any()) + int(below.any()) == count
+        np.testing.assert_allclose(marks(ax, "o")[:, 0], [1.0 + sqrt(6.0)] * count, rtol=1e-12)
+
+
+def test_branches_of_a_cascade_have_a_colour_each(cascade: Cascade) -> None:
+    ax = plot.branches(cascade.branches)
+    drawn = [line for line in ax.get_lines() if line.get_linestyle() == "-"]
+    assert len({line.get_color() for line in drawn}) == len(cascade.branches) == 3
+    # A doubling shows at each point of the orbit that doubles: 1 + 2 + 4 of them.
+    expected = np.repeat(cascade.values, [1, 2, 4])
+    np.testing.assert_allclose(np.sort(marks(ax, "o")[:, 0]), expected, rtol=1e-12)
+    # Each begins where the one before it doubles.
+    for line, value in zip(drawn[1:], cascade.values[:-1], strict=True):
+        assert np.nanmin(line.get_xdata()) == pytest.approx(value, rel=1e-12)
+    alone = plot.branches(cascade.branches[1])
+    assert np.nanmin(lines(alone, "-")[:, 0]) > cascade.values[0]
+    _, given = plt.subplots()
+    assert plot.branches(cascade.branches, coordinate=0, ax=given, colour="red", legend=False) is given
+    assert all(same_color(line.get_color(), "red") for line in given.get_lines())
+    assert given.get_legend() is None
+
+
+def test_an_angle_is_cut_at_its_seam() -> None:
+    # The fixed point is at theta = q, wherever that is on the circle.
+    turning = discrete_map(lambda x, p: (x[0] - 0.5 * np.sin(x[0] - p.q),), {"q": 0.5}, (angle("theta"),), "turning")
+    ax = plot.branches(continue_orbit(turning, periodic_orbit(turning, [0.4]), "q", -4.0, 9.0))
+    places = lines(ax, "-")
+    q, theta = places[~np.isnan(places[:, 0])].T
+    assert np.abs(np.exp(1j * theta) - np.exp(1j * q)).max() < 1e-11
+    assert [theta.min(), theta.max()] == pytest.approx([-pi, pi], abs=1e-14)
+    # The seam is at odd multiples of pi, of which -pi and pi are passed, upwards.
+    lifted = np.flatnonzero(np.isnan(places[:, 0]))
+    np.testing.assert_allclose(places[lifted - 1], [[-pi, pi], [pi, pi]], atol=1e-10)
+    np.testing.assert_allclose(places[lifted + 1], [[-pi, -pi], [pi, -pi]], atol=1e-10)
+    assert longest_jump(places) < 1.0
+    assert "$\\pi$" in [t.get_text() for t in ax.get_yticklabels()]
+
+
+def test_an_orbit_on_the_seam_does_not_jump() -> None:
+    exact = stroboscopic_map(driven_pendulum())
+    inverted = continue_orbit(exact, periodic_orbit(exact, [pi, 0.0]), "amplitude", 0.001, 0.014)
+    arm = switch_branch(inverted, inverted.bifurcations[0], 0.001, 0.014)
+    ax = plot.branches([inverted, arm], coordinate="theta")
+    for line in ax.get_lines():
+        if len(line.get_xydata()) > 1:
+            assert longest_jump(line.get_xydata()) < 1.0
+    rest = ax.get_lines()[0].get_ydata()
+    np.testing.assert_allclose(np.abs(rest[~np.isnan(rest)]), pi, atol=1e-9)
+    assert 1e3 * marks(ax, "D")[0, 0] == pytest.approx(2.329021135978, abs=1e-9)
+
+
+def test_a_fold_joins_both_parts() -> None:
+    exact = henon_map(0.2, 0.3)
+    ax = plot.branches(continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -1.0, 0.3), coordinate="y")
+    (fold,) = marks(ax, "s")
+    # a = -(1 - b)^2/4, where x = -(1 - b)/(2 a) and y = b x.
+    np.testing.assert_allclose(fold, [-0.1225, 0.3 * 0.7 / (2 * 0.1225)], rtol=1e-10)
+    for style in ("-", "--"):
+        assert np.abs(lines(ax, style) - fold).sum(axis=1).min() < 1e-10
+
+
+def test_what_is_no_branch_is_refused(logistic: Branch, cascade: Cascade) -> None:
+    for wrong in (3, cascade, [], [logistic, 3]):
+        with pytest.raises(TypeError, match="branches="):
+            plot.branches(wrong)  # type: ignore[arg-type]
+    exact = henon_map(0.2, 0.3)
+    other = continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", 0.1, 0.3)
+    with pytest.raises(ValueError, match="over one parameter of one system"):
+        plot.branches([logistic, other])
+    with pytest.raises(ValueError, match="coordinate='y'"):
+        plot.branches(logistic, coordinate="y")
+
+
+# --- stability maps
+
+
+def meshes(ax: Axes) -> list[Any]:
+    return [c for c in ax.collections if isinstance(c, QuadMesh)]
+
+
+def test_classes_are_those_of_the_map(henon: StabilityMap) -> None:
+    ax = plot.stability_map(henon)
+    (mesh,) = meshes(ax)
+    drawn = mesh.get_array()
+    a, b = np.meshgrid(henon.x, henon.y)
+    exists = a > -((1.0 - b) ** 2) / 4.0
+    np.testing.assert_array_equal(np.ma.getmaskarray(drawn), ~exists)
+    np.testing.assert_array_equal(drawn[exists], np.where(a < 0.75 * (1.0 - b) ** 2, 0, 1)[exists])
+    assert mesh.to_rgba(0)[:3] == (1.0, 1.0, 1.0)
+    assert ax.patch.get_hatch()
+    assert legend_of(ax) == ["stable", "1 multiplier outside", "no orbit", "multiplier −1"]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a", "b")
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
+
+
+def test_boundaries_are_the_curves_of_the_map(henon: StabilityMap) -> None:
+    ax = plot.stability_map(henon)
+    assert len(ax.get_lines()) == len(henon.curves)
+    for line, curve in zip(ax.get_lines(), henon.curves, strict=True):
+        np.testing.assert_array_equal(line.get_xydata(), np.stack([curve.x, curve.y], axis=-1))
+        assert line.get_color() == CROSSING_COLOURS[curve.crossing]
+        np.testing.assert_allclose(curve.x, 0.75 * (1.0 - curve.y) ** 2, rtol=1e-10)
+
+
+def test_boundaries_alone_in_given_colours() -> None:
+    axes = ("frequency", np.linspace(40.0, 60.0, 9)), ("amplitude", np.linspace(1e-4, 0.014, 40))
+    found = stability_map(driven_pendulum(), [pi, 0.0], *axes)
+    _, given = plt.subplots()
+    ax = plot.stability_map(found, ax=given, colours={Crossing.MINUS_ONE: "red"}, background=False)
+    assert ax is given
+    assert not meshes(ax)
+    assert ax.patch.get_hatch() is None
+    assert legend_of(ax) == ["multiplier +1", "multiplier −1"]
+    assert {line.get_color() for line in ax.get_lines()} == {CROSSING_COLOURS[Crossing.PLUS_ONE], "red"}
+    whole = plot.stability_map(found)
+    assert whole.patch.get_hatch() is None
+    assert legend_of(whole)[:2] == ["stable", "1 multiplier outside"]
+    assert plot.stability_map(found, legend=False).get_legend() is None
+
+
+def test_what_is_no_map_is_refused() -> None:
+    with pytest.raises(TypeError, match="stability="):
+        plot.stability_map([1, 2])  # type: ignore[arg-type]
+
+
+def dots(ax: Axes) -> Any:
+    (container,) = ax.containers
+    return container
+
+
+def test_measured_points_are_white_dots_over_the_map(henon: StabilityMap) -> None:
+    points = np.array([[0.4, 0.2], [0.9, -0.1]])
+    ax = plot.stability_map(henon, measured=points)
+    marks_, caps, bars = dots(ax)
+    np.testing.assert_array_equal(marks_.get_xydata(), points)
+    assert same_color(marks_.get_markerfacecolor(), "white")
+    assert same_color(marks_.get_markeredgecolor(), "black")
+    assert not caps and not bars
+    assert marks_.get_zorder() > max(line.get_zorder() for line in ax.get_lines() if line is not marks_)
+    assert legend_of(ax)[-1] == "measured"
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
+
+
+def test_measured_points_outside_of_the_map_are_counted(henon: StabilityMap) -> None:
+    """Amplitudes in mm on a map in m would be out of sight."""
+    ax = plot.stability_map(henon, measured=[[0.4, 0.2], [0.4, 200.0], [-0.7, 0.1]])
+    assert legend_of(ax)[-1] == "measured (2 of 3 outside of the map)"
+
+
+def test_errors_of_measured_points_stand_up_and_down(henon: StabilityMap) -> None:
+    ax = plot.stability_map(henon, measured=[[0.4, 0.2, 0.05], [0.9, -0.1, 0.0]], background=False, legend=False)
+    (bars,) = dots(ax)[2]
+    ends = np.array(bars.get_segments())
+    np.testing.assert_allclose(ends, [[[0.4, 0.15], [0.4, 0.25]], [[0.9, -0.1], [0.9, -0.1]]], rtol=1e-14)
+    assert ax.get_legend() is None
+
+
+@pytest.mark.parametrize(
+    ("measured", "error", "message"),
+    [
+        ("dots", TypeError, "measured='dots': give rows of two or three real numbers"),
+        ([0.4, 0.2], ValueError, r"measured has the shape \(2,\): give rows of x, y"),
+        ([[0.4]], ValueError, r"measured has the shape \(1, 1\)"),
+        ([[0.4, 0.2], [np.nan, 0.1]], ValueError, r"measured\[1\] is not finite: leave it out"),
+        ([[0.4, 0.2, -0.1]], ValueError, "measured holds the error -0.1: give standard errors of at least 0"),
+    ],
+)
+def test_bad_measured_points_are_refused(
+    henon: StabilityMap, measured: Any, error: type[Exception], message: str
+) -> None:
+    before = len(plt.get_fignums())
+    with pytest.raises(error, match=message):
+        plot.stability_map(henon, measured=measured)
+    assert len(plt.get_fignums()) == before

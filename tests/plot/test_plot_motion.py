@@ -1,0 +1,337 @@
+"""Pictures of motions: which curves are drawn, where they are cut, and films that are whole files."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from PIL import Image
+
+from cellmap import Coordinate, ForcedSystem, angle, plot, trajectory
+from cellmap.plot import _animation as animation
+from cellmap.plot._axes import cut_at_seams
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+ANGLE = angle("theta")
+
+
+def rhs(t, x, p):
+    return x[1], -sin(x[0]) + 0.1 * cos(t)
+
+
+PENDULUM = ForcedSystem(
+    rhs,
+    {},
+    2 * pi,
+    (ANGLE, Coordinate("v", "rad/s")),
+    "pendulum",
+    outputs={
+        "positions": lambda t, x, p: (0.0, 0.0, sin(x[0]), -cos(x[0])),
+        "energy": lambda t, x, p: (0.5 * x[1] ** 2 - cos(x[0]),),
+        "tip": lambda t, x, p: (sin(x[0]), -cos(x[0]), 0.0),
+    },
+)
+OTHER = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",), "other")
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """One start swings, the other goes round."""
+    return trajectory(PENDULUM, [[0.5, 0.0], [0.5, 3.0]], 3, samples=16)
+
+
+def curves(ax):
+    return [line for line in ax.get_lines() if line.get_marker() == "None"]
+
+
+def marks(ax):
+    return [line for line in ax.get_lines() if line.get_marker() == "o"]
+
+
+# --- cuts
+
+
+def test_a_curve_on_the_line_is_not_cut():
+    curve = np.array([[0.0, 5.0], [1.0, -7.0], [2.0, 30.0]])
+    assert np.array_equal(cut_at_seams(curve, (Coordinate("t"), Coordinate("x"))), curve)
+
+
+def test_a_curve_is_cut_where_it_crosses_the_seam():
+    curve = np.array([[0.0, pi - 1.0], [4.0, pi + 3.0]])
+    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    exact = [[0, pi - 1], [1, pi], [np.nan, np.nan], [1, -pi], [4, 3 - pi]]
+    assert cut == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_several_turns_between_two_samples(direction):
+    curve = np.array([[0.0, 0.0], [1.0, direction * 6 * pi]])
+    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    assert np.count_nonzero(np.isnan(cut[:, 0])) == 3
+    assert cut[-1] == pytest.approx([1.0, 0.0], abs=1e-12)
+
+
+def test_samples_on_the_seam():
+    there_and_back = np.array([[0.0, 0.0], [1.0, pi], [2.0, 0.0]])
+    assert not np.isnan(cut_at_seams(there_and_back, (Coordinate("t"), ANGLE))).any()
+    through = np.array([[0.0, 0.0], [1.0, pi], [2.0, 2 * pi]])
+    exact = [[0, 0], [1, pi], [np.nan, np.nan], [1, -pi], [2, 0]]
+    assert cut_at_seams(through, (Coordinate("t"), ANGLE)) == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
+
+
+def test_cuts_on_a_torus_keep_every_piece_inside():
+    """Two angles of different turns; along the pieces both grow as before, and nothing is lost."""
+    pair = (angle("a"), angle("b", "deg", 360.0, 0.0))
+    t = np.linspace(0.0, 10.0, 41)
+    curve = np.stack([7.0 * t + np.sin(t), -500.0 * t], axis=-1)
+    cut = cut_at_seams(curve, pair)
+    low, high = np.array([-pi, 0.0]), np.array([pi, 360.0])
+    kept = cut[np.isfinite(cut[:, 0])]
+    assert (kept >= low - 1e-9).all() and (kept <= high + 1e-9).all()
+    steps = np.diff(cut, axis=0)
+    steps = steps[np.isfinite(steps[:, 0])]
+    assert steps.sum(axis=0) == pytest.approx(curve[-1] - curve[0])
+
+
+def test_gaps_stay_gaps():
+    curve = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, np.nan], [3.0, np.nan]])
+    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    assert cut[np.isfinite(cut).all(axis=1)] == pytest.approx(curve[:2])
+
+
+# --- time series
+
+
+def test_a_panel_for_each_coordinate_and_a_curve_for_each_start(motion):
+    panels = plot.time_series(motion)
+    assert [p.get_ylabel() for p in panels] == ["theta (rad)", "v (rad/s)"]
+    assert panels[-1].get_xlabel() == "t"
+    assert panels[0].get_title() == "pendulum"
+    for panel in panels:
+        assert len(curves(panel)) == len(marks(panel)) == 2
+        assert panel.get_xlim() == pytest.approx((0.0, 6 * pi))
+    assert np.array_equal(curves(panels[1])[1].get_xydata(), np.stack([motion.times, motion.states[:, 1, 1]], -1))
+
+
+def test_no_line_runs_across_the_seam(motion):
+    (panel,) = plot.time_series(motion, names="theta")
+    swing, turn = (line.get_ydata() for line in curves(panel))
+    assert not np.isnan(swing).any()
+    crossings = np.count_nonzero(np.diff(np.floor((motion.states[:, 1, 0] + pi) / (2 * pi))))
+    assert crossings > 0
+    assert np.count_nonzero(np.isnan(turn)) == crossings
+    assert np.nanmax(np.abs(np.diff(turn))) < pi
+    assert np.nanmax(np.abs(turn)) == pytest.approx(pi)
+
+
+def test_stroboscopic_points_lie_on_top(motion):
+    panels = plot.time_series(motion)
+    for j, panel in enumerate(panels):
+        for i, line in enumerate(marks(panel)):
+            assert line.get_ydata() == pytest.approx(motion.strobe[:, i, j])
+            assert line.get_xdata() == pytest.approx(np.arange(4) * 2 * pi)
+            assert line.get_zorder() > curves(panel)[i].get_zorder()
+            assert line.get_color() == curves(panel)[i].get_color()
+    assert all(marks(panel) == [] for panel in plot.time_series(motion, strobe=False))
+
+
+def test_small_swings_have_plain_ticks():
+    small = trajectory(PENDULUM, [0.0, 0.0], 1)
+    (panel,) = plot.time_series(small, names="theta")
+    panel.figure.canvas.draw()
+    texts = [t.get_text() for t in panel.get_yticklabels()]
+    assert len(texts) > 2
+    assert not any("pi" in t for t in texts)
+
+
+def test_outputs_are_drawn_component_by_component(motion):
+    panels = plot.time_series(motion, names=("v", "energy", "tip"))
+    assert [p.get_ylabel() for p in panels] == ["v (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
+    assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
+
+
+def test_one_start_and_many_axes_of_starts():
+    one = trajectory(PENDULUM, [0.5, 0.0], 1)
+    assert len(curves(plot.time_series(one)[0])) == 1
+    many = trajectory(PENDULUM, np.full((2, 3, 2), 0.1), 1)
+    assert len(curves(plot.time_series(many)[0])) == 6
+
+
+def test_a_diverging_motion_is_drawn_to_its_end():
+    blow_up = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",))
+    (panel,) = plot.time_series(trajectory(blow_up, [0.4], 4))
+    panel.figure.canvas.draw()
+    assert np.isnan(curves(panel)[0].get_ydata()[-1])
+
+
+def test_given_panels_and_labels(motion):
+    _, panels = plt.subplots(2)
+    assert plot.time_series(motion, axes=panels, labels=["swing", "turn"]) == tuple(panels)
+    assert [t.get_text() for t in panels[0].get_legend().get_texts()] == ["swing", "turn"]
+    assert len(plt.get_fignums()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"trajectory": [1.0]}, TypeError, r"trajectory=\[1.0\]: give a Trajectory"),
+        (
+            {"names": "w"},
+            ValueError,
+            r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its outputs",
+        ),
+        ({"names": ()}, ValueError, r"names=\(\): name at least one"),
+        ({"axes": ()}, ValueError, "axes has 0 panels: give 2"),
+        ({"labels": ["one"]}, ValueError, r"labels=\['one'\]: give 2 names"),
+        ({"labels": "ab"}, ValueError, "labels='ab': give 2 names"),
+    ],
+)
+def test_time_series_checks_its_arguments(motion, arguments, error, message):
+    with pytest.raises(error, match=message):
+        plot.time_series(**{"trajectory": motion, **arguments})
+    assert plt.get_fignums() == []
+
+
+# --- phase portraits
+
+
+def test_portrait_on_the_circle(motion):
+    ax = plot.phase_portrait(motion, labels=["swing", "turn"])
+    ax.figure.canvas.draw()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("theta (rad)", "v (rad/s)")
+    assert ax.get_xlim() == pytest.approx((-pi, pi))
+    ticks = [t.get_text() for t, x in zip(ax.get_xticklabels(), ax.get_xticks(), strict=True) if abs(x) < pi + 1e-9]
+    assert ticks == [r"$-\pi$", r"$-\pi/2$", "0", r"$\pi/2$", r"$\pi$"]
+    for line in curves(ax):
+        assert np.nanmax(np.abs(np.diff(line.get_xdata()))) < pi
+    assert np.isnan(curves(ax)[1].get_xdata()).any()
+    for i, line in enumerate(marks(ax)):
+        assert line.get_xydata() == pytest.approx(motion.strobe[:, i])
+
+
+def test_portrait_by_names_with_an_angle_upwards(motion):
+    ax = plot.phase_portrait(motion, x="v", y="theta", strobe=False)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("v (rad/s)", "theta (rad)")
+    assert ax.get_ylim() == pytest.approx((-pi, pi))
+    assert marks(ax) == []
+    assert plot.phase_portrait(motion, ax=ax) is ax
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"x": 2}, ValueError, "x=2: give a whole number of at most 1"),
+        ({"y": "w"}, ValueError, r"y='w': the coordinates of pendulum are \['theta', 'v'\]"),
+        ({"y": 1.0}, TypeError, "y=1.0: give a whole number"),
+    ],
+)
+def test_portrait_checks_its_arguments(motion, arguments, error, message):
+    with pytest.raises(error, match=message):
+        plot.phase_portrait(motion, **arguments)
+    assert plt.get_fignums() == []
+
+
+def test_portrait_of_one_variable_is_refused():
+    with pytest.raises(ValueError, match="y=1: give a whole number of at most 0"):
+        plot.phase_portrait(trajectory(OTHER, [1.0], 1))
+
+
+# --- animations
+
+
+def test_a_gif_has_a_frame_for_every_so_many_samples(motion, tmp_path):
+    assert plot.animate(motion, tmp_path / "pendulum.GIF", every=12, frames_per_second=20.0) is None
+    with Image.open(tmp_path / "pendulum.GIF") as film:
+        assert film.format == "GIF"
+        assert film.n_frames == 5  # 49 samples
+        assert film.info["duration"] == 50
+    assert [p.name for p in tmp_path.iterdir()] == ["pendulum.GIF"]
+    assert plt.get_fignums() == []
+
+
+def test_frames_show_rods_bobs_and_a_fading_trace(motion):
+    film = plot.animate(motion, trace=5)
+    film._draw_frame(20)
+    (ax,) = plt.gcf().axes
+    lines = [line.get_xydata() for line in ax.get_lines()]
+    positions = motion.output("positions")[20].reshape(2, 2, 2)
+    for i in range(2):
+        assert any(np.array_equal(line, positions[i]) for line in lines)
+        assert any(np.array_equal(line, positions[i, 1:]) for line in lines)
+        trail = ax.collections[i]
+        assert np.array_equal([piece[0] for piece in trail.get_segments()], motion.output("positions")[15:20, i, 2:])
+        assert (np.diff(trail.get_colors()[:, 3]) > 0).all()
+    assert ax.get_title() == f"pendulum, t = {motion.times[20]:.4g}"
+    assert ax.get_aspect() == 1.0
+    low, high = ax.get_xlim()
+    assert low < positions[..., 0].min() and positions[..., 0].max() < high
+    film._draw_was_started = True  # it is shown to nobody
+
+
+def test_the_trace_can_be_left_out(motion, tmp_path):
+    plot.animate(motion, tmp_path / "plain.gif", trace=0, every=24)
+    assert (tmp_path / "plain.gif").stat().st_size > 1000
+
+
+def test_a_motion_that_ends_is_shown_to_its_end(tmp_path):
+    rod = {"place": lambda t, x, p: (0.0, 0.0, x[0], 0.0)}
+    system = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",), outputs=rod)
+    plot.animate(trajectory(system, [0.4], 4, samples=2), tmp_path / "end.gif", output="place")
+    assert (tmp_path / "end.gif").exists()
+
+
+def test_a_film_that_fails_leaves_what_was_there(motion, tmp_path, monkeypatch):
+    path = tmp_path / "pendulum.gif"
+    path.write_text("older")
+    monkeypatch.setattr(animation.PillowWriter, "finish", lambda self: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        plot.animate(motion, path, every=24)
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_mp4_needs_ffmpeg(motion, tmp_path, monkeypatch, there):
+    if there and not animation.FFMpegWriter.isAvailable():
+        pytest.skip("ffmpeg is not there")
+    monkeypatch.setattr(animation.FFMpegWriter, "isAvailable", classmethod(lambda cls: there))
+    if there:
+        plot.animate(motion, tmp_path / "pendulum.mp4", every=12)
+        assert (tmp_path / "pendulum.mp4").stat().st_size > 1000
+    else:
+        with pytest.raises(RuntimeError, match=r"needs the program ffmpeg.*install it, or give .* ends in \.gif"):
+            plot.animate(motion, tmp_path / "pendulum.mp4")
+        assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"trajectory": 3}, TypeError, "trajectory=3: give a Trajectory"),
+        ({"path": "film.avi"}, ValueError, r"path='film.avi': give the name of a file that ends in \.gif or \.mp4"),
+        ({"path": "no such folder/film.gif"}, FileNotFoundError, "there is no folder 'no such folder'"),
+        ({"path": 3}, TypeError, "path=3: give the name of a file"),
+        ({"output": "places"}, ValueError, r"output='places': the outputs of pendulum are .* give the ForcedSystem"),
+        ({"output": "energy"}, ValueError, "output='energy' has 1 components: give x and y"),
+        ({"output": "tip"}, ValueError, "output='tip' has 3 components: give x and y"),
+        ({"every": 0}, ValueError, "every=0: give a whole number of at least 1"),
+        ({"trace": -1}, ValueError, "trace=-1: give a whole number of at least 0"),
+        ({"frames_per_second": 0}, ValueError, "frames_per_second=0: give a number above 0"),
+    ],
+)
+def test_animation_checks_its_arguments(motion, arguments, error, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error, match=message):
+        plot.animate(**{"trajectory": motion, **arguments})
+    assert plt.get_fignums() == []
+
+
+def test_a_gif_claims_its_memory(motion, tmp_path, monkeypatch):
+    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
+    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 10_000_000)
+    with pytest.raises(MemoryError, match=r"a GIF of 49 frames needs .* take a larger every=, or write an MP4"):
+        plot.animate(motion, tmp_path / "pendulum.gif")

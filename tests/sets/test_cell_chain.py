@@ -1,0 +1,449 @@
+"""Generalized cell mapping: chains by hand, in closed form, against brute force; measures, noise, basins."""
+
+from __future__ import annotations
+
+import tracemalloc
+from math import gcd, pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+
+import systems
+from cellmap import CellGrid, angle, discrete_map, find_basins, load_basins, save_basins, set_threads, stroboscopic_map
+from cellmap._compiled.kernels.cells import tally
+from cellmap.sets import generalized_cell_mapping, markov, simple_cell_mapping
+from cellmap.sets.markov import components_of, invariant_measure, periods_of, solve_transient
+
+
+def random_chain(n, seed, degree=3):
+    """A chain of few ways, so that it has several classes."""
+    rng = np.random.default_rng(seed)
+    dense = np.zeros((n, n))
+    for i in range(n):
+        dense[i, rng.integers(0, n, rng.integers(1, degree))] = rng.uniform(0.2, 1.0)
+    return dense / dense.sum(axis=1, keepdims=True)
+
+
+def reaches(dense):
+    """Which states lead to which, by squaring."""
+    n = len(dense)
+    known = np.eye(n, dtype=bool) | (dense > 0)
+    for _ in range(n.bit_length()):
+        known = known @ known
+    return known
+
+
+class TestChains:
+    @settings(max_examples=60)
+    @given(st.integers(1, 40), st.integers(0, 2**32 - 1))
+    def test_classes_of_random_chains_against_brute_force(self, n, seed):
+        dense = random_chain(n, seed)
+        matrix = csr_array(dense)
+        components = components_of(matrix)
+        known = reaches(dense)
+        same = known & known.T
+        np.testing.assert_array_equal(components.of[:, None] == components.of[None, :], same)
+        count, _ = connected_components(matrix, connection="strong")
+        assert count == len(components.closed)
+        for c in range(count):
+            states = components.states(c)
+            assert components.closed[c] == (not known[states[0]][~same[states[0]]].any())
+            assert components.recurs[c] == (dense[np.ix_(states, states)] > 0).any()
+        rows, columns = np.nonzero(dense)
+        assert (components.of[rows] >= components.of[columns]).all()  # those that it leads to are before it
+
+    @settings(max_examples=60)
+    @given(st.integers(1, 30), st.integers(0, 2**32 - 1))
+    def test_absorption_and_times_of_random_chains_against_dense_solution(self, n, seed):
+        dense = random_chain(n, seed)
+        matrix = csr_array(dense)
+        components = components_of(matrix)
+        closed = np.flatnonzero(components.closed)
+        values = np.zeros((n, len(closed) + 1))
+        for k, c in enumerate(closed):
+            values[components.states(c), k] = 1.0
+        gain = np.zeros(len(closed) + 1)
+        gain[-1] = 1.0
+        transient = ~components.closed[components.of]
+        inner = np.eye(transient.sum()) - dense[np.ix_(transient, transient)]
+        right = dense[np.ix_(transient, ~transient)] @ values[~transient] + gain
+        solve_transient(matrix, components, values, gain)
+        np.testing.assert_allclose(values[transient], np.linalg.solve(inner, right), atol=1e-9, rtol=1e-9)
+        assert values[:, :-1].sum(axis=1) == pytest.approx(1.0)
+
+    @settings(max_examples=60)
+    @given(st.integers(1, 25), st.integers(0, 2**32 - 1))
+    def test_periods_of_random_chains_against_lengths_of_closed_ways(self, n, seed):
+        dense = random_chain(n, seed, degree=2)
+        matrix = csr_array(dense)
+        components = components_of(matrix)
+        numbers = np.flatnonzero(components.recurs)
+        for c, period in zip(numbers, periods_of(matrix, components, numbers), strict=True):
+            state = components.states(c)[0]
+            ways, expected = np.eye(n, dtype=bool), 0
+            for length in range(1, 3 * n + 1):
+                ways = ways @ (dense > 0)
+                if ways[state, state]:
+                    expected = gcd(expected, length)
+            assert period == expected
+
+    @pytest.mark.parametrize("p", [0.5, 0.4, 0.51])
+    @pytest.mark.parametrize("n", [1, 10, 500])
+    def test_gambler_is_ruined_as_in_closed_form(self, n, p):
+        """Feller, An Introduction to Probability Theory and Its Applications 1 (1968), XIV.2 and 3."""
+        chain = gambler(n, p)
+        z, q = np.arange(n + 2.0), 1.0 - p
+        if p == 0.5:
+            ruin, duration = 1.0 - z / (n + 1), z * (n + 1 - z)
+        else:
+            r = q / p
+            won = (1.0 - r**z) / (1.0 - r ** (n + 1))
+            ruin, duration = 1.0 - won, z / (q - p) - (n + 1) / (q - p) * won
+        values = absorbed(chain)
+        np.testing.assert_allclose(values[:, 0], ruin, atol=1e-9)
+        np.testing.assert_allclose(values[:, 1], duration, rtol=1e-8, atol=1e-9)
+
+    def test_a_long_game(self):
+        """100,000 coins: sweeps would need 10^10 rounds."""
+        values = absorbed(gambler(100_000, 0.5))
+        z = np.arange(100_002.0)
+        np.testing.assert_allclose(values[:, 0], 1.0 - z / 100_001, atol=1e-10)
+        np.testing.assert_allclose(values[1:-1, 1] / (z * (100_001 - z))[1:-1], 1.0, atol=1e-9)
+
+    @pytest.mark.parametrize("leak", [1e-12, 1e-40, 1e-200])
+    def test_a_class_that_is_all_but_closed(self, leak):
+        """Left with a chance far below rounding; where to, is known nevertheless."""
+        rng = np.random.default_rng(1)
+        inner = rng.uniform(size=(50, 50)) * (rng.uniform(size=(50, 50)) < 0.2) + np.eye(50, k=1) + np.eye(50, k=-49)
+        inner /= inner.sum(axis=1, keepdims=True)
+        first, last = np.zeros(50), np.zeros(50)
+        first[7], last[30] = leak, 3.0 * leak
+        values = absorbed(with_sinks(csr_array(inner), first, last))
+        measure = invariant_measure(csr_array(inner), np.arange(50))
+        expected = measure[7] / (measure[7] + 3.0 * measure[30])
+        np.testing.assert_allclose(values[1:-1, 0], expected, rtol=1e-10)
+        np.testing.assert_allclose(values[1:-1, 1] * leak, 1.0 / (measure[7] + 3.0 * measure[30]), rtol=1e-9)
+
+    def test_many_states_that_lead_everywhere_and_leave_late(self):
+        """3000 states, each to 20 at random, and out with 1e-7: the time is 1e7 from each of them."""
+        n, leak = 3000, 1e-7
+        rng = np.random.default_rng(0)
+        targets = rng.integers(0, n, (n, 20))
+        rows = np.repeat(np.arange(n), 20)
+        inner = csr_array((np.full(20 * n, (1.0 - leak) / 20), (rows, targets.ravel())), shape=(n, n))
+        matrix = with_sinks(inner, np.full(n, 0.3 * leak), np.full(n, 0.7 * leak))
+        values = absorbed(matrix)
+        assert values[1:-1, 0] == pytest.approx(0.3, abs=1e-6)
+        assert values[1:-1, 1] == pytest.approx(1e7, rel=1e-6)
+
+    def test_a_walk_in_the_plane_by_either_solver(self, monkeypatch):
+        """From the middle of a square all four sides are as likely."""
+        n = 41
+        walk = diags_array([np.full(n - 1, 0.25), np.full(n - 1, 0.25)], offsets=[-1, 1])
+        from scipy.sparse import eye_array, kron
+
+        inner = csr_array(kron(walk, eye_array(n)) + kron(eye_array(n), walk))
+        edge = np.zeros((n, n))
+        edge[0] = 0.25
+        left = edge.ravel()
+        rest = 1.0 - inner.sum(axis=1) - left
+        for direct in (1e10, 0.0):
+            monkeypatch.setattr(markov, "_DIRECT", direct)
+            values = absorbed(with_sinks(inner, left, rest))
+            assert values[1:-1, 0].reshape(n, n)[n // 2, n // 2] == pytest.approx(0.25, abs=1e-9)
+
+    @settings(max_examples=40)
+    @given(st.integers(2, 30), st.integers(0, 2**32 - 1))
+    def test_invariant_measure_against_eigenvectors(self, n, seed):
+        dense = random_chain(n, seed, degree=4)
+        matrix = csr_array(dense)
+        components = components_of(matrix)
+        for c in np.flatnonzero(components.closed):
+            states = components.states(c)
+            measure = invariant_measure(matrix, states)
+            assert measure.sum() == pytest.approx(1.0)
+            np.testing.assert_allclose(measure @ dense[np.ix_(states, states)], measure, atol=1e-10)
+
+    def test_invariant_measure_of_many_states_with_a_period(self):
+        """A ring of 5000 states that all go one step on: uniform, with the period 5000."""
+        n = 5000
+        matrix = csr_array((np.ones(n), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
+        assert invariant_measure(matrix, np.arange(n)) == pytest.approx(1.0 / n)
+        components = components_of(matrix)
+        assert periods_of(matrix, components, np.array([0])).tolist() == [n]
+
+    def test_invariant_measure_that_mixes_slowly(self):
+        """A walk between two walls that tends to the left, by 3000 states: geometric."""
+        n, r = 3000, 0.999
+        up, down = r / (1.0 + r), 1.0 / (1.0 + r)
+        stay = np.zeros(n)
+        stay[0], stay[-1] = down, up
+        matrix = csr_array(diags_array([np.full(n - 1, down), stay, np.full(n - 1, up)], offsets=[-1, 0, 1]))
+        expected = r ** np.arange(n)
+        np.testing.assert_allclose(invariant_measure(matrix, np.arange(n)), expected / expected.sum(), atol=1e-7)
+
+
+def with_sinks(inner, first, last):
+    """A chain with a sink before its states and one behind."""
+    from scipy.sparse import block_array
+
+    one = csr_array(np.ones((1, 1)))
+    return csr_array(
+        block_array([[one, None, None], [first[:, None], inner, last[:, None]], [None, None, one]], format="csr")
+    )
+
+
+def gambler(n, p):
+    """Fortunes 0 to n + 1; a game is won with p."""
+    inner = diags_array([np.full(n - 1, 1 - p), np.full(n - 1, p)], offsets=[-1, 1], shape=(n, n))
+    first, last = np.zeros(n), np.zeros(n)
+    first[0], last[-1] = 1 - p, p
+    return with_sinks(csr_array(inner), first, last)
+
+
+def absorbed(matrix):
+    """Probability to end in state 0, and time until the end."""
+    values = np.zeros((matrix.shape[0], 2))
+    values[0, 0] = 1.0
+    solve_transient(matrix, components_of(matrix), values, np.array([0.0, 1.0]))
+    return values
+
+
+def test_rows_are_tallied_with_sinks_last():
+    cells = np.sort([[4, 0, 4, -1], [-2, -2, -1, 3]], axis=1)
+    first, targets, shares = np.empty(3, np.int64), np.empty(8, np.int32), np.empty(8)
+    tally(cells, 8, first, targets, shares)
+    assert first.tolist() == [0, 3, 6]
+    assert targets[:6].tolist() == [0, 4, 7, 3, 6, 7]
+    assert shares[:6].tolist() == [0.25, 0.5, 0.25, 0.25, 0.5, 0.25]
+
+
+class TestTransitions:
+    def test_of_a_line_stretched_threefold(self):
+        """x' = 3 x on cells of width 1 around 0: a cell goes to three, by a third each."""
+        tripled = discrete_map(lambda x, p: (3 * x[0],), {}, ("x",))
+        chain = generalized_cell_mapping(tripled, CellGrid((0,), (4,), (4,)), samples=(9,))
+        expected = np.zeros((6, 6))
+        expected[0, 0:3] = 1 / 3
+        expected[1, 3], expected[1, -1] = 1 / 3, 2 / 3
+        expected[2:4, -1] = 1.0
+        expected[4, 4] = expected[5, 5] = 1.0
+        assert chain.matrix.toarray() == pytest.approx(expected)
+        assert chain.closed == ()
+        assert chain.expected_times == pytest.approx(np.linalg.solve(np.eye(4) - expected[:4, :4], np.ones(4)))
+        assert chain.absorption[:, -1] == pytest.approx(1.0)
+
+    def test_angles_go_round(self):
+        turned = discrete_map(lambda x, p: (x[0] + pi / 8,), {}, (angle("theta"),))
+        chain = generalized_cell_mapping(turned, CellGrid((-pi,), (pi,), (8,)), samples=(4,))
+        expected = 0.5 * (np.eye(8) + np.roll(np.eye(8), 1, axis=1))
+        assert chain.matrix.toarray()[:8, :8] == pytest.approx(expected)
+        assert (len(chain.closed), chain.closed[0].period) == (1, 1)
+        assert chain.measures[0] == pytest.approx(1 / 8)
+
+    def test_one_cell(self):
+        halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+        chain = generalized_cell_mapping(halves, CellGrid((-1,), (1,), (1,)))
+        assert chain.closed[0].cells.tolist() == [0]
+        assert chain.domiciles.tolist() == [1]
+        assert chain.expected_times.tolist() == [0.0]
+
+    def test_diverged_and_outside_are_kept_apart(self):
+        powers = discrete_map(lambda x, p: (x[0] ** 1001,), {}, ("x",))
+        chain = generalized_cell_mapping(powers, CellGrid((1.05,), (2.05,), (10,)))
+        assert chain.absorption[0, -1] > 0.9
+        assert chain.absorption[-1, -2] == 1.0
+        assert set(chain.basins().labels) == {-1, -2}
+
+    def test_one_sample_is_a_simple_cell_mapping(self):
+        exact = stroboscopic_map(systems.two_well_duffing())
+        grid = CellGrid((-2, -2), (2, 2), (60, 60))
+        simple = simple_cell_mapping(exact, grid, 2)
+        chain = generalized_cell_mapping(exact, grid, samples=(1, 1), periods=2)
+        targets = chain.matrix.indices[:-2]
+        np.testing.assert_array_equal(
+            np.where(targets < grid.size, targets, targets - grid.size - 2), simple.images.ravel()
+        )
+        np.testing.assert_array_equal(chain.expected_times, 2 * simple.steps)
+        assert sorted(one.period for one in chain.closed) == sorted(simple.group_periods)
+        np.testing.assert_array_equal(chain.basins().labels, simple.basins().labels)
+
+    def test_random_samples_and_threads(self):
+        exact = stroboscopic_map(systems.two_well_duffing())
+        grid = CellGrid((-2, -2), (2, 2), (80, 80))
+        chains = []
+        for threads, seed in ((1, 0), (3, 0), (1, 1)):
+            set_threads(threads)
+            chains.append(generalized_cell_mapping(exact, grid, samples=12, noise=0.01, seed=seed))
+        for name in ("data", "indices", "indptr"):
+            np.testing.assert_array_equal(getattr(chains[0].matrix, name), getattr(chains[1].matrix, name))
+        assert chains[0].matrix.nnz != chains[2].matrix.nnz
+        assert chains[0].matrix.sum(axis=1) == pytest.approx(1.0)
+
+
+class TestMeasures:
+    @pytest.mark.parametrize(("cells", "error"), [(200, 0.1), (2000, 0.04), (20_000, 0.02)])
+    def test_of_the_logistic_map(self, cells, error):
+        """1/(pi sqrt(x (1 - x))) in L1 (references.md): about as the root of the width of a cell."""
+        chain = generalized_cell_mapping(systems.logistic_map(4.0), CellGrid((0.0,), (1.0 + 1e-12,), (cells,)), (100,))
+        edges = np.clip(chain.grid.edges(0), 0.0, 1.0)
+        expected = np.diff(2.0 / pi * np.arcsin(np.sqrt(edges)))
+        measure = np.zeros(cells)
+        measure[chain.closed[0].cells] = chain.measures[0]
+        assert np.abs(measure - expected).sum() < error
+        assert chain.density().sum() / cells == pytest.approx(1.0)
+
+    def test_of_a_noisy_line_is_normal(self):
+        """x' = a x + s w: variance s^2 / (1 - a^2)."""
+        a, s = 0.7, 0.1
+        line = discrete_map(lambda x, p: (p.a * x[0],), {"a": a}, ("x",))
+        chain = generalized_cell_mapping(line, CellGrid((-1,), (1,), (200,)), samples=4000, noise=s)
+        assert len(chain.closed) <= 1
+        cells = np.arange(40, 160)
+        inner = chain.matrix[cells][:, cells].toarray()
+        measure = np.linalg.matrix_power(inner / inner.sum(axis=1, keepdims=True), 200)[60]
+        x = chain.grid.axis(0)[cells]
+        assert measure @ x == pytest.approx(0.0, abs=0.005)
+        assert measure @ x**2 == pytest.approx(s**2 / (1 - a**2), rel=0.02)
+
+    def test_of_bounded_noise_is_a_class(self):
+        """x' = x/2 + u, u uniform in [-1/4, 1/4]: the class is [-1/2, 1/2], the variance 1/36."""
+        line = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+        chain = generalized_cell_mapping(
+            line, CellGrid((-1,), (1,), (100,)), 1000, noise=lambda rng, n: rng.uniform(-0.25, 0.25, (n, 1))
+        )
+        (only,) = chain.closed
+        x = chain.grid.axis(0)[only.cells]
+        assert (x.min(), x.max()) == pytest.approx((-0.49, 0.49), abs=0.021)
+        assert chain.measures[0] @ x**2 == pytest.approx(0.25**2 / 3 / (1 - 0.25), rel=0.02)
+        basins = chain.basins()
+        assert (basins.labels == 0).all()
+        with pytest.raises(ValueError, match="polish=True"):
+            chain.basins(polish=True)
+
+
+class TestBasins:
+    def test_agree_with_direct_ones_up_to_cells_of_the_boundary(self):
+        """Newton's map for x^2 = 1 in the complex plane; the boundary is the imaginary axis."""
+
+        def newton(x, p):
+            size = 2 * (x[0] ** 2 + x[1] ** 2)
+            return x[0] / 2 + x[0] / size, x[1] / 2 - x[1] / size
+
+        grid = CellGrid((-2, -2), (2, 2), (100, 100))
+        point_map = discrete_map(newton, {}, ("re", "im"))
+        direct = find_basins(point_map, grid)
+        chain = generalized_cell_mapping(point_map, grid)
+        basins = chain.basins()
+        inside = basins.labels >= 0
+        far = np.abs(grid.centres()[..., 0]) > 1.5 * 4 / 100
+        assert ((basins.labels == direct.labels) | ~inside | ~far).all()
+        assert basins.verify(500).share < 0.02
+        assert (basins.settling_time[inside] == np.round(chain.expected_times[inside])).all()
+        # Mirror images have mirrored chances.
+        assert chain.absorption[..., 0] == pytest.approx(chain.absorption[::-1, :, 1], abs=1e-9)
+
+    def test_several_periods_find_small_attractors(self):
+        """The lesson of references.md, on Duffing's oscillator with five attractors."""
+        exact = stroboscopic_map(systems.duffing_oscillator(0.08, 0.0, 1.0, 0.2, 1.0))
+        grid = CellGrid((-1.8, -1.3), (1.8, 1.7), (180, 150))
+        found = [len(generalized_cell_mapping(exact, grid, periods=k).basins().attractors) for k in (1, 8)]
+        assert found[0] < found[1] == 5
+
+    def test_of_two_wells(self):
+        exact = stroboscopic_map(systems.two_well_duffing())
+        chain = generalized_cell_mapping(exact, CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 150)), periods=2)
+        found, chances = chain.probabilities()
+        assert [a.points[0].round(4).tolist() for a in found] == [[-0.7791, 0.0274], [1.2101, 0.0553]]
+        assert chances.sum(axis=-1) == pytest.approx(1.0)
+        assert chances[..., 0].mean() == pytest.approx(0.5, abs=0.01)
+        undecided = chain.basins(at_least=0.9)
+        assert ((undecided.labels == -3) == (chances.max(axis=-1) < 0.9)).all()
+        assert set(np.unique(chain.domiciles)) == {1, 2}
+        assert ((chain.domiciles == 1) == (chances.max(axis=-1) > 1 - 1e-9)).mean() > 0.999
+        assert any(len(one.cells) > 100 for one in chain.transient)  # the chaotic saddle
+        assert chain.classes == chain.closed + chain.transient
+
+    def test_without_polish(self):
+        """A cycle of two: one class of period 2."""
+        chain = generalized_cell_mapping(systems.logistic_map(3.2), CellGrid((0.01,), (0.99,), (500,)))
+        basins = chain.basins(polish=False)
+        assert [a.period for a in basins.attractors] == [2]
+        polished = chain.basins()
+        assert np.sort(basins.attractors[0].points[:, 0]) == pytest.approx(
+            np.sort(polished.attractors[0].points[:, 0]), abs=0.01
+        )
+
+    def test_where_areas_are_preserved(self):
+        """A turn by a rational angle has classes all over; the chain stays in hand."""
+        chain = generalized_cell_mapping(
+            discrete_map(lambda x, p: (-x[1], x[0]), {}, ("x", "y")), CellGrid((-1, -1), (1, 1), (60, 60)), (3, 3)
+        )
+        assert len(chain.closed) == 900
+        assert {one.period for one in chain.closed} == {4}
+        assert (chain.domiciles == 1).all()
+
+
+def test_basins_of_cells_are_stored_like_others(tmp_path):
+    exact = stroboscopic_map(systems.two_well_duffing())
+    grid = CellGrid((-2, -2), (2, 2), (40, 40))
+    chain, mapping = generalized_cell_mapping(exact, grid, (2, 2)), simple_cell_mapping(exact, grid)
+    for basins in (chain.basins(), chain.basins(polish=False), mapping.basins(), mapping.basins(polish=False)):
+        same = load_basins(save_basins(basins, tmp_path / "basins.h5"))
+        np.testing.assert_array_equal(same.labels, basins.labels)
+        assert same.settings["method"] == basins.settings["method"]
+        for a, b in zip(same.attractors, basins.attractors, strict=True):
+            np.testing.assert_array_equal(a.points, b.points)
+            np.testing.assert_array_equal(a.multipliers, b.multipliers)
+
+
+def test_bad_input():
+    halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    grid = CellGrid((-1,), (1,), (5,))
+    with pytest.raises(TypeError, match="give a PointMap"):
+        generalized_cell_mapping(None, grid)
+    with pytest.raises(TypeError, match="give a CellGrid"):
+        generalized_cell_mapping(halves, 5)
+    for samples, message in (
+        ((5, 5), "one for each axis"),
+        ((0,), "at least 1"),
+        (0, "at least 1"),
+        (10**6, "at most"),
+        ((10**6,), "at most"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            generalized_cell_mapping(halves, grid, samples)
+    with pytest.raises(TypeError, match="samples='5'"):
+        generalized_cell_mapping(halves, grid, "5")
+    with pytest.raises(ValueError, match="at least 0"):
+        generalized_cell_mapping(halves, grid, noise=-1.0)
+    with pytest.raises(ValueError, match="one standard deviation"):
+        generalized_cell_mapping(halves, grid, noise=(1.0, 1.0))
+    with pytest.raises(ValueError, match=r"noise returned the shape \(25,\)"):
+        generalized_cell_mapping(halves, grid, noise=lambda rng, n: rng.normal(size=n))
+    with pytest.raises(ValueError, match="noise returned nan: return finite numbers"):
+        generalized_cell_mapping(halves, grid, noise=lambda rng, n: np.full((n, 1), np.nan))
+    with pytest.raises(ValueError, match=r"0 closed classes.*no density"):
+        generalized_cell_mapping(discrete_map(lambda x, p: (x[0] + 9,), {}, ("x",)), grid).density()
+    with pytest.raises(ValueError, match="periods=0"):
+        generalized_cell_mapping(halves, grid, periods=0)
+    with pytest.raises(MemoryError, match="take fewer"):
+        generalized_cell_mapping(halves, CellGrid((-1,), (1,), (10**12,)))
+    chain = generalized_cell_mapping(halves, grid)
+    with pytest.raises(ValueError, match="at_least=2"):
+        chain.basins(at_least=2)
+    with pytest.raises(ValueError, match="number=1"):
+        chain.density(1)
+
+
+@pytest.mark.slow
+def test_a_million_cells_stay_below_four_gigabytes():
+    tracemalloc.start()
+    chain = generalized_cell_mapping(systems.henon_map(), CellGrid((-2, -2), (2, 2), (1000, 1000)))
+    chain.basins()
+    assert tracemalloc.get_traced_memory()[1] < 4e9
+    tracemalloc.stop()
