@@ -76,7 +76,7 @@ MAPS = {
     "jumps": lambda: stroboscopic_map(systems.stick_slip_oscillator()),
     "lambda": lambda_map,
     "discrete": newton_map,
-    "table": lambda: interpolated_map(pendulum(), WINDOW),
+    "table": lambda: interpolated_map(pendulum(), WINDOW, outside="escape"),
     "table, leaps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, leap=4),
 }
 

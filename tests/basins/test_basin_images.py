@@ -61,7 +61,10 @@ PICTURES = {
     "pendulum_3mm": Picture(lambda: driven(0.003), circle_grid(100.0, 80), 0.001, SMOOTH),
     "pendulum_3mm_wide": Picture(lambda: driven(0.003), circle_grid(500.0, 100), 0.001, SMOOTH),
     "pendulum_3mm_table": Picture(
-        lambda: interpolated_map(driven(0.003), circle_grid(100.0, 128)), circle_grid(100.0, 80), 0.001, SMOOTH
+        lambda: interpolated_map(driven(0.003), circle_grid(100.0, 128), outside="escape"),
+        circle_grid(100.0, 80),
+        0.001,
+        SMOOTH,
     ),
     "pendulum_10mm": Picture(lambda: driven(0.010), circle_grid(100.0, 80), 0.02, FRACTAL),
     "inverted": Picture(inverted, circle_grid(4.0, 80), 0.001, SMOOTH),

@@ -18,6 +18,7 @@ from cellmap import (
     PointMap,
     Status,
     angle,
+    certify,
     discrete_map,
     find_attractors,
     find_basins,
@@ -463,6 +464,21 @@ def test_orbits_that_leave_the_window_keep_their_own_code():
     assert lost.verify(200).excluded > 0
 
 
+def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():
+    """x -> tanh 2x has attractors at +-0.9575; the table ends at -0.5, between the left one and the boundary at 0."""
+    exact = discrete_map(two_wells, {}, ("x",))
+    window = CellGrid((-0.5,), (1.5,), (40,))
+    kept = find_basins(interpolated_map(exact, window), window)
+    lost = find_basins(interpolated_map(exact, window, outside="escape"), window)
+    left = window.centres()[..., 0] < 0.0
+    assert ESCAPED not in kept.labels
+    assert np.array_equal(lost.labels == ESCAPED, left)
+    for basins, starts in ((kept, np.ones_like(left)), (lost, ~left)):
+        places = np.array([a.points[0, 0] for a in basins.attractors])
+        assert places[basins.labels[starts]] == pytest.approx(np.where(left, -0.957504, 0.957504)[starts], abs=1e-6)
+    assert np.array_equal(certify(kept).basins.labels, kept.labels)
+
+
 def test_diverging_orbits_have_their_own_code():
     grid = CellGrid((-2.0,), (2.0,), (40,))
     basins = find_basins(discrete_map(lambda x, p: (x[0] ** 3,), {}, ("x",)), grid)
@@ -476,7 +492,8 @@ def test_system_with_no_attractor_in_the_window():
     basins = find_basins(discrete_map(lambda x, p: (2 * x[0] + 1,), {}, ("x",)), CellGrid((0.0,), (1.0,), (10,)))
     assert basins.attractors == ()
     assert (basins.labels == DIVERGED).all()
-    table = interpolated_map(discrete_map(lambda x, p: (x[0] + 1,), {}, ("x",)), CellGrid((0.0,), (5.0,), (10,)))
+    drift = discrete_map(lambda x, p: (x[0] + 1,), {}, ("x",))
+    table = interpolated_map(drift, CellGrid((0.0,), (5.0,), (10,)), outside="escape")
     basins = find_basins(table, CellGrid((0.0,), (5.0,), (10,)))
     assert basins.attractors == ()
     assert (basins.labels == ESCAPED).all()

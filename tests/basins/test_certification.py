@@ -101,7 +101,7 @@ def test_orbits_that_leave_the_window():
 
     exact = discrete_map(henon, {"a": 0.2, "b": 0.3}, ("x", "y"))
     table, window = CellGrid((-9.0, -9.0), (9.0, 9.0), (90, 90)), CellGrid((-8.0, -8.0), (8.0, 8.0), (150, 150))
-    basins = find_basins(interpolated_map(exact, table, order=1, tolerance=0.05), window)
+    basins = find_basins(interpolated_map(exact, table, order=1, outside="escape", tolerance=0.05), window)
     certificate = certify(basins)
     # By hand, with the window of the table.
     x, y = np.moveaxis(window.centres(), -1, 0)
@@ -148,7 +148,7 @@ def test_attractors_that_hold_no_cell_as_a_whole(gap):
     exact = discrete_map(
         lambda x, p: (0.5 * x[0] + 3.0 * sin(x[0]), 0.4 * x[1] + 0.3 * sin(x[0])), {}, (angle("theta"), "y")
     )
-    icm = interpolated_map(exact, CellGrid((-pi, -2.0), (pi - gap, 2.0), (60, 40)), order=3, tolerance=0.2)
+    icm = interpolated_map(exact, CellGrid((-pi, -2.0), (pi - gap, 2.0), (60, 40)), 3, "escape", tolerance=0.2)
     basins = find_basins(icm, CellGrid((-pi, -2.0), (pi, 2.0), (40, 40)), max_periods=300)
     assert len(basins.attractors) > 0
     certificate = certify(basins, audit=50)
@@ -158,7 +158,7 @@ def test_attractors_that_hold_no_cell_as_a_whole(gap):
 @pytest.mark.parametrize("gap", [0.05, 0.2, 1.1])
 def test_attractors_across_the_edge_of_the_window(gap):
     exact = discrete_map(lambda x, p: (x[0] + 0.2 * sin(3.0 * x[0]) + 0.1,), {}, (angle("theta"),))
-    icm = interpolated_map(exact, CellGrid((-pi,), (pi - gap,), (40,)), order=1, tolerance=0.2)
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi - gap,), (40,)), 1, "escape", tolerance=0.2)
     basins = find_basins(icm, CellGrid((-pi,), (pi,), (1000,)))
     certificate = certify(basins, audit=50)
     np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
@@ -176,7 +176,7 @@ def test_starts_that_settle_late_or_never(contraction):
         return p.c * (0.3 * x[0] - 0.954 * y), p.c * (0.954 * x[0] + 0.3 * y)
 
     exact = discrete_map(henon, {"c": contraction}, ("x", "y"))
-    icm = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)))
+    icm = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)), outside="escape")
     basins = find_basins(icm, CellGrid((-1.2, -1.2), (1.2, 1.2), (40, 40)), max_periods=20)
     certificate = certify(basins, audit=50)
     assert (certificate.basins.labels == UNDECIDED).any()

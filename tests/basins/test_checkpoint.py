@@ -79,7 +79,10 @@ CASES: dict[str, Callable[..., Basins]] = {
     # The same with a table of several periods, whose orbits depend on how they are cut into leaps.
     "leaps": lambda **how: find_basins(
         interpolated_map(
-            discrete_map(conservative, {"angle": 1.327}, ("x", "y")), CellGrid((-1, -1), (1, 1), (60, 60)), leap=8
+            discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
+            CellGrid((-1, -1), (1, 1), (60, 60)),
+            outside="escape",
+            leap=8,
         ),
         CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130)),
         520,

@@ -50,7 +50,7 @@ CASES = {
     "many attractors": lambda: find_basins(
         pendulum(amplitude=0.010), CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)), max_periods=900, max_period=8
     ),
-    "table, escaped": lambda: find_basins(table(), GRID),
+    "table, escaped": lambda: find_basins(table(outside="escape"), GRID),
     "table, tolerance": lambda: find_basins(table(order=3, outside="integrate", tolerance=0.1), GRID),
     "starts": lambda: find_basins(pendulum(), np.random.default_rng(0).uniform(-3, 3, (5, 4, 2))),
     "one start": lambda: find_basins(pendulum(), [0.1, 0.2]),

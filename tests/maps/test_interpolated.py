@@ -165,7 +165,7 @@ def test_seam_is_as_accurate_as_the_rest_of_the_circle(order, lower):
 def test_partial_arc_of_an_angle(arc):
     """An arc may lie across the cut of the circle; what is outside of it escapes."""
     exact = exact_map("circle")
-    icm = interpolated_map(exact, CellGrid((arc[0],), (arc[1],), (60,)))
+    icm = interpolated_map(exact, CellGrid((arc[0],), (arc[1],), (60,)), outside="escape")
     turns = 2 * pi * np.arange(-2, 3)[:, None, None]
     inside = np.linspace(arc[0] + 1e-9, arc[1] - 1e-9, 501)[:, None] + turns
     assert icm.iterate(inside, 1).points == pytest.approx(exact(inside), abs=1e-8)
@@ -588,7 +588,7 @@ def test_leaps_across_what_is_not_smooth(name):
 @pytest.mark.parametrize("name", ["cylinder", "plane", "torus"])
 def test_orbits_escape_in_leaps_as_in_single_periods(name):
     shape = tuple(2 * n for n in SMOOTH[name][3][5])
-    single, leaping = (tabulated(name, shape, tolerance=1e-3, leap=leap) for leap in (1, 4))
+    single, leaping = (tabulated(name, shape, outside="escape", tolerance=1e-3, leap=leap) for leap in (1, 4))
     starts = np.random.default_rng(12).uniform(*SMOOTH[name][2], (5000, 2))
     for periods in (4, 12):
         ours, theirs = leaping.iterate(starts, periods), single.iterate(starts, periods)
@@ -636,7 +636,9 @@ def test_starts_that_leave_the_window_or_do_not_settle_in_leaps():
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.003))
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (96, 96))
     for limit in (5, 11, 2000):
-        single, leaping = (find_basins(interpolated_map(exact, grid, leap=leap), grid, limit) for leap in (1, 4))
+        single, leaping = (
+            find_basins(interpolated_map(exact, grid, outside="escape", leap=leap), grid, limit) for leap in (1, 4)
+        )
         assert (leaping.labels != single.labels).mean() <= 2e-3
         assert (leaping.settling_time != single.settling_time).mean() <= 2e-3
         assert set(np.unique(leaping.labels)) == set(np.unique(single.labels))

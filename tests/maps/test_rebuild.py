@@ -37,13 +37,13 @@ MAPS = {
     "phase and tolerance": (PENDULUM, lambda: strobe(phase=0.3, rtol=1e-6, atol=1e-7)),
     "DOP853": (PENDULUM, lambda: strobe(method="DOP853")),
     "RK45, few steps": (PENDULUM, lambda: strobe(method="RK45", rtol=1e-5, atol=1e-5, max_steps=500)),
-    "table": (PENDULUM, lambda: interpolated_map(strobe(), WINDOW)),
+    "table": (PENDULUM, lambda: interpolated_map(strobe(), WINDOW, outside="escape")),
     "table, integrate": (PENDULUM, lambda: interpolated_map(strobe(phase=0.5), WINDOW, 3, "integrate", 0.01)),
-    "bilinear": (PENDULUM, lambda: interpolated_map(strobe(rtol=1e-5), WINDOW, order=1)),
+    "bilinear": (PENDULUM, lambda: interpolated_map(strobe(rtol=1e-5), WINDOW, 1, "escape")),
     "discrete": (systems.henon_map(), systems.henon_map),
     "table of a discrete map": (
         systems.henon_map(),
-        lambda: interpolated_map(systems.henon_map(), CellGrid((-2, -2), (2, 2), (30, 30))),
+        lambda: interpolated_map(systems.henon_map(), CellGrid((-2, -2), (2, 2), (30, 30)), outside="escape"),
     ),
 }
 

@@ -44,7 +44,7 @@ def test_points_at_edges_of_cells(dimension, order) -> None:
     points = np.array(list(product(*(edges_and_neighbours(grid, j) for j in range(dimension)))))
     inside = ((points >= grid.lower) & (points <= grid.upper)).all(axis=1)
     expected = exact.iterate(points, 1).points
-    image = interpolated_map(exact, grid, order).iterate(points, 1)
+    image = interpolated_map(exact, grid, order, "escape").iterate(points, 1)
     assert np.array_equal(image.status == Status.ESCAPED, ~inside)
     assert image.points[inside] == pytest.approx(expected[inside], abs=1e-14)
     carried = interpolated_map(exact, grid, order, outside="integrate").iterate(points, 1)
@@ -63,7 +63,7 @@ def test_points_at_edges_of_cells_of_any_width(dimension) -> None:
             lower, shape = rng.uniform(-3, 3, dimension), [max(3, n // 2) for n in SIZES[dimension]]
             upper = np.where(np.arange(dimension) < angles, lower + 2 * pi, lower + rng.uniform(0.1, 5, dimension))
             grid = CellGrid(tuple(lower), tuple(upper), tuple(shape))
-            table = interpolated_map(exact, grid, 3 if dimension < 4 else 1)
+            table = interpolated_map(exact, grid, 3 if dimension < 4 else 1, "escape")
             edges = np.array(list(product(*(grid.edges(j) for j in range(dimension)))))
             image = table.iterate(edges, 1)
             assert (image.status == Status.OK).all()

@@ -45,7 +45,7 @@ def pendulum() -> Basins:
 @pytest.fixture(scope="module")
 def lost() -> Basins:
     exact = stroboscopic_map(systems.driven_pendulum())
-    icm = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)))
+    icm = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)), outside="escape")
     return find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (40, 30)))
 
 

@@ -36,7 +36,7 @@ def interpolated_map(
     exact: PointMap,
     grid: CellGrid,
     order: int = 5,
-    outside: str = "escape",
+    outside: str = "integrate",
     tolerance: float | None = None,
     progress: bool = False,
     leap: int = 1,
@@ -60,9 +60,10 @@ def interpolated_map(
         ends are tabulated too, so that the window is accurate up to its edge.
     order : {5, 3, 1}
         Degree of the B-splines; 1 is Tongue and Gu's bilinear method.
-    outside : {"escape", "integrate"}
-        What becomes of an orbit that leaves the window: it ends with the status ESCAPED, or the exact map carries it
-        on until it is back.
+    outside : {"integrate", "escape"}
+        What becomes of an orbit that leaves the window.  By default the exact map carries it on until it is back, so
+        that no orbit is lost, and attractors outside the window keep their basins.  With "escape" it ends with the
+        status ESCAPED, as in Tongue and Gu (1988); this saves exact images where many orbits leave.
     tolerance : float, optional
         Largest error allowed in a cell, in the units of the coordinates.  By default a share of a cell's width in each
         coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
