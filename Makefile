@@ -55,7 +55,9 @@ figures: $(INSTALLED)video
 	$(RUN) -m studies
 	@echo "Everything is in $(CURDIR)/studies/output/"
 
-# A process for each core, and whole files to each, so that what a file compiles is compiled once.
+# A process for each core, and whole files to each, so that what a file compiles is compiled once.  The processes share
+# the cores: threads of linear algebra would only get in each other's way.
+test test-all: export OPENBLAS_NUM_THREADS ?= 1
 test: env
 	$(RUN) -m pytest -n auto --dist loadfile
 
