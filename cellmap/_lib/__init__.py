@@ -1,1 +1,1 @@
-"""What no dynamics is in: checks of arguments, threads, files, memory, root finding, fits."""
+"""Utilities that are independent of dynamics: checks of arguments, threads, files, memory, root finding, fits."""

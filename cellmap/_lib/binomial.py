@@ -1,4 +1,4 @@
-"""Intervals for a share of which a number of trials is known."""
+"""Confidence intervals of a fraction estimated from a number of trials."""
 
 from __future__ import annotations
 

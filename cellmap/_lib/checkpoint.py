@@ -1,10 +1,9 @@
-"""Checkpoints: arrays of a run in an HDF5 file that is valid at every moment, and that tells which tiles are done.
+"""Checkpoints: arrays of a run in an HDF5 file that is valid at every moment and records which tiles are finished.
 
-HDF5 keeps what it knows about a file partly in memory: a process that dies while it writes may leave a file that
-nobody can read.  So the file is made whole at first, with all its arrays in their full size; after that only the
-contents of the arrays change, through a map of the file into memory.  What a process has written there survives its
-death.  A tile counts as done once its entry holds the checksum of its contents, so that one that was torn is not taken
-for one that is whole.
+HDF5 keeps part of a file's metadata in memory: a process that is killed while it writes may leave an unreadable file.
+The file is therefore created with all its arrays in their full size; after that only the contents of the arrays change,
+through a memory map of the file.  Data that a process has written there survive the process.  A tile counts as finished
+once its entry holds the checksum of its contents, so that a tile that was written in part is recognised.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.fl
         raise ValueError(f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables")
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]
-        raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove starts that are not finite")
+        raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove points that are not finite")
     return array
 
 

@@ -1,4 +1,4 @@
-"""Straight lines through scaling data, with the window in which they are straight."""
+"""Fits of straight lines to scaling data, with the range in which the data scale."""
 
 from __future__ import annotations
 

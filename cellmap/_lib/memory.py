@@ -1,4 +1,4 @@
-"""Memory that is to be had: of the machine, and of the container that the process runs in."""
+"""Available memory of the machine, and of the container in which the process runs."""
 
 from __future__ import annotations
 

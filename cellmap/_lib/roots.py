@@ -1,4 +1,4 @@
-"""Zeros and extrema of many functions of one variable at once."""
+"""Zeros and extrema of many functions of one variable, vectorised."""
 
 from __future__ import annotations
 

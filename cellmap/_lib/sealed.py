@@ -1,9 +1,9 @@
-"""HDF5 files with a seal: a checksum that is verified before HDF5 reads any of the file.
+"""HDF5 files with a checksum that is verified before the HDF5 library reads any of the file.
 
-HDF5's library trusts what it reads: damage can make it loop for ever, and what was planted in a file can make it read
-others.  So a file begins with a block of its own, which holds the checksum of all that follows, but for arrays that
-change later and have checksums of their own.  Only then it is opened, and what it is made of is looked through: plain
-groups, arrays of numbers in the file itself, and attributes of fixed length.
+The HDF5 library trusts the contents of a file: damage can make it loop for ever, and a manipulated file can make it
+read other files.  A file therefore begins with a block that holds the checksum of all that follows, except arrays that
+change later and have checksums of their own.  After this check the file is opened and its contents are inspected: only
+plain groups, arrays of numbers in the file itself, and attributes of fixed length are accepted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Public functions are held to their signatures: an argument of another type is refused by its name."""
+"""Type checks of the arguments of public functions, from their signatures."""
 
 from __future__ import annotations
 

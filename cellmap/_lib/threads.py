@@ -1,4 +1,4 @@
-"""The one thread pool.  Slices of work do not depend on the number of threads, and so results do not either."""
+"""The thread pool.  Work is sliced independently of the number of threads, so that results do not depend on it."""
 
 from __future__ import annotations
 

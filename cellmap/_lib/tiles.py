@@ -1,4 +1,4 @@
-"""Work in tiles: on the threads of this process or on a cluster.  The tiles are the same, and so are the results."""
+"""Work in tiles on the threads of this process or on a cluster, with the same tiles and therefore the same results."""
 
 from __future__ import annotations
 

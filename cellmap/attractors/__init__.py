@@ -1,4 +1,4 @@
-"""Attractors of a point map: how they are found, proved, recognised and matched."""
+"""Attractors of a point map: search, trapping regions, convergence of orbits, and matching between parameter values."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""Chaotic attractors: identified by their exponents, covered by boxes."""
+"""Chaotic attractors, identified by their Lyapunov exponents and covered by boxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sets of equilibria: places at which dry friction holds an orbit for ever."""
+"""Sticking sets: continua of equilibria at which dry friction keeps an orbit for ever."""
 
 from __future__ import annotations
 

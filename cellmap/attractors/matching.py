@@ -1,4 +1,4 @@
-"""Attractors of neighbouring parameter values: which of them are the same."""
+"""Matching of attractors between neighbouring parameter values."""
 
 from __future__ import annotations
 

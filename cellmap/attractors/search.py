@@ -1,4 +1,4 @@
-"""The search for attractors: orbits settle, their ends are polished, what is left is examined."""
+"""Search for attractors: end points of orbits are refined by Newton's method, and the other orbits tested for chaos."""
 
 from __future__ import annotations
 
@@ -38,30 +38,31 @@ def find_attractors(
     max_period: int = 32,
     known: Sequence[Attractor] = (),
 ) -> tuple[Attractor, ...]:
-    """Find the attractors that orbits from given starts end on.
+    """Find the attractors to which orbits of given initial conditions converge.
 
-    Orbits are followed; ends that are spread far apart are polished by Newton's method on the exact map, for the
-    periods after which their orbits come closest to themselves; a solution counts where its multipliers prove it
-    stable, and gets a verified neighbourhood, with which all other orbits are sorted out.  Orbits that never settle are
-    examined for chaos.
+    The initial conditions are iterated.  End points that lie far apart are refined by Newton's method on the exact map,
+    for the periods after which their orbits come closest to themselves.  A solution counts as an attractor if its
+    Floquet multipliers lie inside the unit circle.  It gets a verified trapping region, and orbits that enter this
+    region have converged.  Orbits that never settle are tested for chaos.
 
     Parameters
     ----------
     point_map : PointMap
-        The map that the orbits follow; periodic points are polished on its exact map.
+        The map; periodic points are refined with the exact map behind it.
     starts : array_like, shape (..., dimension)
-        Starts of the orbits.
+        Initial conditions of the orbits.
     max_periods : int, optional
         Longest orbit.
     max_period : int, optional
         Longest period of a periodic attractor.
     known : sequence of Attractor, optional
-        Attractors that need not be found again.
+        Attractors that are known already, with their trapping regions.
 
     Returns
     -------
     tuple of Attractor
-        In an order that does not depend on the starts: fixed points, periodic, rotating, chaotic.
+        Attractors in an order that does not depend on the initial conditions: fixed points, periodic, rotating,
+        sticking sets, chaotic.
 
     Examples
     --------
@@ -72,7 +73,7 @@ def find_attractors(
     """
     states = state_points("starts", starts, point_map.coordinates).reshape(-1, point_map.dimension)
     if not len(states):
-        raise ValueError("starts is empty: give at least one start")
+        raise ValueError("starts is empty: give at least one initial condition")
     check_attractors(known, point_map, "known")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = longest_period(max_period)

@@ -1,4 +1,4 @@
-"""Iteration of starts until each is known to belong to an attractor."""
+"""Iteration of initial conditions until each orbit has converged to an attractor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Orbits that have not settled: which of them are chaotic transients, and why orbits are undecided."""
+"""Orbits that have not settled: detection of chaotic transients, and the reasons why orbits are undecided."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Neighbourhoods of attractors that are verified to lie in their basins."""
+"""Verified trapping regions of attractors."""
 
 from __future__ import annotations
 

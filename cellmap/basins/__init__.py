@@ -1,4 +1,4 @@
-"""Basins of attraction: found, verified, certified, planned, stored, and continued over a parameter."""
+"""Basins of attraction: computation, verification, certification, planning, storage, and parameter continuation."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""Labels of any points, by the map and the attractors of basins that are known."""
+"""Labels of arbitrary points, from the map and the attractors of known basins."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def labeller(
         raise TypeError(f"source={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
     check_attractors(attractors, used, "attractors")
     if not len(attractors):
-        raise ValueError("attractors is empty: without an attractor there is no basin; find some first")
+        raise ValueError("attractors is empty: without an attractor there is no basin; find attractors first")
     most = whole_number("max_periods", periods, at_least=1)
     return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)
 

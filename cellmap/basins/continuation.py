@@ -1,4 +1,4 @@
-"""The continuation of attractors and of the shares of their basins, under labels that persist."""
+"""Continuation of attractors and basin fractions in a parameter, with persistent labels."""
 
 from __future__ import annotations
 
@@ -41,32 +41,36 @@ def continue_basins(
     resume: BasinContinuation | None = None,
     progress: bool = False,
 ) -> BasinContinuation:
-    """Follow attractors and the shares of their basins through values of a parameter.
+    """Continue attractors and their basin fractions over values of a parameter.
 
-    At each value the attractors are sought from where those of former values were, so that small ones are not lost, and
-    from all starts as :func:`find_basins` does it.  They take the labels of those that they match, first at the
-    value before, then among all that have vanished, which have to be alike; what matches none is new.
+    At each parameter value attractors are searched from the points of those at previous values, so that attractors with
+    small basins are not lost, and from all initial conditions as in :func:`find_basins`.  An attractor takes the label
+    of the one that it matches, first at the previous value, then among those that have vanished, which must be of the
+    same kind; an attractor without a match is new.
 
     Parameters
     ----------
     point_map : PointMap
-        Exact, interpolated or discrete map; of an interpolated map a new table is made at each value.
+        Exact, interpolated or discrete map; an interpolated map is computed again at each value.
     name : str
         Name of the parameter.
     values : array_like, shape (n,)
-        Its values, increasing or decreasing, in its unit.  They are taken in this order.
+        Parameter values, increasing or decreasing, in the unit of the parameter.  They are taken in this order.
     starts : CellGrid or array_like, shape (..., dimension)
-        Cells, whose centres are the starts, or the starts themselves, such as a random sample.
+        Grid of cells whose centres are the initial conditions, or the initial conditions themselves, such as a random
+        sample.
     max_periods : int, optional
-        Periods after which a start that has not settled is undecided.
+        Periods after which an initial condition whose orbit has not settled is undecided.
     max_period : int, optional
         Longest period of a periodic attractor.
     threshold : float, optional
-        Largest distance, from value to value, of attractors that are the same: the mean distance of points of one to
-        the nearest of the other, in turns of angles and in spans of the starts along other coordinates.  It counts
-        twice between unlike attractors: of different rotation numbers, or of periods of which none divides the other.
+        Largest distance between matching attractors at consecutive values: the mean distance of points of one to the
+        nearest of the other, in periods of angles and in spans of the initial conditions along other coordinates. The
+        distance is doubled between attractors of different rotation numbers, or of periods of which none divides the
+        other.
     resume : BasinContinuation, optional
-        A former result for the first of the values, from the same map and starts; only the others are computed.
+        A previous result for the first of the values, from the same map and initial conditions; only the others are
+        computed.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -80,14 +84,14 @@ def continue_basins(
     TypeError, ValueError
         For arguments out of range, or a result to resume that does not fit.
     MemoryError
-        Where labels do not fit into memory.
+        If the labels do not fit into memory.
     ContinuationInterrupt
-        For Ctrl-C; it carries what was computed, and is a KeyboardInterrupt.
+        After Ctrl-C, a KeyboardInterrupt that holds the values computed so far.
 
     Warns
     -----
     ToleranceWarning
-        Where the integrator missed its tolerance on the way of some starts.
+        If the integrator missed its tolerance along some orbits.
 
     References
     ----------
@@ -116,7 +120,7 @@ def continue_basins(
     )
     total = number_of_starts(given)
     if not total:
-        raise ValueError("starts is empty: give at least one start")
+        raise ValueError("starts is empty: give at least one initial condition")
     settings = {
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
         "max_period": longest_period(max_period),
@@ -127,7 +131,9 @@ def continue_basins(
         exact.with_params(**{name: float(value)})
     kept = 8 * _KEPT * point_map.dimension * axis.size
     claim_memory(
-        f"basins of {total:,} starts at {axis.size:,} values", basins_memory(total) + kept, "take fewer starts"
+        f"basins of {total:,} initial conditions at {axis.size:,} values",
+        basins_memory(total) + kept,
+        "take fewer initial conditions",
     )
     extent = region_extent(point_map, _corners(given))
     began = time.perf_counter()

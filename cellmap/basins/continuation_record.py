@@ -1,4 +1,4 @@
-"""Attractors and the shares of their basins against a parameter."""
+"""Attractors and basin fractions as functions of a parameter."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .record import LABEL_NAMES
 
 
 class ContinuationInterrupt(KeyboardInterrupt):
-    """Ctrl-C in the midst of :func:`continue_basins`; `partial` holds what was computed until then.
+    """Interruption of :func:`continue_basins` by Ctrl-C; `partial` holds the values computed so far.
 
     Parameters
     ----------
     partial : BasinContinuation
-        The values that were done; give it as ``resume`` to go on.
+        Result for the values computed so far; give it as ``resume`` to continue.
     """
 
     def __init__(self, partial: BasinContinuation) -> None:
@@ -34,7 +34,7 @@ class ContinuationInterrupt(KeyboardInterrupt):
 
 @dataclass(frozen=True, eq=False)
 class BasinContinuation:
-    """Attractors and the shares of their basins against a parameter.
+    """Attractors and basin fractions as functions of a parameter.
 
     Parameters
     ----------
@@ -43,17 +43,17 @@ class BasinContinuation:
     values : ndarray, shape (n,)
         Values of the parameter in the order in which they were taken, in its unit.
     labels : tuple of int, length m
-        Labels of all attractors that were found, from 0 on in the order in which they were met, then the codes that
-        occur: -1 (left the window), -2 (diverged), -3 (undecided).
+        Labels of all attractors that were found, from 0 in the order of their first appearance, then the negative
+        labels that occur: -1 (escaped), -2 (diverged), -3 (undecided), -4 (did not return).
     counts : ndarray of int, shape (n, m)
-        Starts that carry each label, at each value.
+        Number of initial conditions with each label, at each value.
     attractors : tuple of mapping of int to Attractor, length n
-        Attractors by label, at each value.  One that no start ends on is there with a count of 0; of a chaotic one at
-        most 1024 points are kept.
+        Attractors by label, at each value.  An attractor to which no initial condition converges has a count of 0; of a
+        chaotic attractor at most 1024 points are kept.
     inaccurate : ndarray of int, shape (n,)
-        Starts on whose way the integrator missed its tolerance.
+        Initial conditions along whose orbits the integrator missed its tolerance.
     starts : CellGrid or ndarray, shape (..., dimension)
-        Starts, the same at each value.
+        Initial conditions, the same at each value.
     coordinates : tuple of Coordinate
         State variables.
     params : mapping of str to float
@@ -84,31 +84,31 @@ class BasinContinuation:
 
     @property
     def fractions(self) -> NDArray[np.float64]:
-        """Share of the starts that carry each label, shape (n, m)."""
+        """Fractions of the initial conditions with each label, shape (n, m)."""
         return self.counts / self.total
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
-        """Standard errors of the fractions, shape (n, m), if starts were random; upper bounds for centres of a grid.
+        """Standard errors of the fractions, shape (n, m), for random initial conditions; upper bounds for a grid.
 
-        The starts are the same at each value, so that differences between values are known better than that.
+        The initial conditions are the same at each value, so that differences between values are more accurate.
         """
         return np.asarray(np.sqrt(self.fractions * (1.0 - self.fractions) / self.total))
 
     @property
     def total(self) -> int:
-        """Number of starts."""
+        """Number of initial conditions."""
         return number_of_starts(self.starts)
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Whether there is an attractor of each label, at each value; for codes, whether starts carry them."""
+        """Whether each attractor exists at each value, shape (n, m); for negative labels, whether they occur."""
         there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
         return there.reshape(self.counts.shape) | (self.counts > 0)
 
     @checked
     def label_name(self, label: int) -> str:
-        """Return what a label stands for: the name of the attractor where it was first met."""
+        """Return the meaning of a label: for an attractor its name at the value where it first appears."""
         one_of("label", label, (*self.labels, *LABEL_NAMES))
         if label < 0:
             return LABEL_NAMES[label]

@@ -1,4 +1,4 @@
-"""Final states of many starts, by the neighbourhoods of known attractors or by a rule of one's own."""
+"""Final states of many initial conditions, by the trapping regions of known attractors or by a user's rule."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def final_states(
     if not attractors:
         attractors = find_basins(point_map, _coarse(region), max_periods).attractors
     if not attractors:
-        raise ValueError("no attractor was found in this region: say with outcome= what the final states are")
+        raise ValueError("no attractor was found in this region: define the final states with outcome=")
     return FinalStates(point_map, region, labeller(point_map, attractors, max_periods=max_periods), None, max_periods)
 
 

@@ -1,4 +1,4 @@
-"""Labels of all the starts of a picture, in passes over them."""
+"""Basins of attraction of a grid or an array of initial conditions, in sweeps over them."""
 
 from __future__ import annotations
 
@@ -50,33 +50,34 @@ def find_basins(
     client: Any = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> Basins:
-    """Find the attractors of a map and the basin to which each start belongs.
+    """Find the attractors of a map and label each initial condition by the attractor to which its orbit converges.
 
-    Every start is iterated until it is inside a neighbourhood that is verified to belong to an attractor; see
-    :func:`find_attractors` for how those are found.  Starts that are left after many periods are searched for further
-    attractors, so that small basins are found too.  Those that are left in the end are undecided: chaotic transients,
-    for instance, and starts that did not stay among the boxes of a chaotic attractor for 64 periods.
+    Every initial condition is iterated until its orbit enters a verified trapping region of an attractor; see
+    :func:`find_attractors` for the search for attractors.  Initial conditions that have not converged after many
+    periods are searched for further attractors, so that small basins are found too.  Those that never converge are
+    undecided: chaotic transients, for instance, and orbits that did not stay among the boxes of a chaotic attractor for
+    64 periods.
 
     Parameters
     ----------
     point_map : PointMap
         Exact, interpolated or discrete map.
     starts : CellGrid or array_like, shape (..., dimension)
-        Cells, whose centres are the starts, or the starts themselves.
+        Grid of cells whose centres are the initial conditions, or the initial conditions themselves.
     max_periods : int, optional
-        Periods after which a start that has not settled is undecided.
+        Periods after which an initial condition whose orbit has not settled is undecided.
     max_period : int, optional
         Longest period of a periodic attractor.
     attractors : sequence of Attractor, optional
-        Attractors that are known already, with their neighbourhoods.
+        Attractors that are known already, with their trapping regions.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
     client : distributed.Client, optional
-        Dask cluster that labels the starts; by default the threads of this process do.
+        Dask cluster that labels the initial conditions; by default the threads of this process do.
     checkpoint : path-like, optional
-        File in which labels are kept while they are found.  A run that was interrupted or killed is taken up by the
-        same call, with the same result; at the end it is a file of basins, as :func:`load_basins` reads it, and the
-        same call reads it.  Labels stay there, so that they need not fit into memory.
+        File in which labels are stored as they are computed.  Repeating a call that was interrupted or killed resumes
+        it, with the same result.  At the end the file is one of basins, for :func:`load_basins`, and repeating the call
+        reads it.  Labels are kept in the file, so that they need not fit into memory.
 
     Returns
     -------
@@ -88,16 +89,16 @@ def find_basins(
     TypeError, ValueError
         For arguments out of range, or a checkpoint of another run.
     MemoryError
-        Where labels do not fit into memory.
+        If the labels do not fit into memory.
     OSError
-        Where a checkpoint does not fit on the disk.
+        If a checkpoint does not fit on the disk.
     StoreError
         For a checkpoint that is damaged or in use by another run, or a file of another kind.
 
     Warns
     -----
     ToleranceWarning
-        Where the integrator missed its tolerance on the way of some starts.
+        If the integrator missed its tolerance along some orbits.
 
     Examples
     --------
@@ -125,7 +126,7 @@ def find_basins(
         tally = found.tally
         if tally.inaccurate:
             warn_caller(
-                f"the integrator missed its tolerance on the way of {tally.inaccurate} of {len(places)} starts; loosen "
+                f"the integrator missed its tolerance along {tally.inaccurate} of {len(places)} orbits; loosen "
                 "rtol and atol, or allow more steps with max_steps",
                 ToleranceWarning,
             )
@@ -168,8 +169,8 @@ def _kept(
     """Return where labels are to be kept, once there is room for them; or the basins that a checkpoint has come to."""
     total = len(places)
     if path is None:
-        remedy = "take fewer starts, or give a checkpoint, where they stay on the disk"
-        claim_memory(f"labels of {total:,} starts", basins_memory(total), remedy)
+        remedy = "take fewer initial conditions, or give a checkpoint, which keeps them on the disk"
+        claim_memory(f"labels of {total:,} initial conditions", basins_memory(total), remedy)
         return Kept(places.shape)
     from .passes_in_file import KeptInFile, describe_attractors
 
@@ -186,8 +187,8 @@ def _kept(
     finished = kept.finished()
     if finished is not None:
         return finished
-    claim_memory(f"labelling {total:,} starts", basins_memory(total, checkpoint=True), "free some")
-    claim_disk(f"checkpoint={str(path)!r}", basins_disk(total), path, "take fewer starts, or another disk")
+    claim_memory(f"labelling {total:,} initial conditions", basins_memory(total, checkpoint=True), "free some")
+    claim_disk(f"checkpoint={str(path)!r}", basins_disk(total), path, "take fewer initial conditions, or another disk")
     return kept
 
 

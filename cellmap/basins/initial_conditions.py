@@ -1,4 +1,4 @@
-"""Starts by their flat numbers: made when they are needed, and chosen by a bit each, however many they are."""
+"""Initial conditions by flat index: generated when they are needed, and selected by one bit each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Starts:
             return cls(starts.on(point_map.coordinates, "starts"), None)
         given = state_points("starts", starts, point_map.coordinates)
         if not given.size:
-            raise ValueError("starts is empty: give at least one start")
+            raise ValueError("starts is empty: give at least one initial condition")
         return cls(None, given)
 
     @property

@@ -1,4 +1,4 @@
-"""The work of a tile of a picture: starts, or states that they have come to, to labels.  It runs anywhere."""
+"""Labelling of one tile of initial conditions, or of states that their orbits have reached, in any process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Passes over the starts of a picture, and labels that are kept in memory."""
+"""Sweeps over initial conditions, with labels in memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Labels in a checkpoint, which becomes a file of basins at the end."""
+"""Sweeps over initial conditions, with labels in a checkpoint, which becomes a file of basins at the end."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class KeptInFile(Kept):
         if now.rows.bits is not None:
             for part in slices(self.total, BLOCK):
                 if not self._known(self.labels[part][~now.rows.inside(part)], now):
-                    raise damaged(self._path, "labels name attractors that there are not")
+                    raise damaged(self._path, "labels name attractors that do not exist")
                 self.forget()
         return now
 

@@ -1,4 +1,4 @@
-"""Basins found again from what a stored result says about itself."""
+"""Basins recomputed from the settings of a stored result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .record import Basins
 
 @checked
 def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
-    """Find basins again, from what a stored result says about itself and its system.
+    """Recompute basins from the settings of a stored result and its system.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     Returns
     -------
     Basins
-        The same labels again, now with their map.
+        The same labels, with their map.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     """
     if "method" in basins.settings:
         raise ValueError(
-            f"basins are from a {basins.settings['method']}, not from find_basins: make that mapping again"
+            f"basins are from a {basins.settings['method']}, not from find_basins: compute that mapping again"
         )
     if dict(source.params) != dict(basins.params):
         raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")

@@ -1,4 +1,4 @@
-"""Basins of attraction: labels of starts, with their evidence."""
+"""Basins of attraction: labels of initial conditions, attractors and settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, distinct_names
 from .initial_conditions import BLOCK, Starts
 
-LABEL_NAMES = {ESCAPED: "left the window", DIVERGED: "diverged", UNDECIDED: "undecided", NO_RETURN: "did not return"}
+LABEL_NAMES = {ESCAPED: "escaped", DIVERGED: "diverged", UNDECIDED: "undecided", NO_RETURN: "did not return"}
 """Names of the labels that are not attractors."""
 
 HELD = 2**20
@@ -56,18 +56,19 @@ class Verification:
     Parameters
     ----------
     starts : int
-        Random starts that were compared.
+        Random initial conditions that were compared.
     wrong : int
-        Starts whose label differs.
+        Initial conditions whose label differs.
     share : float
         ``wrong / starts``.
     low, high : float
-        95 % confidence interval of the share (Wilson 1927), of all starts drawn but the excluded ones: from none of the
-        undecided being wrong to all of them.
+        95 % confidence interval of that fraction (Wilson 1927), of all initial conditions drawn but the excluded ones:
+        from none of the undecided being wrong to all of them.
     excluded : int
-        Starts drawn that left the window, where there is nothing to compare.
+        Initial conditions drawn whose orbits escaped, so that there is nothing to compare.
     undecided : int
-        Starts drawn that are undecided, and stay so by the exact map: neither right nor wrong, and not in `starts`.
+        Initial conditions drawn that are undecided, also with the exact map: neither right nor wrong, and not in
+        `starts`.
     """
 
     starts: int
@@ -99,34 +100,34 @@ def _wilson(hits: int, number: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Basins:
-    """Labels of starts, and the attractors that they name.
+    """Basins of attraction: labels of initial conditions, and the attractors.
 
     Parameters
     ----------
     labels : ndarray of int16
-        For each start the number of its attractor, or -1 (left the window), -2 (diverged), -3 (undecided), -4 (did not
-        return to the section); shape of the grid, or of the starts without their last axis.
+        For each initial condition the number of its attractor, or -1 (escaped), -2 (diverged), -3 (undecided), -4 (did
+        not return to the section); shape of the grid, or of the initial conditions without their last axis.
     attractors : tuple of Attractor
         Attractor k has the label k.
     settling_time : ndarray of int32
-        Period in which the orbit was first inside a region that is known to belong to its attractor; -1 without one.
+        Period in which the orbit first entered a trapping region of its attractor; -1 without an attractor.
     grid : CellGrid or None
-        Cells whose centres are the starts.
+        Cells whose centres are the initial conditions.
     starts : ndarray or None
-        Starts, where no grid was given.
+        Initial conditions, if no grid was given.
     name : str
         Name of the system.
     params : mapping of str to float
-        Its parameters.
+        Parameters of the system.
     coordinates : tuple of Coordinate
         State variables.
     settings : mapping
         Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.
     inaccurate : int
-        Starts on whose way the integrator missed its tolerance.
+        Initial conditions along whose orbits the integrator missed its tolerance.
     undecided : mapping of str to int
-        Why initial conditions are undecided: reasons, in words, and how many orbits have each.  At most 32 of the
-        undecided orbits are examined, evenly spread; empty where none is undecided.
+        Reasons why initial conditions are undecided, in words, and the number of orbits with each.  At most 32 of the
+        undecided orbits are examined, evenly spread; empty if none is undecided.
     cost : Cost
         Wall time and number of steps of the map.
     point_map : PointMap or None
@@ -149,17 +150,17 @@ class Basins:
 
     def __repr__(self) -> str:
         shares = "; ".join(f"{self.label_name(k)} {100 * f.share:.4g} %" for k, f in self.fractions.items())
-        return f"Basins({self.name}, {self.labels.size:,} starts: {shares})"
+        return f"Basins({self.name}, {self.labels.size:,} initial conditions: {shares})"
 
     @checked
     def label_name(self, label: int) -> str:
-        """Return what a label stands for."""
+        """Return the meaning of a label."""
         one_of("label", label, (*range(len(self.attractors)), *LABEL_NAMES))
         return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
 
     @property
     def fractions(self) -> dict[int, Fraction]:
-        """Share of the starts for each label: all attractors, then the other labels that occur."""
+        """Fraction of the initial conditions for each label: all attractors, then the other labels that occur."""
         total, counts = self.labels.size, self._counts()
         result = {}
         for label in [*range(len(self.attractors)), *(label for label in LABEL_NAMES if counts[label])]:
@@ -180,26 +181,26 @@ class Basins:
 
     @checked
     def verify(self, n: int = 1000, seed: int = 0) -> Verification:
-        """Label random starts again by the exact map and compare.
+        """Compare the labels of random initial conditions with those of the exact map.
 
-        Starts that are undecided by both are counted apart, for nothing says that they are right.
+        Initial conditions that are undecided by both are neither right nor wrong, and are counted separately.
 
         Parameters
         ----------
         n : int, optional
-            Starts, drawn with replacement.
+            Number of initial conditions, drawn with replacement.
         seed : int, optional
-            Seed of the draw.
+            Seed of the random draw.
 
         Returns
         -------
         Verification
-            Share of wrong labels with its confidence interval.
+            Fraction of wrong labels with its confidence interval.
 
         Raises
         ------
         ValueError
-            For basins without their map, as they come from a file.
+            For basins without their map, such as those loaded from a file.
         """
         if self.point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")

@@ -1,4 +1,4 @@
-"""Basins in HDF5 files: self-describing, written whole or not at all, read without running code."""
+"""Basins in HDF5 files: self-describing, written atomically, read without running code."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ _ONLY = "basins"  # name of a picture that is alone in its file
 def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
     """Write basins to an HDF5 file.
 
-    The file is complete or it is not there: it is written beside its place and moved into it.
+    The file is written atomically: under a temporary name in the same folder, and then renamed.
 
     Parameters
     ----------
     basins : Basins or mapping of str to Basins
-        What to store, several pictures under names of their own.  Maps are stored as recipes, not as tables:
-        :func:`rebuild_map` makes them again.
+        Basins to store, or several under names of their own.  Maps are stored as recipes, without interpolation
+        coefficients: :func:`rebuild_map` rebuilds them.
     path : path-like
         Name of the file, such as ``"basins.h5"``; an older file of that name is replaced.
 
@@ -72,7 +72,7 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     FileNotFoundError
         For a folder that does not exist.
     ValueError
-        For an empty mapping, or a name that is empty or holds a slash.
+        For an empty mapping, or a name that is empty or contains a slash.
 
     Examples
     --------
@@ -189,25 +189,25 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None, unverifie
     path : path-like
         A file that :func:`save_basins` wrote.
     name : str, optional
-        Which picture, in a file of several.
+        Name of the basins, in a file of several.
     unverified : bool, optional
-        Read a file without a checksum, as older versions of cellmap wrote them, or one that another program has changed
-        since.  Damage to such a file may be noticed late or not at all, and make HDF5's library hang.
+        Read a file without a checksum, as older versions of cellmap wrote them, or one that another program has
+        changed. Damage to such a file may be noticed late or not at all, and may make the HDF5 library hang.
 
     Returns
     -------
     Basins
-        As stored, without the map: ``rebuild_map(system, basins.settings["map"])`` makes it again.
+        The stored basins, without their map: ``rebuild_map(system, basins.settings["map"])`` rebuilds it.
 
     Raises
     ------
     FileNotFoundError
-        Where there is no such file.
+        If there is no such file.
     KeyError
-        For a name that the file does not hold, or none where it holds several.
+        For a name that is not in the file, or no name if the file holds several.
     StoreError
-        For a file that is truncated or damaged, that something else wrote, that holds what cellmap does not write, such
-        as links to other files, or that a newer cellmap wrote.
+        For a file that is truncated or damaged, that another program or a newer cellmap wrote, or with contents that
+        cellmap does not write, such as links to other files.
     """
     if name is not None and not isinstance(name, str):
         raise TypeError(f"name={name!r}: give a name that the file holds")
@@ -279,13 +279,13 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     if "starts" in file:
         starts = file["starts"][()]
         if starts.dtype != np.float64 or starts.shape[-1:] != (len(coordinates),) or not np.isfinite(starts).all():
-            raise ValueError("its starts are no places")
+            raise ValueError("its initial conditions are no states")
     if grid is not None and starts is None and grid.dimension == len(coordinates):
         shape = grid.shape
     elif starts is not None and grid is None:
         shape = starts.shape[:-1]
     else:
-        raise ValueError("it has no starts, or two kinds of them")
+        raise ValueError("it has no initial conditions, or two kinds of them")
     attractors = read_attractors(file["attractors"], coordinates)
     for name, kind, lowest, highest in (
         ("labels", np.int16, min(LABEL_NAMES), len(attractors) - 1),

@@ -1,4 +1,4 @@
-"""Attractors in HDF5 files."""
+"""Storage of attractors in HDF5 files."""
 
 from __future__ import annotations
 

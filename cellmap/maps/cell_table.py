@@ -1,4 +1,4 @@
-"""What an interpolated map keeps: its table, and its measured error."""
+"""Data of an interpolated map: grid, spline coefficients, error estimates and fallback cells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .grid import CellGrid
 
 @dataclass(frozen=True, eq=False)
 class CellTable:
-    """Table of an interpolated map.
+    """Interpolation grid of an interpolated map, with spline coefficients and error estimates.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class CellTable:
 
     def __repr__(self) -> str:
         share = 100.0 * float(self.rough.mean())
-        return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % of the cells left to the exact map)"
+        return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % fallback cells)"
 
 
 @dataclass(frozen=True, eq=False)

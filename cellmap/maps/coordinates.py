@@ -1,4 +1,4 @@
-"""Coordinates of a phase space: names, units, and which of them live on a circle."""
+"""Coordinates of a phase space: names, units, and which of them are angles."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Coordinate:
     Parameters
     ----------
     name : str
-        Name on axes, in tables and in files.
+        Name on axes and in files.
     unit : str, optional
         Unit, such as ``"rad/s"``; empty for a pure number.
     turn : float or None, optional
-        Length of the circle for an angle, in `unit`; None for a variable on the line.
+        Period of an angle, in `unit`; None for a variable on the line.
     lower : float or None, optional
-        Where the circle is cut: angles are kept in ``[lower, lower + turn)``.  Default ``-turn/2``.
+        Branch cut of an angle: values are wrapped into ``[lower, lower + turn)``.  Default ``-turn/2``.
 
     Examples
     --------
@@ -47,20 +47,20 @@ class Coordinate:
             raise TypeError(f"unit={shown(self.unit)}: give a unit, such as 'rad', or '' for a pure number")
         if self.turn is None:
             if self.lower is not None:
-                raise ValueError(f"lower={self.lower!r}: only an angle is cut somewhere; give turn= as well")
+                raise ValueError(f"lower={self.lower!r}: only an angle has a branch cut; give turn= as well")
             return
         turn = real_number("turn", self.turn)
         if not 0.0 < turn < inf:
-            raise ValueError(f"turn={self.turn!r}: an angle's turn is a positive length, such as 2*pi")
+            raise ValueError(f"turn={self.turn!r}: the period of an angle is a positive number, such as 2*pi")
         lower = -0.5 * turn if self.lower is None else real_number("lower", self.lower)
         if not isfinite(lower):
-            raise ValueError(f"lower={self.lower!r}: the cut of an angle is a finite number")
+            raise ValueError(f"lower={self.lower!r}: the branch cut of an angle is a finite number")
         object.__setattr__(self, "turn", turn)
         object.__setattr__(self, "lower", lower)
 
     @property
     def is_angle(self) -> bool:
-        """Whether the variable lives on a circle."""
+        """Whether the variable is an angle."""
         return self.turn is not None
 
     def __str__(self) -> str:
@@ -76,14 +76,14 @@ def angle(name: str, unit: str = "rad", turn: float = 2 * pi, lower: float | Non
     name, unit : str
         Name and unit.
     turn : float, optional
-        One turn in that unit.
+        Period of the angle in that unit.
     lower : float, optional
-        Where the circle is cut, by default ``-turn/2``.
+        Branch cut, by default ``-turn/2``.
 
     Returns
     -------
     Coordinate
-        An angle kept in ``[lower, lower + turn)``.
+        An angle that is wrapped into ``[lower, lower + turn)``.
 
     Examples
     --------
@@ -124,8 +124,8 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
         if angles.min() <= -most or angles.max() >= most:
             far = np.argwhere(np.abs(angles) >= most)[0]
             raise ValueError(
-                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} turns of {c.turn:g} and beyond "
-                "numbers are too far apart for an angle to have a phase; give it within a few turns"
+                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} periods of {c.turn:g} and "
+                "beyond an angle has no phase in double precision; give it within a few periods of 0"
             )
     return states
 

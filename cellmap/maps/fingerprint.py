@@ -1,4 +1,4 @@
-"""What tells a map from other maps, in plain values."""
+"""Fingerprints of maps: plain values that identify a map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways from a section back to it: a system that stands still where it has crossed, and its trips."""
+"""First returns to a section: a system that stops at the crossing, and the integration up to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of a system over a stretch of time, integrated in SIMD lanes."""
+"""Flow of a system over an interval of time, integrated in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _kernel(system: ForcedSystem, method: str, rtol: float) -> PeriodKernel:
     if system.switches is None:
         return flow_kernel(system.rhs, system.dimension, names, method, rtol, _is_symbolic(system))
     if method not in {"auto", "Taylor"}:
-        raise ValueError(f"method={method!r}: a right-hand side that jumps is integrated by method='Taylor'")
+        raise ValueError(f"method={method!r}: a discontinuous right-hand side needs method='Taylor'")
     kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
     if kernel is None:
         raise TypeError(

@@ -19,9 +19,9 @@ from .coordinates import Coordinate
 class CellGrid:
     """A box of equal cells.
 
-    Cells are half-open: a cell owns its lower edges, not its upper ones.  An axis that wraps covers one turn of a
-    circle, and every number falls into one of its cells.  Centres and edges are counted from the nearer end of an axis,
-    so that those of a window that is symmetric about 0 are mirror images of one another to the last bit.
+    Cells are half-open: a cell contains its lower edges, not its upper ones.  A periodic axis covers one period of an
+    angle, and every number lies in one of its cells.  Centres and edges are computed from the nearer end of an axis, so
+    that in a window symmetric about 0 they are mirror images of one another to the last bit.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class CellGrid:
     shape : sequence of int
         Cells along each axis.
     wraps : sequence of bool, optional
-        Which axes are circles.  :func:`interpolated_map` and :func:`find_basins` set it themselves for axes that cover
-        one whole turn of an angle.
+        Which axes are periodic.  :func:`interpolated_map` and :func:`find_basins` set this for axes that cover one full
+        period of an angle.
 
     Raises
     ------
@@ -109,12 +109,12 @@ class CellGrid:
 
     @checked
     def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the coordinates that lie `numbers` cells behind the lower end of axis `j`."""
+        """Return the coordinates at a distance of `numbers` cells from the lower end of axis `j`."""
         self._own(j)
         return between(self.lower[j], self.upper[j], self.shape[j], real_array("numbers", numbers))
 
     def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the points that lie `numbers` (..., dimension) of cells from the corner of lowest coordinates."""
+        """Return the points at distances of `numbers` (..., dimension) cells from the lower corner."""
         given = real_array("numbers", numbers)
         if given.shape[-1:] != (self.dimension,):
             raise ValueError(f"numbers has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
@@ -127,7 +127,7 @@ class CellGrid:
         return np.stack(np.meshgrid(*map(self.axis, range(self.dimension)), indexing="ij"), axis=-1)
 
     def locate(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return the flat number (row-major) of the cell of each point, -1 for a point outside or not a number."""
+        """Return the flat (row-major) index of the cell of each point, -1 for a point outside the grid or NaN."""
         p = real_array("points", points)
         if p.ndim == 0 or p.shape[-1] != self.dimension:
             raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
@@ -153,7 +153,7 @@ class CellGrid:
 
     @checked
     def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
-        """Return this grid with wrapping set: an axis wraps where it covers one whole turn of an angle.
+        """Return this grid with periodic axes set: an axis is periodic if it covers one full period of an angle.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class CellGrid:
         Raises
         ------
         ValueError
-            For a wrong number of axes, or an axis that is longer than one turn.
+            For a wrong number of axes, or an axis that is longer than one period of its angle.
         """
         if len(coordinates) != self.dimension:
             names = ", ".join(c.name for c in coordinates)
@@ -174,10 +174,11 @@ class CellGrid:
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
             excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
             if excess > 1e-9:
-                raise ValueError(f"{name} covers {b - a:g} of {c}, more than one turn ({c.turn:g}): shorten the axis")
+                raise ValueError(f"{name} covers {b - a:g} of {c}, more than one period ({c.turn:g}): shorten the axis")
             if c.turn is not None and max(-a, b) >= MOST_TURNS * c.turn:
                 raise ValueError(
-                    f"{name} lies {max(-a, b) / c.turn:.0e} turns off in {c}, which has no phase there: shift it"
+                    f"{name} lies {max(-a, b) / c.turn:.0e} periods away from 0 in {c}, where an angle has no phase in "
+                    "double precision: shift it"
                 )
             wraps.append(excess > -1e-9)
         return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))

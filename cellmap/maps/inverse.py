@@ -1,4 +1,4 @@
-"""Inverse maps: backward integration of a flow, and Newton's method along a curve for any map."""
+"""Inverse maps: backward integration of a flow, and Newton's method along a curve for other maps."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ _LOOP = 64  # points on a circle, from whose derivatives the turns of its image 
 def inverse_stroboscopic_map(
     system: ForcedSystem, phase: float = 0.0, rtol: float = 1e-12, atol: float = 1e-12
 ) -> PointMap:
-    """Return the map from a state to the state one period earlier, by integrating backwards in time.
+    """Return the inverse stroboscopic map: from a state to the state one period earlier, by backward integration.
 
     Parameters
     ----------
     system : ForcedSystem
-        A system without switches, whose motion can be turned round.
+        A system without switches, so that its solutions are unique backwards in time.
     phase : float, optional
-        Where in the forcing period the section lies, as in :func:`stroboscopic_map`.
+        Phase of the forcing at the section, as in :func:`stroboscopic_map`.
     rtol, atol : float, optional
         Tolerances of one period.
 
     Returns
     -------
     PointMap
-        The inverse of ``stroboscopic_map(system, phase)``; its angles turn the other way.  With damping it stretches
-        phase space, so that errors grow under it.
+        The inverse of ``stroboscopic_map(system, phase)``; its angles rotate in the opposite direction.  With damping
+        it expands phase-space volume, so that errors grow.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def inverse_stroboscopic_map(
     array([0.5])
     """
     if system.switches is not None:
-        raise ValueError(f"system={system!r} has switches: where it sticks, its motion cannot be turned round")
+        raise ValueError(f"system={system!r} has switches: its solutions are not unique backwards in time")
     forward = system.rhs
 
     def backward(t: float, x: Sequence[float], p: Any) -> tuple[float, ...]:

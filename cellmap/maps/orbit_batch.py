@@ -1,4 +1,4 @@
-"""Batches of orbits: where they are, how each stands, and the work they take."""
+"""Batches of orbits: their points, their status, and the work that they take."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ CHUNK = 16384
 
 
 class Status(IntEnum):
-    """What became of an orbit.
+    """Status of an orbit.
 
-    From ESCAPED on there is no point any more: it is NaN and stays NaN.
+    An orbit with the status ESCAPED or a later one is terminated: its point is NaN and stays NaN.
     """
 
     OK = 0
     INACCURATE = 1
-    """The integrator did not meet its tolerance in some period; the point is its best value."""
+    """The integrator missed its tolerance in some period; the point is its best value."""
     ESCAPED = 2
-    """The orbit left the table of an interpolated map."""
+    """The orbit left the window of an interpolated map."""
     DIVERGED = 3
-    """The orbit grew beyond all bounds, an angle to 1e15 turns, where it has no phase; or the right-hand side was not
-    finite on it, or no step was short enough."""
+    """The orbit grew beyond all bounds, or an angle reached 1e15 full rotations, where it has no phase; or the
+    right-hand side was not finite on the orbit, or no step was short enough."""
     NO_RETURN = 4
-    """The orbit did not come back to the section of a map of first returns."""
+    """The orbit did not return to the Poincaré section."""
 
 
 _PERIODS_AT_ONCE = 2**15  # of all orbits together

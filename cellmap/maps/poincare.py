@@ -1,4 +1,4 @@
-"""Maps of unforced systems: states a fixed time apart, and first returns to a section (Poincare 1892)."""
+"""Maps of autonomous systems: time-T maps, and Poincaré maps of first returns to a section (Poincaré 1892)."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def flow_map(
     method: str = "auto",
     max_steps: int = 16384,
 ) -> PointMap:
-    """Return the map from a state of an unforced system to the state a fixed time later.
+    """Return the time-T map of an autonomous system, from a state to the state a fixed time later.
 
-    It is the stroboscopic map of the system with that time for its period.
+    This map is the stroboscopic map of the system with that time as its period.
 
     Parameters
     ----------
     system : ForcedSystem
-        A system whose right-hand side does not depend on time; its own period does not matter.
+        An autonomous system, whose right-hand side does not depend on time; its `period` is ignored.
     time : float
         Time of one step, above 0.
     rtol, atol, method, max_steps
@@ -60,7 +60,7 @@ def flow_map(
     Raises
     ------
     TypeError, ValueError
-        For a system that is forced, or arguments out of range.
+        For a forced system, or arguments out of range.
 
     Examples
     --------
@@ -76,16 +76,16 @@ def flow_map(
 
 @dataclass(frozen=True, eq=False)
 class Returns:
-    """First returns to a section.
+    """First returns to a Poincaré section.
 
     Parameters
     ----------
     points : ndarray, shape (..., dimension)
-        Where orbits come back, in the coordinates of the section; NaN where they do not.
+        Points of return, in the coordinates of the section; NaN for orbits that do not return.
     times : ndarray, shape (...)
-        How long they are under way.
+        Return times.
     status : ndarray of uint8, shape (...)
-        A :class:`Status` for each orbit; NO_RETURN for one that is still under way after the longest time.
+        A :class:`Status` for each orbit; NO_RETURN for one that has not returned after the longest time.
     """
 
     points: NDArray[np.float64]
@@ -100,26 +100,26 @@ class Returns:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SectionMap(PointMap):
-    """The map of a section to itself, with the times that returns take.
+    """A Poincaré map: the map of first returns to a section, with return times.
 
     Parameters
     ----------
     section : tuple
         Coordinate, value and direction.
     first_returns : callable
-        ``first_returns(points)`` for at most CHUNK points (n, dimension): points, turns, times and status.
+        ``first_returns(points)`` for at most CHUNK points (n, dimension): points, full rotations, times and status.
     """
 
     section: tuple[str, float, int] = ("", 0.0, 0)
     first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] | None = field(default=None, repr=False)
 
     def returns(self, points: ArrayLike) -> Returns:
-        """Return where and when orbits that begin on the section come back to it.
+        """Return the points and times of the first returns of initial conditions on the section.
 
         Parameters
         ----------
         points : array_like, shape (..., dimension)
-            Starts on the section.
+            Initial conditions on the section.
         """
         assert self.first_returns is not None
         starts = state_points("points", points, self.coordinates)
@@ -144,43 +144,43 @@ def section_map(
     atol: float = 1e-9,
     max_steps: int = 16384,
 ) -> SectionMap:
-    """Return the map of first returns to a section through the state space of an unforced system.
+    """Return the Poincaré map of an autonomous system: the map of first returns to a section of its state space.
 
-    An orbit begins on the section and comes back when it crosses it in the same direction as asked for.  The crossing
-    is a root of the Taylor polynomial of the step that passes it, so that it is as accurate as the states are: the
-    integrator's tolerance holds for each stretch of time of one period of the system.
+    An orbit returns when it crosses the section in the direction asked for.  The crossing is a root of the Taylor
+    polynomial of the step that contains it, and therefore as accurate as the states are: the integrator's tolerance
+    holds for each interval of time of one period of the system.
 
     Parameters
     ----------
     system : ForcedSystem
-        A system whose right-hand side does not depend on time, of analytic functions, without `switches`.  Its period
-        is the stretch of time between two looks at whether an orbit is back, and best of the order of the times that
-        returns take.
+        An autonomous system of analytic functions, without `switches`.  Its `period` is the interval of time after
+        which orbits are tested for their return; the best value is of the order of the return times.
     section : tuple (coordinate, value, direction)
-        Name of a state variable and its value on the section; 1 for crossings on which it grows, -1 for those on which
-        it falls, 0 for both.  An angle is on the section in every turn.
+        Name of a state variable and its value on the section; 1 for crossings at which it increases, -1 for those at
+        which it decreases, 0 for both.  An angle meets the section once in each of its periods.
     max_time : float, optional
-        Time after which an orbit that has not come back gets the status NO_RETURN; 100 periods by default.  So does one
-        that rests on the section.
+        Time after which an orbit that has not returned gets the status NO_RETURN; 100 periods by default.  An
+        equilibrium on the section gets this status too.
     rtol, atol : float, optional
         Relative and absolute tolerance, at least 1e-14.
     max_steps : int, optional
-        Most steps in a stretch.
+        Largest number of steps in one period of the system.
 
     Returns
     -------
     SectionMap
-        A PointMap of the remaining state variables; :meth:`SectionMap.returns` tells the times as well.
+        A PointMap of the remaining state variables; :meth:`SectionMap.returns` also returns the times.
 
     Raises
     ------
     TypeError, ValueError
-        For a system that is forced or cannot be compiled, or arguments out of range.
+        For a system that is forced or cannot be compiled, or for arguments out of range.
 
     References
     ----------
-    Henon, Physica D 5 (1982) 412, on landing on a section; Filippov, *Differential Equations with Discontinuous
-    Righthand Sides* (1988): here the motion is stopped at the section, as a right-hand side that jumps to zero.
+    Hénon, Physica D 5 (1982) 412, on integrating up to a section; Filippov, *Differential Equations with Discontinuous
+    Righthand Sides* (1988): here the motion is stopped at the section, by a discontinuous right-hand side that is zero
+    beyond it.
 
     Examples
     --------
@@ -196,7 +196,7 @@ def section_map(
     check_unforced(system)
     if system.switches is not None:
         raise ValueError(
-            f"system={system!r} has switches, which no section can be laid through: take flow_map(system, time)"
+            f"system={system!r} has switches, and its Poincaré map is not available: take flow_map(system, time)"
         )
     place, value, direction = _section(system, section)
     longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)
@@ -271,7 +271,7 @@ def section_map(
 def check_unforced(system: ForcedSystem) -> None:
     """Refuse a system whose right-hand side depends on time."""
     if not isinstance(system, ForcedSystem):
-        raise TypeError(f"system={system!r}: give a ForcedSystem; an unforced one takes any period")
+        raise TypeError(f"system={system!r}: give a ForcedSystem; an autonomous one takes any period")
     for size in (0.1, 0.83):
         state = tuple(size + 0.37 * j for j in range(system.dimension))
         try:
@@ -280,8 +280,8 @@ def check_unforced(system: ForcedSystem) -> None:
             continue  # outside the domain of the right-hand side
         if not np.allclose(rates, rates[0], rtol=1e-12, atol=1e-300, equal_nan=True):
             raise ValueError(
-                f"system={system!r} depends on time: its map is stroboscopic_map(system); sections and fixed times "
-                "are for unforced systems"
+                f"system={system!r} depends on time: its map is stroboscopic_map(system); Poincaré sections and time-T "
+                "maps are for autonomous systems"
             )
 
 

@@ -1,4 +1,4 @@
-"""Point maps: the one noun that carries all dynamics (Hsu 1980)."""
+"""Point maps: the one type for stroboscopic, Poincaré, interpolated and discrete maps (Hsu 1980)."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Iterate:
     Parameters
     ----------
     points : ndarray, shape (..., dimension)
-        Images, angles in their turn; NaN where `status` is ESCAPED or DIVERGED.
+        Images, angles wrapped; NaN where `status` is ESCAPED or a later one.
     turns : ndarray of int, shape (..., dimension)
-        Whole turns made by each angle; ``points + turns * turn`` is the unwrapped image.
+        Full rotations of each angle; ``points + turns * turn`` is the unwrapped image.
     status : ndarray of uint8, shape (...)
         A :class:`Status` for each orbit.
     coordinates : tuple of Coordinate
@@ -53,7 +53,7 @@ class Iterate:
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:
-        """Images with whole turns put back, shape (..., dimension)."""
+        """Unwrapped images, full rotations included, shape (..., dimension)."""
         return self.points + self.turns * turns_of(self.coordinates)[1]
 
 
@@ -95,9 +95,9 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class PointMap:
-    """A map of phase space to itself: stroboscopic, interpolated or discrete, all of one type.
+    """A map of phase space to itself: stroboscopic, Poincaré, interpolated or discrete.
 
-    Make one with :func:`stroboscopic_map`, :func:`interpolated_map` or :func:`discrete_map`.
+    Construct it with :func:`stroboscopic_map`, :func:`section_map`, :func:`interpolated_map` or :func:`discrete_map`.
 
     Parameters
     ----------
@@ -108,29 +108,30 @@ class PointMap:
     params : mapping of str to float
         Parameters of the system.
     advance : callable
-        ``advance(orbits, periods)`` moves a batch of at most CHUNK :class:`Orbits` on, in place; safe to call from
+        ``advance(orbits, periods)`` iterates a batch of at most CHUNK :class:`Orbits` in place; safe to call from
         several threads at once.  A new kind of map is a function that returns a PointMap with its own `advance`.
     recipe : mapping
-        Plain values from which :func:`rebuild_map` makes the map again, given the system.
+        Plain values from which :func:`rebuild_map` rebuilds the map, given the system.
     period : float
-        Time that one step takes; 1 for a discrete map.
+        Time of one step; 1 for a discrete map.
     tolerance : tuple of float
         Relative and absolute error of one step of an exact map.
     exact : PointMap or None
-        The map that an interpolated map was made from.
+        The exact map behind an interpolated map.
     table : CellTable or None
-        Table of an interpolated map.
+        Interpolation grid and coefficients of an interpolated map.
     tangent : callable or None
         ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
     stretch : callable or None
-        ``stretch(orbits, frames, periods)`` moves a batch of orbits on, in place, and orthonormal frames (n, d, d) with
-        them, by their columns; returns the logarithms (n, d) of what each column grew by.  Without it `tangent` does.
+        ``stretch(orbits, frames, periods)`` iterates in place a batch of orbits and orthonormal frames (n, d, d) of
+        tangent vectors, the columns; returns the logarithms (n, d) of the growth factors.  Without it `tangent` is
+        used.
     family : Family or None
-        How the map changes with its parameters.
+        Dependence of the map on its parameters.
     origin : Origin or None
         The call that made the map, for use in other processes.
     cost : Cost
-        What making the map has cost.
+        Cost of constructing the map.
     """
 
     name: str
@@ -155,8 +156,8 @@ class PointMap:
     def __reduce__(self) -> tuple[Callable[..., PointMap], tuple[Any, ...]]:
         if self.origin is None or self.origin.advance is not self.advance:
             raise TypeError(
-                f"{self!r} cannot be pickled, and so not be used by other processes: give its PointMap an origin, the "
-                "call that makes it"
+                f"{self!r} cannot be pickled for use in other processes: give its PointMap an origin, the call "
+                "that constructs it"
             )
         return self.origin.make, self.origin.arguments
 
@@ -166,18 +167,21 @@ class PointMap:
         return len(self.coordinates)
 
     def with_params(self, **changes: float) -> PointMap:
-        """Return the map with some parameters changed: of a system, or of a function, or a new table.
+        """Return the map with some parameters changed; an interpolated map is computed again.
 
         Raises
         ------
         ValueError
-            For a name that the map does not have, or a map that was made without its family.
+            For a name that the map does not have, or a map that was built without parameter dependence.
         """
         unknown = changes.keys() - self.params.keys()
         if unknown:
             raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self.params)}")
         if self.family is None:
-            raise ValueError(f"{self!r} does not know how its parameters change it: give its PointMap a family")
+            raise ValueError(
+                f"{self!r} was built without parameter dependence: construct it with stroboscopic_map or discrete_map, "
+                "or give its PointMap a family"
+            )
         return self.family.at({**self.params, **changes})
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -193,23 +197,23 @@ class PointMap:
         Parameters
         ----------
         points : array_like, shape (..., dimension)
-            Starts; angles may have any number of turns.
+            Initial conditions; angles need not be wrapped.
         periods : int
             Steps of the map.
         progress : bool, optional
             Show a bar on a terminal for work of more than two seconds.
         client : distributed.Client, optional
-            Dask cluster that does the work; by default the threads of this process do.
+            Dask cluster that iterates the points; by default the threads of this process do.
 
         Returns
         -------
         Iterate
-            Images with turns and status.
+            Images with full rotations and status.
 
         Warns
         -----
         ToleranceWarning
-            Where the tolerance of the integrator was not met; those images have the status INACCURATE.
+            If the integrator missed its tolerance; the images concerned have the status INACCURATE.
         """
         images = follow(self, points, periods, progress, client)
         warn_of_tolerance(images.status, self)
@@ -217,12 +221,12 @@ class PointMap:
 
     @checked
     def orbit(self, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
-        """Return points and all their images, the number of the period on the first axis.
+        """Return the orbits of points: all their images, with the number of the period on the first axis.
 
         Parameters
         ----------
         points : array_like, shape (..., dimension)
-            Starts.
+            Initial conditions.
         periods : int
             Steps of the map.
         progress : bool, optional
@@ -259,12 +263,12 @@ class PointMap:
 
     @checked
     def error(self, points: int = 10_000, seed: int = 0) -> MapError:
-        """Measure the error of one period against the exact map.
+        """Measure the error of one period of an interpolated map against the exact map.
 
         Parameters
         ----------
         points : int, optional
-            Random points in the window of the table.
+            Number of random points in the window of the interpolated map.
         seed : int, optional
             Seed of the random points; the same seed gives the same result.
 
@@ -276,7 +280,7 @@ class PointMap:
         Raises
         ------
         ValueError
-            For a map that is exact itself.
+            For an exact map.
         """
         if self.exact is None or self.table is None:
             raise ValueError(f"{self!r} is exact; only an interpolated map has an error to measure")

@@ -1,4 +1,4 @@
-"""Maps made again from their recipes."""
+"""Maps rebuilt from their recipes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .system import ForcedSystem
 
 @checked
 def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> PointMap:
-    """Make a map again from the recipe that it, its basins or a file carry.
+    """Rebuild a map from its recipe, as stored in the map, its basins or a file.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     Returns
     -------
     PointMap
-        A map with the same images, to the bit, on a processor of the same kind.
+        A map with bitwise identical images on a processor of the same kind.
 
     Raises
     ------
@@ -71,4 +71,4 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
             return section_map(replace(source, period=recipe["period"]), section, **settings)
         case "discrete", PointMap():
             return source
-    raise ValueError(f"recipe of kind {kind!r} cannot be made from {source!r}: give the system it was made from")
+    raise ValueError(f"recipe of kind {kind!r} cannot be rebuilt from {source!r}: give its system")

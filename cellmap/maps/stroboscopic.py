@@ -33,31 +33,32 @@ def stroboscopic_map(
     method: str = "auto",
     max_steps: int = 16384,
 ) -> PointMap:
-    """Return the map from a state to the state one period later.
+    """Return the stroboscopic (Poincaré) map of a forced system, from a state to the state one period later.
 
-    Every image meets ``error <= atol + rtol * abs(image)`` in each component by the estimate of the integrator, summed
-    over the period with a margin for what the flow stretches (for an angle, ``abs(image)`` counts at most half a turn).
-    Each start takes the number of steps that its own error asks for, so its image does not depend on its neighbours.
-    A start that misses the tolerance with `max_steps` keeps its best value and the status INACCURATE.
+    Every image satisfies ``error <= atol + rtol * abs(image)`` in each component by the integrator's estimate, summed
+    over the period with a margin for the growth of errors along the flow (for an angle, ``abs(image)`` counts as half a
+    period at most).  The number of steps of each initial condition follows from its own error, so that its image does
+    not depend on the others.  An initial condition that misses the tolerance with `max_steps` keeps its best value and
+    gets the status INACCURATE.
 
     Parameters
     ----------
     system : ForcedSystem
         The system.
     phase : float, optional
-        Where in the forcing period the section lies, in turns: the section is at ``t = phase * period``.
+        Phase of the forcing at the section, as a fraction of the period: the section is at ``t = phase * period``.
     rtol, atol : float, optional
         Relative and absolute tolerance of one period, at least 1e-14.
     method : {"auto", "DOP853", "RK45", "Taylor"}, optional
-        Dormand and Prince's methods of order 8 and 5, or a Taylor series whose order follows from the tolerance;
-        "auto" takes the cheaper of Taylor and DOP853.
+        Dormand and Prince's methods of order 8 and 5, or a Taylor series whose order follows from the tolerance; "auto"
+        chooses the cheaper of Taylor and DOP853.
     max_steps : int, optional
-        Most steps a period.
+        Largest number of steps in a period.
 
     Returns
     -------
     PointMap
-        The exact map, vectorised over starts and run on all threads.
+        The exact map, vectorised over initial conditions and run on all threads.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Parameters that differ from orbit to orbit.
+"""Maps with parameters appended to the state, for vectorised parameter sweeps.
 
-A parameter becomes a further state variable that rests.  All that works on starts then works on parameters too: lanes
-over parameter values, and the derivative of an image by a parameter.
+A parameter becomes a further state variable with derivative zero.  Every function of initial conditions then works on
+parameters too: SIMD lanes over parameter values, and derivatives of an image with respect to a parameter.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from .system import ForcedSystem
 
 @checked
 def swept_map(point_map: PointMap, *names: str) -> PointMap:
-    """Return a map with some parameters as further state variables, which rest.
+    """Return a map with some parameters appended to the state.
 
     Parameters
     ----------
     point_map : PointMap
-        A map of some dimension d; of an interpolated map the exact map behind it is taken.
+        A map of some dimension d; for an interpolated map, the exact map behind it is used.
     names : str
         Names of m different parameters.
 
     Returns
     -------
     PointMap
-        Map of (x, q), dimension d + m: x moves as it does under the map with the parameters q, and q stays.
+        Map of (x, q), of dimension d + m: x is mapped as with the parameters q, and q is constant.
 
     Raises
     ------
     ValueError
-        For a name that the map does not have, or for a parameter on which the right-hand side's period depends while
-        the period is given as a number.
+        For a name that the map does not have, or for a parameter on which the period of the right-hand side depends
+        although the period is given as a number.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
     """Return a swept map that makes a map for each set of parameters: the way that is always open."""
     d = exact.dimension
     if exact.family is None:
-        raise ValueError(f"{exact!r} does not know how its parameters change it: give its PointMap a family")
+        raise ValueError(f"{exact!r} was built without parameter dependence: give its PointMap a family")
     at = exact.family.at
 
     def advance(orbits: Orbits, periods: int) -> None:

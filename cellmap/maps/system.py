@@ -1,4 +1,4 @@
-"""Periodically forced systems, as plain right-hand sides."""
+"""Periodically forced systems, given by their right-hand sides."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ StateFunction = Callable[[float, Sequence[float], Any], Sequence[float]]
 
 @dataclass(frozen=True, eq=False)
 class ForcedSystem:
-    """A system dx/dt = rhs(t, x, p) whose right-hand side repeats itself after one period.
+    """A system dx/dt = rhs(t, x, p) whose right-hand side is periodic in time.
 
-    A right-hand side that jumps, as dry friction does, is given with its `switches`: functions whose zeros are the
-    surfaces where it jumps, and whose signs s it takes as a fourth argument.  On a surface that attracts from both
-    sides the solution slides or sticks, in the sense of Filippov (1988): s takes the value between -1 and 1 that keeps
-    it there.
+    For an autonomous system, choose any period.  A discontinuous (Filippov) right-hand side, as with dry friction, is
+    given with its `switches`: functions whose zeros are the switching surfaces, and whose signs s are its fourth
+    argument.  On a surface towards which both vector fields point the solution is in a sliding mode (sticking, for dry
+    friction) in the sense of Filippov (1988): s takes the value between -1 and 1 that keeps the solution on the
+    surface.
 
     Parameters
     ----------
@@ -42,24 +43,24 @@ class ForcedSystem:
         Parameters by name; the right-hand side reads them as ``p.name``.
     period : float or callable
         Period of the forcing, in the unit of t, or a function of the parameters that returns it (for a period that
-        changes with a parameter).
+        depends on a parameter).
     coordinates : sequence of str or Coordinate
-        Name of each state variable; use :func:`angle` for those on a circle.
+        Name of each state variable; use :func:`angle` for angles.
     name : str, optional
         Name for files and plots; by default the name of `rhs`.
     switches : callable, optional
-        Switching functions: ``switches(t, x, p)`` returns the tuple of smooth functions at whose zeros `rhs` jumps.
-        Between the surfaces, and for fixed signs, `rhs` must be smooth; on a surface it must be affine in its sign
-        (any function of one sign is).
+        Switching functions: ``switches(t, x, p)`` returns the tuple of smooth functions at whose zeros `rhs` is
+        discontinuous.  Between the surfaces, and for fixed signs, `rhs` must be smooth; on a surface it must be affine
+        in its sign (any function of one sign is).
     outputs : mapping of str to callable, optional
-        Further quantities by name, functions ``f(t, x, p)`` that return a tuple: energies, positions of parts; see
-        :meth:`output`.
+        Further quantities by name, functions ``f(t, x, p)`` that return a tuple, such as energies or positions of
+        parts; see :meth:`output`.
 
     Raises
     ------
     TypeError, ValueError
         For parameters that are not finite numbers, a right-hand side that returns a wrong number of components, or a
-        period or an angle that the right-hand side does not have.
+        right-hand side without the period given for time or for an angle.
 
     References
     ----------
@@ -111,12 +112,12 @@ class ForcedSystem:
 
     @property
     def axes(self) -> tuple[Coordinate, ...]:
-        """Coordinates, as records."""
+        """State variables, as :class:`Coordinate` objects."""
         return as_coordinates(self.coordinates)
 
     @property
     def length(self) -> float:
-        """Period as a number, for the present parameters."""
+        """Period as a number, for the parameters of this system."""
         if not callable(self.period):
             return self.period
         try:
@@ -152,8 +153,8 @@ class ForcedSystem:
     def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
         """Return the right-hand side at one time and state, evaluated in plain Python.
 
-        Where it jumps, `signs` choose the side; by default they are those of the switching functions, and on a surface
-        the mean of both sides is returned.
+        On a switching surface `signs` select the side; by default they are those of the switching functions, and on a
+        surface the mean of both sides is returned.
         """
         if self.switches is None:
             return tuple(self.rhs(t, tuple(x), self.parameters))
@@ -169,7 +170,7 @@ class ForcedSystem:
 
     @checked
     def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
-        """Return a further quantity along states.
+        """Return one of the `outputs` at given times and states.
 
         Parameters
         ----------
@@ -240,13 +241,13 @@ class ForcedSystem:
             if _differ(now, later):
                 raise ValueError(
                     f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
-                    "of the forcing (any positive number for an unforced system)"
+                    "of the forcing (any positive number for an autonomous system)"
                 )
             for (_, c), there in zip(angles, turned, strict=True):
                 if _differ(now, there):
                     raise ValueError(
-                        f"coordinates: rhs is {now} and one turn of {c.name} further on {there}, so {c.name} is no "
-                        f"angle of turn {c.turn:g}; give its own turn, or its name alone if it lives on the line"
+                        f"coordinates: rhs is {now} and one period of {c.name} further on {there}, so {c.name} is no "
+                        f"angle of period {c.turn:g}; give turn= its period, or its name alone if it is no angle"
                     )
             checked = True
         if not checked:

@@ -59,22 +59,23 @@ def tangent(
 
 @checked
 def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
-    """Return the derivative of the image after some periods by the start.
+    """Return the Jacobian matrix of a map after some periods, with respect to the initial condition.
 
     Parameters
     ----------
     point_map : PointMap
-        An exact map; of an interpolated map the exact map behind it is taken.
+        An exact map; for an interpolated map, the exact map behind it is used.
     points : array_like, shape (..., dimension)
-        Starts.
+        Initial conditions.
     periods : int, optional
         Steps of the map.
 
     Returns
     -------
     ndarray, shape (..., dimension, dimension)
-        Entry (i, j) is the derivative of component i of the image by component j of the start.  It comes from the
-        variational equation; only where the right-hand side cannot be traced, from central differences of order 6.
+        Entry (i, j) is the derivative of component i of the image with respect to component j of the initial condition.
+        It is computed from the variational equation, or by central differences of order 6 if the right-hand side cannot
+        be traced.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Trajectories: states of a forced system between the strokes of its stroboscopic map."""
+"""Trajectories: states of a forced system within the periods of its stroboscopic map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FINEST = 1e-15  # tolerance between two samples that rounding leaves within rea
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States of a forced system at equally spaced times, for one start or many.
+    """States of a forced system at equally spaced times, for one or many initial conditions.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ class Trajectory:
     times : ndarray, shape (n,)
         Times, in the unit of the period.
     states : ndarray, shape (n, ..., dimension)
-        States at these times, angles unwrapped; NaN from where an orbit has ended.
+        States at these times, angles unwrapped; NaN once an orbit has terminated.
     status : ndarray of uint8, shape (...)
-        A :class:`Status` for each start.
+        A :class:`Status` for each initial condition.
     samples : int
-        Samples in a period; every so many states is a point of the stroboscopic map.
+        Samples in a period; ``states[::samples]`` are points of the stroboscopic map.
     """
 
     system: ForcedSystem
@@ -47,7 +47,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         return (
-            f"Trajectory({self.system.name}: {self.status.size:,} starts, {self.periods:,} periods of "
+            f"Trajectory({self.system.name}: {self.status.size:,} initial conditions, {self.periods:,} periods of "
             f"{self.samples} samples)"
         )
 
@@ -58,12 +58,12 @@ class Trajectory:
 
     @property
     def wrapped(self) -> NDArray[np.float64]:
-        """States with every angle in its turn, shape (n, ..., dimension)."""
+        """States with wrapped angles, shape (n, ..., dimension)."""
         return wrap(self.states, self.system.axes)
 
     @property
     def strobe(self) -> NDArray[np.float64]:
-        """Points of the stroboscopic map, angles in their turn, shape (periods + 1, ..., dimension)."""
+        """Points of the stroboscopic map, angles wrapped, shape (periods + 1, ..., dimension)."""
         return wrap(self.states[:: self.samples], self.system.axes)
 
     @checked
@@ -78,7 +78,7 @@ class Trajectory:
         Returns
         -------
         ndarray, shape (n, ..., components)
-            Values; NaN from where an orbit has ended.
+            Values; NaN once an orbit has terminated.
 
         Raises
         ------
@@ -106,49 +106,50 @@ def trajectory(
     max_steps: int = 16384,
     progress: bool = False,
 ) -> Trajectory:
-    """Integrate a forced system and record its states.
+    """Integrate a forced system and return its states at equally spaced times.
 
-    The stroboscopic map carries the starts from period to period; each period is then filled in from its first point.
-    So the stroboscopic points are those of :func:`stroboscopic_map`, and every sample meets ``error <= atol + rtol *
-    abs(state)``, by the estimate of the integrator, against the exact motion from the last stroboscopic point.
+    The stroboscopic map takes the initial conditions from period to period; the samples in each period are then
+    integrated from its first point.  The stroboscopic points are therefore those of :func:`stroboscopic_map`, and every
+    sample satisfies ``error <= atol + rtol * abs(state)``, by the integrator's estimate, relative to the exact solution
+    from the last stroboscopic point.
 
     Parameters
     ----------
     system : ForcedSystem
         The system.
     starts : array_like, shape (..., dimension)
-        States at ``t = phase * period``.
+        Initial conditions at ``t = phase * period``.
     periods : int
         Periods of the forcing, at least 1.
     samples : int, optional
         States recorded in each period.
     phase : float, optional
-        Where in the forcing period the motion begins, in turns.
+        Phase of the forcing at the initial time, as a fraction of the period.
     rtol, atol : float, optional
         Relative and absolute tolerance of one period, at least 1e-14.
     method : {"auto", "DOP853", "RK45", "Taylor"}, optional
         Integration method, as for :func:`stroboscopic_map`.
     max_steps : int, optional
-        Most steps a period, and most between two samples.
+        Largest number of steps in a period, and between two samples.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
     Returns
     -------
     Trajectory
-        ``periods * samples + 1`` times and states, the start among them.
+        ``periods * samples + 1`` times and states, the initial ones included.
 
     Raises
     ------
     TypeError, ValueError
         For arguments out of range, or a right-hand side that cannot be compiled.
     MemoryError
-        Where the states need more memory than is free.
+        If the states need more memory than is free.
 
     Warns
     -----
     ToleranceWarning
-        Where the tolerance was not met; those starts have the status INACCURATE.
+        If the integrator missed its tolerance; the orbits concerned have the status INACCURATE.
 
     Examples
     --------
@@ -171,7 +172,8 @@ def trajectory(
     samples = whole_number("samples", samples, at_least=1)
     count, moments = places.size // system.dimension, periods * samples + 1
     needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
-    claim_memory(f"{moments:,} states of {count:,} starts", needed, "take fewer periods, samples or starts")
+    what = f"{moments:,} states of {count:,} initial conditions"
+    claim_memory(what, needed, "take fewer periods, samples or initial conditions")
     states = np.full((moments, count, system.dimension), np.nan)
     states[0] = places.reshape(count, system.dimension)
     lower, turn = turns_of(system.axes)

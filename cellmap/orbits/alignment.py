@@ -1,4 +1,4 @@
-"""A test for chaos where volumes are preserved: how fast deviations align (Skokos, Bountis, Antonopoulos 2007)."""
+"""Generalized alignment index: a test for chaos in volume-preserving maps (Skokos, Bountis, Antonopoulos 2007)."""
 
 from __future__ import annotations
 
@@ -32,35 +32,36 @@ def alignment_test(
     confidence: float = 0.999,
     seed: int = 0,
 ) -> ChaosTest:
-    """Tell chaotic from regular orbits by the generalized alignment index of some deviations (GALI; of two, SALI).
+    """Distinguish chaotic from regular orbits by the generalized alignment index of deviation vectors (GALI, SALI).
 
-    The index is the volume that unit vectors along the deviations span.  Chaos turns them all into one direction, so
-    that it falls off exponentially, at the rate (order - 1) L1 - L2 - ... of the exponents; along a regular orbit it
-    stays, or falls off like a power of time that is the dimension at most.  Its logarithm is followed without a limit
-    by what machine numbers hold.  The verdict is that of :func:`exponent_test`, of the rate over the second half.
+    The index is the volume spanned by unit vectors along the deviations; with two deviations it is the smaller
+    alignment index (SALI).  Along a chaotic orbit all deviations align with one direction, and the index decreases
+    exponentially, at the rate (order - 1) L1 - L2 - ... of the exponents; along a regular orbit it stays constant, or
+    decreases like a power of time that is at most the dimension.  Its logarithm is computed, which has no limit in
+    double precision.  The verdict is that of :func:`exponent_test`, applied to the rate over the second half.
 
     Parameters
     ----------
     point_map : PointMap
-        Map that preserves volumes; of an interpolated map the exact map behind it is taken.
+        Volume-preserving map; for an interpolated map, the exact map behind it is used.
     starts : array_like, shape (..., d)
-        Starts of the orbits.
+        Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 44.
     transient : int, optional
-        Periods before them.
+        Periods of the transient.
     order : int, optional
         Number of deviations, from 2 to d.
     confidence : float, optional
-        Of the interval, from the spread between 11 parts of the second half.
+        Confidence level of the interval, from the spread between 11 parts of the second half.
     seed : int, optional
-        Seed of the first deviations.
+        Seed of the initial deviations.
 
     Returns
     -------
     ChaosTest
-        Values are rates per step at which the logarithm of the index falls.  Where volumes are not preserved,
-        deviations align along regular orbits too, and the verdict is "undecided".
+        Values are the rates per step at which the logarithm of the index decreases.  If the map does not preserve
+        volumes, deviations align along regular orbits too, and the verdict is "undecided".
 
     Raises
     ------
@@ -81,7 +82,7 @@ def alignment_test(
     exact = point_map.exact or point_map
     points = state_points("starts", starts, exact.coordinates)
     if not points.size:
-        raise ValueError("starts is empty: give at least one start")
+        raise ValueError("starts is empty: give at least one initial condition")
     periods = whole_number("periods", periods, at_least=2 * _PARTS)
     transient = whole_number("transient", transient)
     number = whole_number("order", order, at_least=2, at_most=exact.dimension)

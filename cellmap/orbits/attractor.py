@@ -1,4 +1,4 @@
-"""Attractors: what orbits end on."""
+"""Attractors of point maps."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Kind(StrEnum):
     FIXED_POINT = "fixed point"
     PERIODIC = "periodic"
     ROTATING = "rotating"
-    """Periodic up to whole turns of an angle, which grows or falls for ever."""
+    """Rotating (running) solution: periodic up to full rotations of an angle, which increases or decreases for ever."""
     EQUILIBRIA = "equilibria"
-    """A set of fixed points side by side: dry friction holds the state at each."""
+    """Sticking set, a continuum of equilibria: dry friction keeps the state at each of its points."""
     CHAOTIC = "chaotic"
 
 
@@ -81,22 +81,22 @@ class Attractor:
     Parameters
     ----------
     kind : Kind
-        Fixed point, periodic, rotating, equilibria or chaotic.
+        Fixed point, periodic, rotating, equilibria (a sticking set) or chaotic.
     period : int
-        Steps of the map after which it repeats itself; 0 for a chaotic attractor.
+        Period in steps of the map; 0 for a chaotic attractor.
     points : ndarray, shape (period, dimension)
-        Its points in the order of the orbit, angles in their turn; for a chaotic attractor a sample of an orbit,
-        for a set of equilibria some of them.
+        Its points in the order of the orbit, angles wrapped; for a chaotic attractor a sample of an orbit, for a
+        sticking set a sample of its equilibria.
     turns : tuple of int
-        Whole turns of each coordinate in one round of `period` steps.
+        Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are no angles.
     multipliers : ndarray of complex, shape (dimension,)
-        Eigenvalues of the derivative of one round, the largest first; for a chaotic attractor empty.
+        Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a chaotic attractor.
     exponents : ndarray, shape (dimension,) or (1,)
         Lyapunov exponents per step of the map.
     neighbourhood : Neighbourhood or None
-        Region around a periodic attractor that is verified to belong to its basin.
+        Verified trapping region around a periodic attractor.
     cover : Cover or None
-        Boxes that hold a chaotic attractor or a set of equilibria.
+        Boxes that contain a chaotic attractor or a sticking set.
     coordinates : tuple of Coordinate
         Names and units.
     """
@@ -113,14 +113,14 @@ class Attractor:
 
     @property
     def rotation_number(self) -> tuple[float, ...]:
-        """Mean turns of each coordinate in one step of the map; for a chaotic attractor NaN on angles."""
+        """Rotation number: full rotations of each coordinate per step of the map; NaN for angles if chaotic."""
         if not self.period:
             return tuple(np.nan if c.is_angle else 0.0 for c in self.coordinates)
         return tuple(t / self.period for t in self.turns)
 
     @property
     def name(self) -> str:
-        """Short description, such as ``"rotating, period 1, +1 turn"``."""
+        """Short description, such as ``"rotating, period 1, winding number +1"``."""
         if self.kind is Kind.CHAOTIC:
             return "chaotic"
         if self.kind is Kind.FIXED_POINT:
@@ -130,7 +130,7 @@ class Attractor:
         text = f"{self.kind}, period {self.period}"
         for t in self.turns:
             if t:
-                text += f", {t:+d} turn{'s' if abs(t) > 1 else ''}"
+                text += f", winding number {t:+d}"
         return text
 
     def __repr__(self) -> str:

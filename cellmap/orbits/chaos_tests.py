@@ -1,4 +1,4 @@
-"""Tests for chaos, with an interval and a verdict that may be "undecided": the record, and the test by exponents."""
+"""Tests for chaos with a confidence interval and a verdict: the record, and the test by Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST_RETURN = 128
 
 @dataclass(frozen=True, eq=False)
 class ChaosTest:
-    """What a test for chaos says of some orbits.
+    """Result of a test for chaos, for one or several orbits.
 
     Parameters
     ----------
@@ -35,22 +35,21 @@ class ChaosTest:
         "chaotic", "regular" or "undecided", for each orbit.
     value : ndarray, shape (...)
         The tested quantity: the largest Lyapunov exponent per step, the K of the 0-1 test, or the rate of alignment;
-        NaN for an orbit that ended.
+        NaN for an orbit that terminated.
     low, high : ndarray, shape (...)
-        Interval of the value.
+        Confidence interval of the value.
     confidence : float
-        Of the interval.
+        Confidence level of the interval.
     below, above : float
-        The verdict is "chaotic" where the interval is above `above`, else "regular" where it is below `below`.
+        The verdict is "chaotic" if the interval lies above `above`, otherwise "regular" if it lies below `below`.
     quantity : str
-        What the value is.
+        Name of the tested quantity.
     periods : int
         Length of the orbits.
     evidence : ndarray, shape (k, ...)
-        What the value was taken from: the exponent or rate as it stood after each part of the orbit, or the K of each
-        frequency, sorted.
+        Data behind the value: the exponent or rate after each part of the orbit, or the K of each frequency, sorted.
     at : ndarray, shape (k,)
-        Steps after which it stood there, or shares of the frequencies.
+        Steps of the map after which the evidence was recorded, or fractions of the frequencies.
     """
 
     verdict: NDArray[np.str_]
@@ -75,12 +74,12 @@ class ChaosTest:
 
     @property
     def chaotic(self) -> NDArray[np.bool_]:
-        """Orbits that are shown to be chaotic, shape (...)."""
+        """Whether each orbit is found to be chaotic, shape (...)."""
         return np.asarray(self.verdict == CHAOTIC)
 
     @property
     def regular(self) -> NDArray[np.bool_]:
-        """Orbits that are shown to be regular as far as the test sees, shape (...)."""
+        """Whether each orbit is found to be regular within the resolution of the test, shape (...)."""
         return np.asarray(self.verdict == REGULAR)
 
 
@@ -93,32 +92,33 @@ def exponent_test(
     confidence: float = 0.999,
     progress: bool = False,
 ) -> ChaosTest:
-    """Tell chaotic from regular orbits by the largest Lyapunov exponent over the second half of each orbit.
+    """Distinguish chaotic from regular orbits by the largest Lyapunov exponent over the second half of each orbit.
 
-    Regular motion shears its neighbourhood, which grows like time: a finite orbit has a positive exponent without any
-    chaos.  In the second half of an orbit a growth like t^p multiplies displacements by 2^p, however long the orbit is,
-    and chaos by a factor that grows with it.  The verdict is "chaotic" where the interval of that factor is above that
-    of t^3, else "regular" where it is below e^10.  An orbit that has closed is "regular", stable or not.
+    Near a regular orbit displacements grow linearly in time by shear, so that a finite orbit has a positive exponent
+    without chaos.  Over the second half of an orbit a growth like t^p multiplies displacements by 2^p, however long the
+    orbit is; chaos multiplies them by a factor that grows with its length.  The verdict is "chaotic" if the confidence
+    interval of that factor lies above the factor of t^3, otherwise "regular" if it lies below e^10.  A periodic orbit
+    is "regular", stable or not.
 
     Parameters
     ----------
     point_map : PointMap
-        Stroboscopic or discrete map; of an interpolated map the exact map behind it is taken.
+        Stroboscopic or discrete map; for an interpolated map, the exact map behind it is used.
     starts : array_like, shape (..., d)
-        Starts of the orbits.
+        Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 40.
     transient : int, optional
-        Periods before them.
+        Periods of the transient.
     confidence : float, optional
-        Of the interval, from the spread of the means over 10 parts of the second half.
+        Confidence level of the interval, from the spread of the means over 10 parts of the second half.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
     Returns
     -------
     ChaosTest
-        Values are exponents per step.  A regular orbit may be chaos with an exponent below ``below``, 20/periods.
+        Values are exponents per step.  A "regular" orbit may be chaotic with an exponent below ``below``, 20/periods.
 
     Raises
     ------

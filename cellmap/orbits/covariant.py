@@ -1,4 +1,4 @@
-"""Covariant Lyapunov vectors: the directions that grow at each exponent, and the angles between them (Ginelli 2007)."""
+"""Covariant Lyapunov vectors and the angles between them (Ginelli et al. 2007)."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ _VANISHING = 1e-14  # growth in one step, of the largest, below which a directio
 
 @dataclass(frozen=True, eq=False)
 class CovariantVectors:
-    """Directions along an orbit that the derivative maps to each other.
+    """Covariant Lyapunov vectors along an orbit: directions that the derivative of the map takes to each other.
 
     Parameters
     ----------
     points : ndarray, shape (n, d)
-        The orbit, angles in their turn.
+        The orbit, angles wrapped.
     vectors : ndarray, shape (n, d, d)
-        At each point unit columns, in the order of the exponents.  The derivative takes column j to a multiple of
-        column j at the next point.  Where exponents cannot be told from equal ones, the columns that belong to them are
-        an orthonormal basis of one subspace, which the derivative takes to that at the next point.
+        Unit columns at each point, in the order of the exponents.  The derivative takes column j to a multiple of
+        column j at the next point.  If exponents cannot be distinguished from equal ones, their columns are an
+        orthonormal basis of one subspace, which the derivative takes to the corresponding subspace at the next point.
     growth : ndarray, shape (n, d)
-        Logarithm of that multiple's size; in a subspace of several dimensions, that of its volume over its dimension.
+        Logarithm of the absolute value of that multiple; in a subspace of several dimensions, the logarithm of the
+        growth of its volume divided by its dimension.
     exponents, standard_errors : ndarray, shape (d,)
-        Mean growth per step, the largest first, and its error from the spread between 20 parts of the orbit; in a
-        subspace of several dimensions with the spread between the exponents that a frame gives for it.
+        Mean growth per step, the largest first, and its standard error from the spread between 20 parts of the orbit;
+        in a subspace of several dimensions the error includes the spread between the exponents of a frame in it.
     dimensions : tuple of int
-        Dimensions of the subspaces, in the order of the exponents; all 1 where these differ.
+        Dimensions of the subspaces, in the order of the exponents; all 1 if the exponents differ.
     transient : int
-        Steps in which directions turned, on either side of these points.
+        Steps before and after these points in which the directions converged.
     name : str
         Name of the system.
     coordinates : tuple of Coordinate
@@ -76,32 +77,33 @@ class CovariantVectors:
 
     @checked
     def angles(self, first: int | None = None) -> NDArray[np.float64]:
-        """Return at each point the smallest angle between the span of the first directions and that of the others.
+        """Return the smallest angle between the span of the first directions and that of the others, at each point.
 
         Parameters
         ----------
         first : int, optional
-            How many directions come first; by default those that expand.
+            Number of first directions; by default the number of expanding ones.
 
         Returns
         -------
         ndarray, shape (n,)
-            Between 0 and pi/2.  Where the set is hyperbolic, angles between what expands and what contracts stay away
-            from 0; tangencies of stable and unstable manifolds bring them as near to 0 as the orbit is long.
+            Angles between 0 and pi/2.  On a hyperbolic set the angle between expanding and contracting subspaces is
+            bounded away from 0; with tangencies of stable and unstable manifolds it comes the nearer to 0 the longer
+            the orbit is.
 
         Raises
         ------
         ValueError
-            Where no direction is left on one of the sides, or `first` divides a subspace.
+            If no direction is left on one of the sides, or `first` divides a subspace.
         """
         d = self.points.shape[1]
         k = self.expanding if first is None else whole_number("first", first)
         if not 0 < k < d:
-            raise ValueError(f"first={k}: of {d} directions one at least has to be on each side")
+            raise ValueError(f"first={k}: of {d} directions at least one has to be on each side")
         if k not in self._begins:
             raise ValueError(
                 f"first={k} divides a subspace whose directions grow alike: give one of {self._begins[1:]}, or take "
-                "more periods to tell them apart"
+                "more periods to distinguish them"
             )
         one, other = (np.linalg.qr(part)[0] for part in (self.vectors[..., :k], self.vectors[..., k:]))
         # Sines, as cosines do not tell small angles apart; of two spaces the smaller one's.
@@ -116,24 +118,24 @@ def covariant_vectors(
 ) -> CovariantVectors:
     """Return the covariant Lyapunov vectors along an orbit.
 
-    A frame that is carried along and kept orthonormal spans what grows most; what is in the span of its first j columns
-    and grows least on the way back is direction j (Ginelli et al. 2007).  Directions of equal exponents, as of a
-    complex pair of multipliers or of one without a second eigenvector, have no meaning of their own: neighbours whose
-    growth over n steps differs by less than a factor of 100 n^2, or by less than three standard errors, are taken
-    together as one subspace.
+    An orthonormal frame iterated forward spans the directions of largest growth; vector j is the direction within the
+    span of the first j columns that grows least under backward iteration (Ginelli et al. 2007).  Single directions of
+    equal exponents, as of a complex pair of multipliers or of a defective multiplier, are not defined: neighbours whose
+    growth over n steps differs by less than a factor of 100 n^2, or by less than three standard errors, are combined
+    into one subspace.
 
     Parameters
     ----------
     point_map : PointMap
-        Stroboscopic or discrete map whose derivative can be inverted; of an interpolated map the exact map behind it
-        is taken.
+        Stroboscopic or discrete map with an invertible derivative; for an interpolated map, the exact map behind it is
+        used.
     start : array_like, shape (d,)
-        Start of the orbit.
+        Initial condition of the orbit.
     periods : int, optional
-        Points at which vectors are wanted, at least 20.
+        Number of points at which vectors are computed, at least 20.
     transient : int, optional
-        Steps from the start to these points, and after them, in which directions turn.  They are off by about
-        ``exp(-transient * gap)``, where the gap is that between neighbouring exponents.
+        Steps before and after these points in which the directions converge.  Their error is about ``exp(-transient *
+        gap)``, where the gap is the difference of neighbouring exponents.
 
     Returns
     -------
@@ -143,11 +145,11 @@ def covariant_vectors(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, an orbit that ends, or a derivative without an inverse.
+        For arguments out of range, an orbit that terminates, or a singular derivative.
 
     References
     ----------
-    Ginelli, Poggi, Turchi, Chate, Livi, Politi, Physical Review Letters 99 (2007) 130601.
+    Ginelli, Poggi, Turchi, Chaté, Livi, Politi, Physical Review Letters 99 (2007) 130601.
 
     Examples
     --------
@@ -226,13 +228,13 @@ def _forward(
     for k in range(-turning, total):
         image, matrix = tangent(exact, place)
         if not (np.isfinite(image).all() and np.isfinite(matrix).all()):
-            raise ValueError(f"start: the orbit ends at {place.tolist()} after {turning + k} periods")
+            raise ValueError(f"start: the orbit terminates at {place.tolist()} after {turning + k} periods")
         turned, upper = np.linalg.qr(matrix @ frame)
         sizes = np.abs(np.diagonal(upper))
         if not sizes.min() > _VANISHING * sizes.max():
             raise ValueError(
-                f"start: the orbit comes to {place.tolist()}, where the derivative has no inverse in machine numbers: "
-                "a direction vanishes there"
+                f"start: the orbit comes to {place.tolist()}, where the derivative is singular in double precision: a "
+                "direction is mapped to zero there"
             )
         if k >= 0:
             points[k], frames[k], factors[k] = place, frame, upper

@@ -1,4 +1,4 @@
-"""Finite-time Lyapunov exponents over a grid: how much neighbouring starts part within some periods."""
+"""Finite-time Lyapunov exponents over a grid of initial conditions."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from ..maps.tangent import tangent
 
 @dataclass(frozen=True, eq=False)
 class ExponentField:
-    """Finite-time Lyapunov exponents of starts on a grid.
+    """Finite-time Lyapunov exponents over a grid of initial conditions.
 
     Parameters
     ----------
     forward : ndarray, shape of the grid
-        Logarithm of the largest factor by which a small displacement of the start grows, per step of the map; NaN
-        where the orbit ended.
+        Logarithm of the largest growth factor of a small displacement of the initial condition, per step of the map;
+        NaN if the orbit terminated.
     backward : ndarray, shape of the grid
-        The same of the inverse map, at `images`: minus the logarithm of the smallest factor, per step; infinite where
-        a direction vanishes in some step, or shrinks below the rounding of the others.
+        The same for the inverse map, at `images`: minus the logarithm of the smallest growth factor, per step; infinite
+        if a direction is mapped to zero in some step, or shrinks below the rounding of the others.
     images : ndarray, shape (*grid.shape, d)
-        Where the starts are after `periods`, angles in their turn.
+        Images of the initial conditions after `periods`, angles wrapped.
     periods : int
         Steps of the map.
     period : float
         Time of one step; 1 for a discrete map.
     grid : CellGrid
-        Cells whose centres are the starts.
+        Cells whose centres are the initial conditions.
     name : str
         Name of the system.
     params : mapping of str to float
-        Its parameters.
+        Parameters of the system.
     coordinates : tuple of Coordinate
         State variables.
     cost : Cost
@@ -65,7 +65,7 @@ class ExponentField:
         known = self.forward[np.isfinite(self.forward)]
         ended = self.forward.size - known.size
         span = f"{known.min():.4g} to {known.max():.4g} per step" if known.size else "none"
-        lost = f", {ended} starts without" if ended else ""
+        lost = f", {ended} orbits terminated" if ended else ""
         return f"ExponentField({self.name}, {self.periods} periods on {self.grid.shape}: {span}{lost})"
 
     @property
@@ -78,19 +78,19 @@ class ExponentField:
 def finite_time_exponents(
     point_map: PointMap, grid: CellGrid, periods: int = 10, progress: bool = False
 ) -> ExponentField:
-    """Return the finite-time Lyapunov exponents of the centres of all cells, forward and backward.
+    """Return the finite-time Lyapunov exponents at the centres of all cells, forward and backward.
 
     The forward exponent is the logarithm of the largest singular value of the derivative of `periods` steps, divided by
-    their number.  Its ridges lie along what repels: stable manifolds, among them the boundaries of basins.  The
-    smallest singular value gives the exponent of the way back, from the image (Haller and Sapsis 2011), whose ridges
-    lie along unstable manifolds; no map is inverted for it.
+    their number.  Its ridges follow repelling structures: stable manifolds, among them basin boundaries.  The smallest
+    singular value gives the backward exponent at the image (Haller and Sapsis 2011), whose ridges follow unstable
+    manifolds; no map is inverted for it.
 
     Parameters
     ----------
     point_map : PointMap
-        Stroboscopic or discrete map, in any dimension; of an interpolated map the exact map behind it is taken.
+        Stroboscopic or discrete map, in any dimension; for an interpolated map, the exact map behind it is used.
     grid : CellGrid
-        Starts; axes of one cell make a slice.
+        Cells whose centres are the initial conditions; with one cell along some axes, a slice.
     periods : int, optional
         Steps of the map, at least 1.
     progress : bool, optional
@@ -106,7 +106,7 @@ def finite_time_exponents(
     TypeError, ValueError
         For arguments of the wrong kind, or a grid of the wrong dimension.
     MemoryError
-        Where the field does not fit into memory.
+        If the field does not fit into memory.
 
     Notes
     -----
@@ -131,7 +131,7 @@ def finite_time_exponents(
     grid = grid.on(exact.coordinates)
     periods = whole_number("periods", periods, at_least=1)
     d = grid.dimension
-    claim_memory(f"exponents of {grid.size:,} starts", 8 * (2 + d) * grid.size, "take fewer cells")
+    claim_memory(f"exponents of {grid.size:,} initial conditions", 8 * (2 + d) * grid.size, "take fewer cells")
     axes = [grid.axis(j) for j in range(d)]
     forward, backward = np.empty(grid.size), np.empty(grid.size)
     images = np.empty((grid.size, d))

@@ -1,4 +1,4 @@
-"""Lyapunov exponents: the mean rates at which neighbouring orbits part or meet, with errors and their convergence."""
+"""Lyapunov exponents with standard errors and their convergence."""
 
 from __future__ import annotations
 
@@ -34,24 +34,26 @@ class LyapunovSpectrum:
     Parameters
     ----------
     exponents : ndarray, shape (..., d)
-        Exponents per step of the map, one row for each start; NaN where the orbit ended, minus infinity where a
-        direction vanishes, as in stick-slip motion, or shrinks in one step below the rounding of the others.
+        Exponents per step of the map, one row for each initial condition; NaN if the orbit terminated, minus infinity
+        if a direction is mapped to zero, as in stick-slip motion, or shrinks in one step below the rounding of the
+        others.
     standard_errors : ndarray, shape (..., d)
-        From the spread of the means over 20 parts of the orbit, which must be longer than its memory.
+        Standard errors, from the spread of the means over 20 parts of the orbit, which must be longer than its
+        correlation time.
     growth : ndarray, shape (m, ..., d)
-        Logarithm of the growth along each direction in each recorded stretch.
+        Logarithm of the growth along each direction in each recorded interval.
     steps : ndarray of int, shape (m,)
-        Period at which each stretch ends; the first one begins at 0.
+        Period at which each interval ends; the first one begins at 0.
     ends : ndarray, shape (..., d)
-        Last points of the orbits, angles in their turn.
+        Last points of the orbits, angles wrapped.
     directions : ndarray, shape (..., d, d)
-        Orthonormal columns at `ends`: the first k span the directions that have grown most (Gram-Schmidt vectors).
+        Orthonormal columns at `ends`: the first k span the directions of largest growth (Gram-Schmidt vectors).
     status : ndarray of uint8, shape (...)
         :class:`Status` of each orbit.
     period : float
         Time of one step; 1 for a discrete map.
     transient : int
-        Periods before the first one that counts.
+        Periods of the transient, before the first one that counts.
     name : str
         Name of the system.
     coordinates : tuple of Coordinate
@@ -79,7 +81,7 @@ class LyapunovSpectrum:
 
     @property
     def ended(self) -> NDArray[np.bool_]:
-        """Orbits that ended before their last period, shape (...)."""
+        """Whether each orbit terminated before its last period, shape (...)."""
         return self.status >= Status.ESCAPED
 
     @property
@@ -94,18 +96,18 @@ class LyapunovSpectrum:
 
     @property
     def convergence(self) -> NDArray[np.float64]:
-        """Exponents per step as they stood after ``steps`` periods, shape (m, ..., d)."""
+        """Exponents per step over the first ``steps`` periods, shape (m, ..., d)."""
         total: NDArray[np.float64] = np.cumsum(self.growth, axis=0)
         return total / self.steps.reshape(-1, *(1,) * (total.ndim - 1))
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the exponents per step, shape (...): the mean logarithm of the factor by which volumes change."""
+        """Sums of the exponents per step, shape (...): the mean logarithm of the growth factor of volumes."""
         return np.asarray(self.exponents.sum(axis=-1))
 
     @property
     def lyapunov_time(self) -> NDArray[np.float64]:
-        """Time in which small errors grow e-fold, shape (...); infinite where no exponent is above 0."""
+        """Lyapunov time, in which small errors grow by a factor e, shape (...); infinite if no exponent is above 0."""
         largest = self.per_time[..., 0]
         with np.errstate(divide="ignore"):
             times = np.where(largest > 0.0, 1.0 / np.where(largest > 0.0, largest, 1.0), np.inf)
@@ -113,10 +115,10 @@ class LyapunovSpectrum:
 
     @property
     def pooled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean exponents per step over all orbits that lasted, and their standard errors, shape (d,) each.
+        """Mean exponents per step over all orbits that did not terminate, and their standard errors, shape (d,) each.
 
-        The error is that between orbits or that within them, whichever is larger.  It means something where all orbits
-        are on one attractor, or in one chaotic sea.
+        The standard error is that between orbits or that within them, whichever is larger.  The mean is meaningful only
+        if all orbits are on one attractor, or in one chaotic sea.
         """
         d = self.exponents.shape[-1]
         rows = self.exponents.reshape(-1, d)[~self.ended.ravel()]
@@ -131,7 +133,7 @@ class LyapunovSpectrum:
 
     @checked
     def interval(self, confidence: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return intervals for the exponents per step (Student's distribution), shape (..., d) each."""
+        """Return confidence intervals of the exponents per step (Student's distribution), shape (..., d) each."""
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         reach = float(student.ppf(0.5 + 0.5 * confidence, GROUPS - 1)) * self.standard_errors
         return self.exponents - reach, self.exponents + reach
@@ -141,22 +143,22 @@ class LyapunovSpectrum:
 def lyapunov_spectrum(
     point_map: PointMap, starts: ArrayLike, periods: int = 2000, transient: int = 500, progress: bool = False
 ) -> LyapunovSpectrum:
-    """Return all Lyapunov exponents along orbits, many orbits at once.
+    """Return the spectrum of Lyapunov exponents along one or many orbits.
 
-    The derivative of each period, from the variational equation, moves an orthonormal frame, which a QR factorisation
-    makes orthonormal again; what it takes out is the growth.  Frames begin to turn at most 100 periods before the first
-    one that counts, so that no exponent carries the memory of where they began.
+    The derivative of each period, from the variational equation, is applied to an orthonormal frame, which is
+    orthonormalised again by a QR factorisation; the growth is the diagonal of R.  Frames are iterated for at most 100
+    periods before the first one that counts, so that exponents do not depend on the initial frame.
 
     Parameters
     ----------
     point_map : PointMap
-        Stroboscopic or discrete map, in any dimension; of an interpolated map the exact map behind it is taken.
+        Stroboscopic or discrete map, in any dimension; for an interpolated map, the exact map behind it is used.
     starts : array_like, shape (..., d)
-        Starts of the orbits.
+        Initial conditions of the orbits.
     periods : int, optional
         Periods that count, at least 20.
     transient : int, optional
-        Periods before them, in which the orbit comes to its attractor.
+        Periods of the transient, in which the orbit approaches its attractor.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -168,13 +170,13 @@ def lyapunov_spectrum(
     Raises
     ------
     TypeError, ValueError
-        For something that is not a map, starts that are empty or not finite, or too few periods.
+        For something that is not a map, initial conditions that are empty or not finite, or too few periods.
 
     Notes
     -----
-    Where exponents differ, the mean over n periods has an error of order 1/n from fluctuations that do not grow, as
-    along a periodic orbit, and of order 1/sqrt(n) from chaos.  A regular orbit that fills a torus shears its
-    neighbourhood, and its largest exponent goes to 0 like ln(n)/n.
+    If the exponents differ, the mean over n periods has an error of order 1/n from bounded fluctuations, as along a
+    periodic orbit, and of order 1/sqrt(n) from chaos.  On an invariant torus displacements grow by shear, and the
+    largest exponent converges to 0 like ln(n)/n.
 
     References
     ----------
@@ -196,9 +198,9 @@ def lyapunov_spectrum(
     states = points.reshape(-1, d)
     n = len(states)
     if not n:
-        raise ValueError("starts is empty: give at least one start")
+        raise ValueError("starts is empty: give at least one initial condition")
     steps = np.linspace(0, periods, min(periods, STRETCHES) + 1).round().astype(np.int64)[1:]
-    claim_memory(f"growth along {n:,} orbits", 8 * n * d * (len(steps) + d + 4), "take fewer starts")
+    claim_memory(f"growth along {n:,} orbits", 8 * n * d * (len(steps) + d + 4), "take fewer initial conditions")
     growth = np.empty((len(steps), n, d))
     frames = np.empty((n, d, d))
     status = np.zeros(n, np.uint8)

@@ -1,4 +1,4 @@
-"""Lyapunov exponents from derivatives along orbits, many orbits at once."""
+"""QR iteration of orthonormal frames along many orbits, for Lyapunov exponents."""
 
 from __future__ import annotations
 

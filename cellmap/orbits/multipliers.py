@@ -1,4 +1,4 @@
-"""Multipliers: the eigenvalues of the derivative of one round."""
+"""Floquet multipliers: the eigenvalues of the monodromy matrix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Periodic points by Newton's method on the exact map."""
+"""Newton's method for periodic points of the exact map."""
 
 from __future__ import annotations
 

@@ -15,20 +15,20 @@ from .multipliers import MARGIN, unstable_count
 
 
 class OrbitKind(StrEnum):
-    """Kinds of periodic points, by their multipliers."""
+    """Kinds of periodic orbits, by their Floquet multipliers."""
 
     NODE = "node"
-    """All multipliers on one side of the unit circle, the one nearest to it real."""
+    """All multipliers inside or all outside the unit circle, the one nearest to it real."""
     FOCUS = "focus"
-    """All multipliers on one side of the unit circle, the pair nearest to it complex."""
+    """All multipliers inside or all outside the unit circle, the pair nearest to it complex."""
     SADDLE = "saddle"
-    """Multipliers on both sides; the unstable directions keep their orientation."""
+    """Multipliers inside and outside the unit circle; the unstable manifold is orientable."""
     FLIP_SADDLE = "flip saddle"
-    """A saddle with an odd number of real multipliers below -1: the unstable directions turn over (Moebius)."""
+    """Flip saddle: an odd number of real multipliers below -1, so that the unstable manifold is not orientable."""
     CENTRE = "centre"
     """All multipliers on the unit circle, none of them real."""
     DEGENERATE = "degenerate"
-    """Some multiplier on the unit circle: the linear map does not decide."""
+    """Some multiplier on the unit circle: linearisation does not determine the stability."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +38,15 @@ class PeriodicOrbit:
     Parameters
     ----------
     period : int
-        Least number of steps after which it repeats itself, up to whole turns of angles.
+        Least period in steps of the map, up to full rotations of angles.
     points : ndarray, shape (period, dimension)
-        Its points in the order of the orbit, angles in their turn, beginning with the one nearest the origin.
+        Its points in the order of the orbit, angles wrapped, beginning with the one nearest the origin.
     turns : tuple of int
-        Whole turns of each coordinate in one round.
+        Full rotations of each coordinate in one period of the orbit; 0 for coordinates that are no angles.
     matrix : ndarray, shape (dimension, dimension)
-        Derivative of one round at the first point.
+        Monodromy matrix at the first point.
     multipliers : ndarray of complex, shape (dimension,)
-        Its eigenvalues, the largest modulus first.
+        Floquet multipliers, the eigenvalues of `matrix`, the largest modulus first.
     coordinates : tuple of Coordinate
         State variables.
     params : mapping of str to float
@@ -71,17 +71,17 @@ class PeriodicOrbit:
 
     @property
     def unstable(self) -> int:
-        """Number of multipliers outside the unit circle."""
+        """Number of Floquet multipliers outside the unit circle."""
         return int(unstable_count(self.multipliers))
 
     @property
     def is_stable(self) -> bool:
-        """Whether all multipliers are inside the unit circle."""
+        """Whether all Floquet multipliers are inside the unit circle."""
         return bool((self._moduli < 1.0 - MARGIN).all())
 
     @property
     def kind(self) -> OrbitKind:
-        """Node, focus, saddle or flip saddle; centre or degenerate where the linear map does not decide."""
+        """Node, focus, saddle or flip saddle; centre or degenerate if linearisation does not determine stability."""
         inside, outside = self._moduli < 1.0 - MARGIN, self._moduli > 1.0 + MARGIN
         real = np.abs(self.multipliers.imag) <= MARGIN * self._moduli
         if inside.any() and outside.any():
@@ -94,7 +94,7 @@ class PeriodicOrbit:
 
     @property
     def name(self) -> str:
-        """Kind, with "stable" or "unstable" where it can be either."""
+        """Kind, with "stable" or "unstable" if it can be either."""
         kind = self.kind
         if kind in {OrbitKind.NODE, OrbitKind.FOCUS}:
             return f"{'stable' if self.is_stable else 'unstable'} {kind}"
@@ -102,7 +102,7 @@ class PeriodicOrbit:
 
     @property
     def rotation_number(self) -> tuple[float, ...]:
-        """Mean turns of each coordinate in one step of the map."""
+        """Rotation number, full rotations of each coordinate per step of the map."""
         return tuple(t / self.period for t in self.turns)
 
     @property
@@ -112,7 +112,7 @@ class PeriodicOrbit:
 
 
 def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return margins of Jury's criterion: all eigenvalues are inside the unit circle if and only if all exceed zero.
+    """Return the margins of Jury's criterion: all eigenvalues lie inside the unit circle if and only if all exceed 0.
 
     Parameters
     ----------
@@ -122,8 +122,9 @@ def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (d + 1,)
-        With the characteristic polynomial p: p(1), lost through +1; (-1)^d p(-1), lost through -1; then 1 - abs(k) for
-        the coefficients k of Jury's table from the highest order down to 2, of which the first is the determinant.
+        With the characteristic polynomial p: p(1), zero for an eigenvalue +1; (-1)^d p(-1), zero for an eigenvalue -1;
+        then 1 - abs(k) for the coefficients k of Jury's scheme from the highest order down to 2, of which the first is
+        the determinant.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The search for all periodic orbits in a window, stable and unstable."""
+"""Search for periodic orbits in a window, stable and unstable."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 
 @checked
 def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> PeriodicOrbit:
-    """Return the periodic orbit that a damped Newton method finds from a guess.
+    """Return the periodic orbit to which a damped Newton method converges from a guess.
 
     Parameters
     ----------
     point_map : PointMap
-        The map; of an interpolated map the exact map is taken.
+        The map; for an interpolated map, the exact map behind it is used.
     guess : array_like, shape (dimension,)
         A state near one of its points, in units of the coordinates.
     period : int, optional
-        Steps after which the point is to return, up to whole turns of angles.
+        Period in steps of the map, up to full rotations of angles.
 
     Returns
     -------
     PeriodicOrbit
-        With its least period, which divides `period`.  Its points are accurate to the tolerance of the derivatives
-        (1e-12 or that of the map) times the condition of the problem.
+        The orbit with its least period, which divides `period`.  Its points are accurate to the tolerance of the
+        derivatives (1e-12 or that of the map) times the condition number of the problem.
 
     Raises
     ------
     ValueError
-        Where the method does not converge.
+        If the method does not converge.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     solutions, settled = damped_newton(point_map, state[None], np.array([rounds]), extent)
     if not settled[0]:
         raise ValueError(
-            f"guess={state.tolist()}: no point of period {rounds} is found from there; give a guess nearer to one, or "
+            f"guess={state.tolist()}: no orbit of period {rounds} is found from there; give a guess nearer to one, or "
             "search a window with find_periodic_orbits"
         )
     return closed_orbit(point_map, solutions[0], rounds, extent)
@@ -70,17 +70,17 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
 def find_periodic_orbits(
     point_map: PointMap, window: CellGrid, max_period: int = 1, progress: bool = False
 ) -> tuple[PeriodicOrbit, ...]:
-    """Find the periodic orbits through a window, stable and unstable.
+    """Find the periodic orbits with a point in a window, stable and unstable.
 
-    The displacement of P^n at the centres of the cells, with its differences from cell to cell, tells for each cell
-    whether a linear step from its centre ends near by.  These steps, and the cells where the displacement is least
-    among all neighbours, are where a damped Newton method on the exact map begins.  Orbits whose points are closer
-    than some cells, and those of long periods in chaotic regions, need fine cells.
+    The displacement of P^n at the centres of the cells, and its differences between neighbouring cells, give the linear
+    step from each centre to the nearest periodic point.  Steps that end near their cell, and cells whose displacement
+    is least among all neighbours, are the initial guesses of a damped Newton method on the exact map.  Orbits whose
+    points are closer than some cells, and those of long periods in chaotic regions, need fine cells.
 
     Parameters
     ----------
     point_map : PointMap
-        The map; with an interpolated map the cells cost look-ups only, and orbits are exact nevertheless.
+        The map; an interpolated map makes the search faster, and orbits are still those of its exact map.
     window : CellGrid
         Cells; an orbit counts if one of its points is inside the window.
     max_period : int, optional
@@ -91,7 +91,7 @@ def find_periodic_orbits(
     Returns
     -------
     tuple of PeriodicOrbit
-        By period, the most unstable first.
+        Periodic orbits sorted by period, the most unstable first.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The 0-1 test for chaos, which needs no derivatives (Gottwald, Melbourne 2009)."""
+"""The 0-1 test for chaos, a test without derivatives (Gottwald, Melbourne 2009)."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ def zero_one_test(
     confidence: float = 0.95,
     seed: int = 0,
 ) -> ChaosTest:
-    """Tell chaotic from regular orbits by the 0-1 test, without derivatives.
+    """Distinguish chaotic from regular orbits by the 0-1 test, without derivatives.
 
     Parameters
     ----------
     point_map : PointMap
-        Any map.  Its steps should be as long as the motion remembers: orbits that are sampled much more finely look
-        regular.
+        Any map.  One step should be about as long as the correlation time: orbits that are sampled much more finely
+        appear regular.
     starts : array_like, shape (..., d)
-        Starts of the orbits.
+        Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 200.
     transient : int, optional
-        Periods before them.
+        Periods of the transient.
     observable : callable, optional
         ``observable(points)`` returns a number for each of the points (..., d).  By default the sum of all coordinates
-        in units of their standard deviations, where an angle counts by its sine and cosine.
+        in units of their standard deviations, with the sine and cosine of each angle.
     frequencies, confidence, seed
         See :func:`zero_one_test_of_series`.
 
@@ -75,7 +75,7 @@ def zero_one_test(
     """
     points = state_points("starts", starts, point_map.coordinates)
     if not points.size:
-        raise ValueError("starts is empty: give at least one start")
+        raise ValueError("starts is empty: give at least one initial condition")
     periods = whole_number("periods", periods, at_least=200)
     begin = point_map.iterate(points, whole_number("transient", transient))
     ended = begin.status >= Status.ESCAPED
@@ -97,28 +97,28 @@ def zero_one_test(
 def zero_one_test_of_series(
     series: ArrayLike, frequencies: int = 100, confidence: float = 0.95, seed: int = 0
 ) -> ChaosTest:
-    """Tell chaotic from regular time series by the 0-1 test.
+    """Distinguish chaotic from regular time series by the 0-1 test.
 
-    A series drives a point in the plane with a frequency c: the point stays near for regular motion and diffuses for
-    chaotic.  K is the correlation of its mean square displacement with time (of lags up to a tenth of the length), the
-    median over random c between pi/5 and 4 pi/5.
+    The series drives a point in the plane with a frequency c; the point remains bounded for regular motion and diffuses
+    for chaotic motion.  K is the correlation of its mean square displacement with time (lags up to a tenth of the
+    length), the median over random c between pi/5 and 4 pi/5.
 
     Parameters
     ----------
     series : array_like, shape (n, ...)
         Time series along the first axis, at least 200 long.
     frequencies : int, optional
-        How many c are drawn, at least 20.
+        Number of random frequencies c, at least 20.
     confidence : float, optional
-        Of the interval of the median, from its order statistics (distribution-free).
+        Confidence level of the interval of the median, from order statistics (distribution-free).
     seed : int, optional
-        Seed of the draw.
+        Seed of the random frequencies.
 
     Returns
     -------
     ChaosTest
-        "chaotic" where the interval is above 0.8, "regular" where it is below 0.2, else "undecided".  A constant has
-        K = 0.
+        "chaotic" if the interval lies above 0.8, "regular" if it lies below 0.2, otherwise "undecided".  A constant
+        series has K = 0.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def zero_one_test_of_series(
     if given.ndim == 0 or len(given) < 200:
         raise ValueError(f"series has the shape {given.shape}: give at least 200 values along the first axis")
     if not np.isfinite(given).all():
-        raise ValueError("series has values that are not finite: leave out the orbits that ended")
+        raise ValueError("series has values that are not finite: leave out the orbits that terminated")
     confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
     length, shape = len(given), given.shape[1:]
     columns = given.reshape(length, -1)

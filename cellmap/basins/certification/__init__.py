@@ -1,1 +1,1 @@
-"""Certificates of labels: which are certain, and why."""
+"""Certification of basin labels against interpolation error."""

@@ -1,4 +1,4 @@
-"""Cells of a table whose every orbit goes to one attractor, whatever the errors of the table."""
+"""Cells of an interpolated map all of whose orbits converge to one attractor, whatever the interpolation error."""
 
 from __future__ import annotations
 

@@ -14,18 +14,18 @@ from ..record import Basins, Verification
 
 
 class Evidence(IntEnum):
-    """Why a label stands."""
+    """Evidence for a label."""
 
     CELL = 0
-    """The whole cell of the table around the start goes to this attractor."""
+    """All orbits of the interpolation cell around the initial condition converge to this attractor."""
     ORBIT = 1
-    """The orbit goes there with all the error that it can have."""
+    """The orbit converges to this attractor for every error within its bounds."""
     EXACT = 2
-    """The table leaves it open; the exact map does not, whatever its tolerance adds."""
+    """Undetermined by the interpolated map; the exact map gives this label for every error within its tolerance."""
     OPEN = 3
-    """The label of the exact map, which errors of the size of its tolerance could change, or its limit of periods.
+    """Label of the exact map, which errors within its tolerance, or a larger limit of periods, could change.
 
-    A start that is undecided is among these, and has no label yet."""
+    Undecided initial conditions are among these, and have no label yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +35,18 @@ class Certificate:
     Parameters
     ----------
     basins : Basins
-        The basins, with the labels that were made again.
+        The basins, with the recomputed labels.
     evidence : ndarray of uint8, shape of the labels
-        An :class:`Evidence` for each start.
+        An :class:`Evidence` for each initial condition.
     redone : int
-        Starts that were labelled again by the exact map: those with the evidence EXACT and OPEN.
+        Number of labels recomputed with the exact map: those with the evidence EXACT and OPEN.
     changed : int
-        Starts whose label came out differently.
+        Number of labels that changed.
     audit : Verification
-        Random starts that were *not* redone, against the exact map.
+        Comparison of random labels that were *not* recomputed with the exact map.
     wrong : tuple of float
-        95 % interval of the share of all starts whose label is not that of the exact map.  Undecided starts have no
-        label that could be right, and count in its upper end.
+        95 % confidence interval of the fraction of all initial conditions whose label is not that of the exact map.
+        Undecided initial conditions have no label that could be right, and count in its upper end.
     cost : Cost
         Wall time, and periods of all orbits.
     """
@@ -61,19 +61,19 @@ class Certificate:
 
     @property
     def open(self) -> int:
-        """Number of starts whose label even the tolerance of the exact map could change."""
+        """Number of labels that the tolerance of the exact map could change."""
         return int(np.count_nonzero(self.evidence == Evidence.OPEN))
 
     @property
     def undecided(self) -> int:
-        """Number of starts that the exact map leaves undecided within the periods allowed."""
+        """Number of initial conditions that are undecided by the exact map within the periods allowed."""
         return int(np.count_nonzero(self.basins.labels == UNDECIDED))
 
     def __repr__(self) -> str:
         total = self.evidence.size
         return (
-            f"Certificate({self.basins.name}, {total:,} starts: {self.redone:,} redone, {self.changed:,} changed, "
-            f"{self.open:,} open, {self.undecided:,} of these undecided; "
+            f"Certificate({self.basins.name}, {total:,} initial conditions: {self.redone:,} recomputed, "
+            f"{self.changed:,} changed, {self.open:,} open, {self.undecided:,} of these undecided; "
             f"{self.audit.wrong} of {self.audit.starts:,} others wrong, so at most "
             f"{100 * self.wrong[1]:.2g} % of all)"
         )

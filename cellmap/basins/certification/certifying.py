@@ -1,4 +1,4 @@
-"""Pictures whose every label is either shown to stand against the table's errors or made again without the table."""
+"""Certification of basins: labels that interpolation error could have changed are recomputed with the exact map."""
 
 from __future__ import annotations
 
@@ -34,51 +34,52 @@ _GRACE = 16  # periods for which orbits are followed beyond twice the time in wh
 def certify(
     basins: Basins, audit: int = 1000, safety: float = 4.0, seed: int = 0, progress: bool = False
 ) -> Certificate:
-    """Make sure of every label of basins that were found with a table.
+    """Identify every label that interpolation error could have changed, and recompute it with the exact map.
 
-    A label is kept where the errors of the table cannot change it.  First whole cells of the table are shown to go to
-    an attractor: those inside its verified neighbourhood, and then those whose image, with all errors, touches nothing
-    but such cells.  Starts in other cells are followed with an ellipsoid that holds all errors made so far, carried
-    along by the derivatives of the map, until a neighbourhood or cells that go to one attractor hold the whole of it.
-    Where that does not come about the start is labelled again by the exact map, and followed with an ellipsoid there
-    too, for the exact map has errors of the size of its tolerance.  At last some random starts that were kept are
-    integrated.
+    A label is kept if interpolation errors cannot change it.  First, whole cells of the interpolation grid are assigned
+    to an attractor: those inside its verified trapping region, and then those whose image, with all errors, meets only
+    such cells.  Initial conditions in other cells are iterated together with an ellipsoid that contains all errors made
+    so far, propagated by the derivatives of the map, until the ellipsoid lies inside a trapping region or inside cells
+    of one attractor.  If that does not happen, the label is recomputed with the exact map, also with an ellipsoid,
+    because the exact map has errors of the size of its tolerance.  Finally some random labels that were kept are
+    audited by integration.
 
-    The error of a period in a cell is `safety` times the largest estimate that the table's check found for the cell and
-    its neighbours, axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and
-    derivatives, not a proof in interval arithmetic; the audit tests it.
+    The error bound of a period in a cell is `safety` times the largest error estimate of the cell and its neighbours,
+    axis by axis, plus the tolerance of the exact map.  This is an argument from measured errors and derivatives, not a
+    proof in interval arithmetic; the audit tests it.
 
-    Starts that are undecided are labelled by the exact map, and those that it leaves undecided are searched for further
-    attractors, with all that the exact map leaves undecided later on.  Where one comes up, labels are certified again
-    with it.  What then is undecided has no label: it is open, and counts in the upper end of the interval.
+    Undecided initial conditions are labelled with the exact map, and those that remain undecided, then or later, are
+    searched for further attractors.  If an attractor is found, labels are certified again with it.  Initial conditions
+    that are still undecided have no label: they are open, and count in the upper end of the interval.
 
     Parameters
     ----------
     basins : Basins
         Found by :func:`find_basins` with an interpolated map.
     audit : int, optional
-        Starts to integrate.
+        Number of labels to compare with exact integration.
     safety : float, optional
-        How many times larger than measured an error may be.
+        Factor by which errors may exceed their estimates.
     seed : int, optional
-        Seed of their draw.
+        Seed of the random choice of these labels.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
     Returns
     -------
     Certificate
-        Labels, the evidence for each, and an interval for the share that is still wrong.
+        Labels, the evidence for each, and a confidence interval of the fraction that is still wrong.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, or basins without their map or of a map without a table.
+        For arguments out of range, or basins without their map or not of an interpolated map.
 
     Notes
     -----
-    On a fractal boundary some labels stay open: orbits separate faster than they settle, and two exact integrators
-    differ there as well.  Orbits around a chaotic attractor separate for ever, so that starts on them are all redone.
+    On a fractal boundary some labels stay open: orbits separate faster than they converge, and two exact integrators
+    differ there as well.  Orbits on a chaotic attractor separate for ever, so that all labels of its basin are
+    recomputed.
 
     Examples
     --------
@@ -95,13 +96,18 @@ def certify(
     if point_map is None:
         raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
     if point_map.table is None or point_map.exact is None:
-        raise ValueError(f"basins were found with {point_map!r}, which has no table whose errors could matter")
+        raise ValueError(
+            f"basins were found with {point_map!r}, which is no interpolated map: there is no interpolation error to "
+            "certify against"
+        )
     audit = affordable_number("audit", audit, 8 * 4, at_least=1)
     safety = finite_number("safety", safety, at_least=1.0)
     began = time.perf_counter()
     total = basins.labels.size
-    claim_memory(f"evidence for {total:,} starts", 6 * total, "take fewer starts")
-    claim_memory(f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take a smaller table")
+    claim_memory(f"evidence for {total:,} initial conditions", 6 * total, "take fewer initial conditions")
+    claim_memory(
+        f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take fewer interpolation cells"
+    )
     bounds = TableErrors.of(point_map, safety, progress)
     search = Search(basins, progress)
     search.among(np.flatnonzero(basins.labels.ravel() == UNDECIDED))

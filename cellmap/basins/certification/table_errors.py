@@ -1,4 +1,4 @@
-"""What a table says about errors in its cells: how large they are, and how the map carries them."""
+"""Bounds on interpolation errors in the cells of an interpolated map, and their propagation by the map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attractors that a table has missed: searched for among starts that are undecided."""
+"""Search for attractors that were missed, among undecided initial conditions."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Plans: the strategy that reaches a wanted accuracy in the least time."""
+"""Plans: the fastest method that reaches a wanted accuracy."""

@@ -1,4 +1,4 @@
-"""Tables of all sizes, from those that were measured."""
+"""Errors and costs of interpolation grids of all sizes, extrapolated from measured ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture that is planned, and the maps that come into question for it."""
+"""The basins that are planned, and the candidate maps."""
 
 from __future__ import annotations
 

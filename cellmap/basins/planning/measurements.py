@@ -1,4 +1,4 @@
-"""What is measured before a plan is made: ways to integrate, tables, the labelling of starts."""
+"""Measurements behind a plan: integration methods, interpolation grids, and the labelling of initial conditions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ways to a picture cost and how accurate they are, predicted from measured probes alone."""
+"""Cost and accuracy of methods for computing basins, predicted from measurements."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ _CARRIED = 2.0  # how much of the exact map's own error the splines of a table c
 
 @dataclass(frozen=True)
 class Option:
-    """One way to a picture, with what it is expected to cost.
+    """A method for computing basins, with its predicted cost and accuracy.
 
     Parameters
     ----------
     kind : {"direct", "table"}
-        Whether starts are integrated or looked up.
+        Direct integration of the initial conditions, or an interpolated map.
     method, tolerance : str, float
-        Of the exact map, or of that which a table is made from.
+        Integration method and tolerance of the exact map, or of the map that is interpolated.
     order, shape : int or None, tuple of int or None
-        Of the table.
+        Order and number of cells of the interpolated map.
     error : float
-        Of one period: the 99th percentile, over random places of the window, of the largest component of the
-        difference to the true image, in the units of the coordinates.
+        Predicted error of one period: the 99th percentile, over random points of the window, of the largest component
+        of the difference to the true image, in the units of the coordinates.
     tabulation, iteration, search : float
-        Seconds to make the table, to label the starts, and for what does not depend on their number: the search for
-        attractors.
+        Seconds for the interpolated map, for labelling the initial conditions, and for the search for attractors, which
+        does not depend on their number.
     memory : int
-        Bytes.
+        Memory in bytes.
     obstacle : str
-        Why this way is closed; empty for one that is open.
+        Reason for exclusion; empty if the method can be used.
     """
 
     kind: str
@@ -60,17 +60,17 @@ class Option:
 
     @property
     def seconds(self) -> float:
-        """Seconds from nothing to the picture."""
+        """Total time in seconds."""
         return self.tabulation + self.iteration + self.search
 
     @property
     def family(self) -> str:
-        """What options that differ by one dial have in common."""
+        """Name of the family of methods that differ in one parameter only."""
         return self.method if self.order is None else f"order {self.order}"
 
     @checked
     def meets(self, accuracy: float) -> bool:
-        """Tell whether the error is expected to stay below an accuracy, with a margin for the prediction."""
+        """Return whether the predicted error, with a safety margin, is below an accuracy."""
         return SAFETY * self.error <= finite_number("accuracy", accuracy)
 
     def __str__(self) -> str:
@@ -87,7 +87,7 @@ def choose(options: Sequence[Option], accuracy: float) -> tuple[Option, bool]:
     """
     possible = [o for o in options if not o.obstacle]
     if not possible:
-        raise MemoryError(f"no way to the picture fits into memory: {options[0].obstacle}; take fewer starts")
+        raise MemoryError(f"no method fits into memory: {options[0].obstacle}; take fewer initial conditions")
     good = [o for o in possible if o.meets(accuracy)]
     if good:
         return min(good, key=lambda o: (o.seconds, o.error)), True

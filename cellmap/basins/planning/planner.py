@@ -1,4 +1,4 @@
-"""The way to a picture that reaches a wanted accuracy in the least time, from small measurements."""
+"""Choice of the fastest method that reaches a wanted accuracy, from small measurements."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .probing import measure
 
 
 class AccuracyWarning(UserWarning):
-    """No way to a picture is expected to be as accurate as wanted."""
+    """No method is expected to reach the accuracy wanted."""
 
 
 @checked
@@ -30,58 +30,60 @@ def plan(
     seed: int = 0,
     progress: bool = False,
 ) -> Plan:
-    """Choose how to make a picture: method, tolerance, and order and size of a table, or none.
+    """Choose a method for computing basins: integration method, tolerance, and an interpolated map or none.
 
-    Small probes are measured on this machine, with the threads in use: errors and times of the integration methods at
-    some tolerances, errors of small tables of each order, and the time in which small pictures are labelled.  From
-    these, errors and times of all larger tables follow, and the fastest way that is accurate enough is chosen.
+    Small measurements are made on this machine, with the threads in use: errors and times of the integration methods at
+    some tolerances, errors of coarse interpolation grids of each order, and the time for labelling few initial
+    conditions.  Errors and times of all finer grids are extrapolated from these, and the fastest method that is
+    accurate enough is chosen.
 
     Parameters
     ----------
     system : ForcedSystem or PointMap
         The system; or an exact map of it, which is then used as it is.
     grid : CellGrid
-        Cells of the picture, whose centres are the starts.
+        Grid of cells whose centres are the initial conditions.
     accuracy : float, optional
-        Largest error of one period that is wanted at 99 % of the places of the window of the tables: the largest
+        Largest error of one period that is allowed at 99 % of the points in the window of interpolation: the largest
         component of the difference to the true image, in the units of the coordinates, as
         :attr:`MapError.percentile_99`.
     periods : int, optional
-        Periods that each start is iterated; by default as many as it takes until :func:`find_basins` has labelled it.
+        Periods for which each initial condition is iterated; by default until :func:`find_basins` has labelled it.
     phase : float, optional
-        Where in the forcing period the section lies, in turns; see :func:`stroboscopic_map`.
+        Phase of the forcing at the section, as a fraction of the period; see :func:`stroboscopic_map`.
     window : CellGrid, optional
-        Window of the tables; its shape gives the proportion of the numbers of cells along the axes.  By default the
-        window of the picture, widened at each end beyond which more than one point in 500 of its orbits lies, by at
-        most its width.
+        Window of interpolation; its shape gives the proportion of the numbers of cells along the axes.  By default the
+        window of `grid`, widened at each end beyond which more than one point in 500 of the orbits lies, by at most its
+        width.
     outside : {"integrate", "escape"}, optional
-        What becomes of orbits that leave the table; see :func:`interpolated_map`.
+        Treatment of orbits that leave the window; see :func:`interpolated_map`.
     seed : int, optional
-        Seed of the random places at which errors are measured.
+        Seed of the random points at which errors are measured.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
     Returns
     -------
     Plan
-        The way that was chosen, all others, and what each step up or down in accuracy would cost.
+        The chosen method, all others, and the cost of higher and lower accuracies.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, a map that is a table already, or a grid that does not fit the coordinates.
+        For arguments out of range, an interpolated map, or a grid that does not fit the coordinates.
     MemoryError
-        Where no way fits into memory.
+        If no method fits into memory.
 
     Warns
     -----
     AccuracyWarning
-        Where no way is expected to reach the accuracy.
+        If no method is expected to reach the accuracy.
 
     Notes
     -----
-    The probes take some seconds, and as much again for each kernel that has to be compiled for the first time; they pay
-    for pictures that take longer, and for many of one kind.  Times hold for a machine that is as busy then as now.
+    The measurements take some seconds, and as much again for each kernel that has to be compiled for the first time;
+    they are worthwhile for basins that take longer to compute, and for many similar ones.  Predicted times assume the
+    same load of the machine as during the measurements.
 
     Examples
     --------
@@ -96,7 +98,7 @@ def plan(
     1.0
     """
     if isinstance(system, PointMap) and system.table is not None:
-        raise TypeError(f"system={system!r} is a table already: give the exact map that it was made from")
+        raise TypeError(f"system={system!r} is an interpolated map: give the exact map behind it")
     if window is not None and not isinstance(window, CellGrid):
         raise TypeError(f"window={window!r}: give a CellGrid")
     accuracy = finite_number("accuracy", accuracy, above=0.0)
@@ -114,7 +116,7 @@ def plan(
     found = planned(job, measured, accuracy)
     if not found.met:
         warn_caller(
-            f"accuracy={accuracy:g} is not expected to be reached: the most accurate way, {found.chosen}, has an "
+            f"accuracy={accuracy:g} is not expected to be reached: the most accurate method, {found.chosen}, has an "
             f"error of about {found.chosen.error:.1e} and has to stay {SAFETY:g} times below; ask for less",
             AccuracyWarning,
         )

@@ -1,4 +1,4 @@
-"""Plans: ways to a picture with what they cost, and what became of them."""
+"""Plans: methods for computing basins with their predicted cost, and comparison with the outcome."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ class Step:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a plan.
+    """Comparison of a plan's predictions with its result.
 
     Parameters
     ----------
     predicted_seconds, seconds : float
-        Time that was expected, and time that was taken.
+        Predicted and measured time.
     predicted_error, error : float
-        Error that was expected, and error that is measured, as :attr:`Option.error`.
+        Predicted and measured error, as :attr:`Option.error`.
     accuracy : float
-        Error that was wanted.
+        Accuracy wanted.
     """
 
     predicted_seconds: float
@@ -65,12 +65,12 @@ class Outcome:
 
     @property
     def time_ratio(self) -> float:
-        """Time that was expected for each second that was taken."""
+        """Ratio of the predicted to the measured time."""
         return self.predicted_seconds / self.seconds
 
     @property
     def met(self) -> bool:
-        """Whether the measured error is within the wanted one."""
+        """Whether the measured error is at most the accuracy wanted."""
         return self.error <= self.accuracy
 
     def __str__(self) -> str:
@@ -82,24 +82,24 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """How to make a picture: see :func:`plan`.
+    """Choice of a method for computing basins: see :func:`plan`.
 
     Parameters
     ----------
     accuracy : float
-        Largest error of a period that is wanted, at 99 % of the places.
+        Largest error of a period that is allowed, at 99 % of the points.
     chosen : Option
-        The fastest way that is expected to meet it; where none is, the most accurate one.
+        The fastest method that is expected to meet the accuracy; if there is none, the most accurate one.
     met : bool
-        Whether it is expected to.
+        Whether the chosen method is expected to meet the accuracy.
     options : tuple of Option
-        All that is worth while: by method, and by order of the tables, from fast and rough to slow and accurate.
+        All Pareto-optimal methods: by integration method, and by order of interpolation, from fast to accurate.
     steps : tuple of Step
-        What accuracies cost from a thousandth to a thousand times the wanted one.
+        Cost of accuracies from a thousandth to a thousand times the accuracy wanted.
     measurements : Measurements
-        What the plan rests on.
+        Measurements behind the plan.
     job : object
-        The maps and the picture.
+        The maps and the grid of initial conditions.
     """
 
     accuracy: float
@@ -112,12 +112,12 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """Seconds that the picture is expected to take."""
+        """Predicted time in seconds."""
         return self.chosen.seconds
 
     @property
     def memory(self) -> int:
-        """Bytes that it is expected to need."""
+        """Predicted memory in bytes."""
         return self.chosen.memory
 
     def __repr__(self) -> str:
@@ -142,7 +142,10 @@ class Plan:
         closed = [f"{o}: {o.obstacle}" for o in self.options if o.obstacle]
         m = self.measurements
         window = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in zip(m.window.lower, m.window.upper, strict=True))
-        head = f"{m.starts:,} starts of {m.periods:.3g} periods; tables on {window}, {100 * m.outside:.2g} % outside"
+        head = (
+            f"{m.starts:,} initial conditions of {m.periods:.3g} periods; interpolation on {window}, "
+            f"{100 * m.outside:.2g} % outside"
+        )
         return "\n".join([head, *lines, *closed[:3]])
 
     @checked
@@ -157,13 +160,13 @@ class Plan:
         Returns
         -------
         Plan
-            The plan; without a warning where it is not met.
+            The plan, without a warning if the accuracy is not met.
         """
         return planned(self.job, self.measurements, finite_number("accuracy", accuracy, above=0.0))
 
     @checked
     def map(self, progress: bool = False) -> PointMap:
-        """Return the map that was chosen.
+        """Return the chosen map.
 
         Parameters
         ----------
@@ -173,7 +176,7 @@ class Plan:
         Returns
         -------
         PointMap
-            An exact map, or a table.
+            An exact or an interpolated map.
         """
         option = self.chosen
         exact = self.job.sources[option.method, option.tolerance]
@@ -185,7 +188,7 @@ class Plan:
 
     @checked
     def basins(self, progress: bool = False, **settings: Any) -> Basins:
-        """Find the basins of the picture by the map that was chosen.
+        """Find the basins with the chosen map.
 
         Parameters
         ----------
@@ -197,33 +200,32 @@ class Plan:
         Returns
         -------
         Basins
-            The picture.
+            Basins of the planned grid of initial conditions.
         """
         return find_basins(self.map(progress), self.job.grid, progress=progress, **settings)
 
     @checked
     def outcome(self, result: Basins | PointMap, seconds: float | None = None, seed: int = 1) -> Outcome:
-        """Compare what was expected with what came of it.
+        """Compare the predicted with the measured time and error.
 
         Parameters
         ----------
         result : Basins or PointMap
-            What :meth:`basins` or :meth:`map` has returned.
+            Result of :meth:`basins` or :meth:`map`.
         seconds : float, optional
-            Time that it took; by default what the result says of its cost: for basins with their table, for a map that
-            of the table alone.
+            Measured time; by default the cost recorded in the result, which for basins includes their interpolated map.
         seed : int, optional
-            Seed of the places at which the error is measured; not those of the probes.
+            Seed of the points at which the error is measured; they are not those of the plan's measurements.
 
         Returns
         -------
         Outcome
-            Seconds and errors, with their ratios.
+            Predicted and measured time and error.
 
         Raises
         ------
         TypeError, ValueError
-            For something else, or basins without their map.
+            For a result of another type, or basins without their map.
         """
         point_map = result.point_map if isinstance(result, Basins) else result
         if point_map is None:

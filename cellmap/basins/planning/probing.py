@@ -1,4 +1,4 @@
-"""Small measurements on this machine, from which a plan is made."""
+"""Small measurements on this machine, on which a plan is based."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def measure(job: Job, window: CellGrid | None, say: Callable[[str], object]) -> 
             error = source.tolerance[1] + source.tolerance[0] * float(np.abs([window.lower, window.upper]).max())
         exact.append(ExactProbe(method, tolerance, error, seconds_per_image(source, job.grid)))
     base = next(e for e in exact if (e.method, e.tolerance) == job.base)
-    say("labelling by the exact map")
+    say("labelling with the exact map")
     label(job, job.sources[job.base], 64, int)  # compiles
     direct, periods, _ = time_labelling(job, job.sources[job.base], int)
     tables = []
     for order in ORDERS:
-        say(f"tables of order {order}")
+        say(f"interpolation of order {order}")
         found = table_probe(job, window, order)
         if found is not None:
             tables.append(found)

@@ -1,4 +1,4 @@
-"""Small tables, measured: their errors, what they leave to the exact map, the time of a look-up."""
+"""Measurements on coarse interpolation grids: errors, fallback cells, and the time of an evaluation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long images and small pictures take on this machine."""
+"""Timing of maps and of small grids of initial conditions on this machine."""
 
 from __future__ import annotations
 

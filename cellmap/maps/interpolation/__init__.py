@@ -1,1 +1,1 @@
-"""Interpolated cell maps (Tongue and Gu 1988): tables of a point map, and look-ups in them."""
+"""Interpolated cell maps (Tongue and Gu 1988): B-spline interpolation of a point map."""

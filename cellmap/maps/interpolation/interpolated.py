@@ -1,4 +1,4 @@
-"""Interpolated cell maps: one period tabulated on a grid, iterated by look-ups (Tongue and Gu 1988)."""
+"""Interpolated cell maps: iteration by interpolation on a grid (Tongue and Gu 1988)."""
 
 from __future__ import annotations
 
@@ -45,53 +45,54 @@ def interpolated_map(
 ) -> PointMap:
     """Return the interpolated cell map of a point map.
 
-    The images of one period are tabulated at the nodes of the grid, and their displacements interpolated by tensor
-    B-splines.  For a smooth map the error falls as h^2, h^4, h^6 with the node distance h for orders 1, 3, 5.  The
-    error in each cell is estimated from its leading terms along the axes, which the coefficients give, and from the
-    exact image of its centre; fallback cells, where it is too large, across kinks of the map for instance, are
-    evaluated with the exact map.
+    The images of the grid's nodes after one period are computed with the exact map, and their displacements are
+    interpolated by tensor products of B-splines.  For a smooth map the error decreases as h^2, h^4, h^6 with the node
+    distance h for orders 1, 3, 5.  The error in each cell is estimated from its leading terms along the axes, which
+    follow from the coefficients, and from the exact image of its centre.  Fallback cells, in which the error is too
+    large, for instance across a kink of the map, are evaluated with the exact map.
 
     Parameters
     ----------
     exact : PointMap
-        The map to tabulate.
+        The map to interpolate.
     grid : CellGrid
-        Cells between the nodes.  An axis that covers one turn of an angle wraps; along other axes some nodes past the
-        ends are tabulated too, so that the window is accurate up to its edge.
+        Cells between the nodes.  An axis that covers one period of an angle is periodic.  Along other axes images are
+        also computed at some nodes beyond the ends, so that the map is accurate up to the edge of the window.
     order : {5, 3, 1}
         Degree of the B-splines; 1 is Tongue and Gu's bilinear method.
     outside : {"integrate", "escape"}
-        What becomes of an orbit that leaves the window.  By default the exact map carries it on until it is back, so
-        that no orbit is lost, and attractors outside the window keep their basins.  With "escape" it ends with the
-        status ESCAPED, as in Tongue and Gu (1988); this saves exact images where many orbits leave.
+        Treatment of an orbit that leaves the window.  By default it is continued with the exact map until it returns,
+        so that no orbit escapes, and attractors outside the window keep their basins.  With "escape" it terminates with
+        the status ESCAPED, as in Tongue and Gu (1988); this saves exact images if many orbits leave.
     tolerance : float, optional
-        Largest error allowed in a cell, in the units of the coordinates.  By default a share of a cell's width in each
-        coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
+        Largest error allowed in a cell, in the units of the coordinates.  By default a fraction of the cell width in
+        each coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
     leap : int, optional
-        Most periods that one look-up may make, a power of two.  Tables of 2, 4, ..., `leap` periods are made from that
-        of one; each cell takes the longest leap whose error in it, against single periods, is no more than
-        `tolerance`, or a hundredth of the default.  The map itself stays that of one period.
+        Largest number of periods in a multi-period step, a power of two.  Interpolated maps of 2, 4, ..., `leap`
+        periods are composed from that of one.  Each cell uses the longest multi-period step whose error in it, compared
+        with single periods, is at most `tolerance`, or a hundredth of the default.  One step of the returned map
+        remains one period.
     client : distributed.Client, optional
-        Dask cluster that computes the exact images; by default the threads of this process do.
+        Dask cluster that computes the exact images; by default they are computed by the threads of this process.
     checkpoint : path-like, optional
-        File in which exact images are kept as they are found.  A call that was interrupted or killed is taken up by the
-        same call, with the same result; after the end the same call reads the table from there.
+        File in which exact images are stored as they are computed.  Repeating a call that was interrupted or killed
+        resumes it, with the same result; repeating a finished call reads the images from the file.
 
     Returns
     -------
     PointMap
-        The interpolated map; its `exact` is the map it was made from, its `table` holds the coefficients.
+        The interpolated map; its `exact` is the map that it interpolates, its `table` holds the coefficients.
 
     Raises
     ------
     ValueError
-        For arguments out of range, a grid that does not fit the coordinates, or a checkpoint of another table.
+        For arguments out of range, a grid that does not fit the coordinates, or a checkpoint of another map.
     MemoryError
-        Where the table does not fit into memory.
+        If the interpolation grid does not fit into memory.
     OSError
-        Where a checkpoint does not fit on the disk.
+        If a checkpoint does not fit on the disk.
     StoreError
         For a checkpoint that is damaged or in use by another run, or a file of another kind.
 
@@ -124,7 +125,8 @@ def interpolated_map(
     check_client(client)
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
-    claim_memory(f"a table of {grid}", table_memory(grid, order, leap), "take fewer cells or a lower order")
+    needed = table_memory(grid, order, leap)
+    claim_memory(f"an interpolation grid of {grid}", needed, "take fewer cells or a lower order")
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
         file = None
@@ -140,8 +142,8 @@ def interpolated_map(
     share = float(rough.mean())
     if share > 0.5:
         warn_caller(
-            f"{100 * share:.0f} % of the cells are left to the exact map: the table is too coarse or the map not "
-            "smooth; take more cells, or iterate the exact map itself",
+            f"{100 * share:.0f} % of the cells are fallback cells: the grid is too coarse or the map not smooth; take "
+            "more cells, or iterate the exact map itself",
         )
     cost = Cost(
         seconds=time.perf_counter() - began,
@@ -244,7 +246,7 @@ def _displacements(
     def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
         arrays["displacement"][part] = images - grid_points(axes, part)
 
-    bar = f"tabulating {exact.name}" if progress else None
+    bar = f"interpolation grid of {exact.name}" if progress else None
     tiles.images(exact, axes, {"displacement": moved}, subtract, bar)
     return moved.reshape(*shape, len(axes))
 
@@ -293,7 +295,7 @@ def _errors_in_cells(
             arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
             arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
 
-    bar = f"checking the table of {exact.name}" if progress else None
+    bar = f"interpolation errors of {exact.name}" if progress else None
     tiles.images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
     return indicator.reshape(grid.shape), rough.reshape(grid.shape)
 

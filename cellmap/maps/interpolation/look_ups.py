@@ -1,4 +1,4 @@
-"""Look-ups in tables: orbits moved on by periods without integration."""
+"""Iteration of interpolated maps: orbits advanced by periods without integration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""B-spline coefficients of a table from its values at the nodes."""
+"""B-spline coefficients of an interpolated map from its images at the nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tiles of a table: exact images of its points, computed anywhere, and kept in a checkpoint on the way."""
+"""Exact images of the points of an interpolation grid, in tiles that a checkpoint can store."""
 
 from __future__ import annotations
 
