@@ -45,8 +45,8 @@ def continue_basins(
 
     At each parameter value attractors are searched from the points of those at previous values, so that attractors with
     small basins are not lost, and from all initial conditions as in :func:`find_basins`.  An attractor takes the label
-    of the one that it matches, first at the previous value, then among those that have vanished, which must be of the
-    same kind; an attractor without a match is new.
+    of the one that it matches, first at the previous value, then among those that have vanished and are not unlike it
+    (see `threshold`); an attractor without a match is new.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def continue_basins(
     threshold : float, optional
         Largest distance between matching attractors at consecutive values: the mean distance of points of one to the
         nearest of the other, in periods of angles and in spans of the initial conditions along other coordinates. The
-        distance is doubled between attractors of different rotation numbers, or of periods of which none divides the
-        other.
+        distance is doubled between unlike attractors: those of different rotation numbers, or of periods of which none
+        divides the other.
     resume : BasinContinuation, optional
         A previous result for the first of the values, from the same map and initial conditions; only the others are
         computed.

@@ -76,7 +76,7 @@ class LyapunovSpectrum:
         mean, error = self.pooled
         values = ", ".join(f"{m:.4g} +- {e:.1g}" for m, e in zip(mean, error, strict=True))
         ended = np.count_nonzero(self.ended)
-        lost = f", {ended} ended" if ended else ""
+        lost = f", {ended} terminated" if ended else ""
         return f"LyapunovSpectrum({self.name}: {values} per step; {self.ended.size} orbits{lost} of {self.steps[-1]})"
 
     @property

@@ -57,7 +57,7 @@ def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("predicted time (s)")
     ax.set_ylabel("predicted error of a period (99th percentile)")
     ax.legend(fontsize="small")
-    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.starts:,} starts")
+    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.starts:,} initial conditions")
     return ax
 
 

@@ -171,7 +171,7 @@ def beyond_bounds() -> Iterator[Finding]:
         labels = find_basins(exact, starts, max_periods=60).labels.tolist()
     yield is_so(f"labels {labels}", labels == [0, -2, -2, -2, -2])
     for bad in (np.nan, np.inf):
-        yield refused(str(bad), lambda bad=bad: find_basins(exact, [[bad, 0.0]]), ValueError, "remove starts")  # type: ignore[misc]
+        yield refused(str(bad), lambda bad=bad: find_basins(exact, [[bad, 0.0]]), ValueError, "remove points")  # type: ignore[misc]
 
 
 @hard_case(

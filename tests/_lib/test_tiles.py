@@ -99,7 +99,7 @@ def assert_same(ours, theirs) -> None:
 # --- maps that travel
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n == "jumps" else n for n in MAPS])
 def test_a_map_that_was_pickled_has_the_same_bits(name):
     original = MAPS[name]()

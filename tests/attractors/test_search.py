@@ -447,7 +447,7 @@ def test_neutral_and_unstable_points_are_not_stable(r):
     [
         ([[0.1, 0.2]], {}, ValueError, "last axis must hold the 1 state variables"),
         (0.5, {}, ValueError, "last axis"),
-        ([[np.nan]], {}, ValueError, "remove starts that are not finite"),
+        ([[np.nan]], {}, ValueError, "remove points that are not finite"),
         ([["x"]], {}, TypeError, "real numbers"),
         ([[0.1]], {"max_periods": 0}, ValueError, "max_periods=0"),
         ([[0.1]], {"max_periods": 10.5}, TypeError, "max_periods=10.5"),

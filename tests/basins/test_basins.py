@@ -390,11 +390,11 @@ def test_standard_error_is_that_of_random_starts():
 def test_repr_names_the_attractors_and_their_shares():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(100.0, 40))
     text = repr(basins)
-    assert text.startswith("Basins(driven pendulum, 1,600 starts: fixed point (0, 0) ")
+    assert text.startswith("Basins(driven pendulum, 1,600 initial conditions: fixed point (0, 0) ")
     assert text.count(" %") == 2
     assert len(text) < 200
     undecided = find_basins(discrete_map(lambda x, p: (-x[0],), {}, ("x",), name="flip"), [[1.0], [2.0]], 40)
-    assert repr(undecided) == "Basins(flip, 2 starts: undecided 100 %)"
+    assert repr(undecided) == "Basins(flip, 2 initial conditions: undecided 100 %)"
 
 
 def test_labels_are_small_integers_in_the_shape_of_the_starts():
@@ -460,7 +460,7 @@ def test_orbits_that_leave_the_window_keep_their_own_code():
     assert 0 < escaped.mean() < 0.5
     assert np.array_equal(lost.labels[~escaped], kept.labels[~escaped])
     assert (np.abs(leaves) > 100.0).any(axis=0)[escaped].all()
-    assert lost.label_name(ESCAPED) == "left the window"
+    assert lost.label_name(ESCAPED) == "escaped"
     assert lost.verify(200).excluded > 0
 
 
@@ -644,7 +644,7 @@ def test_verify_does_not_trust_the_neighbourhoods():
 def test_starts_with_missed_tolerance_are_counted_and_warned_of():
     """Three steps a period do not suffice for anything."""
     strobe = stroboscopic_map(systems.driven_pendulum(), max_steps=4)
-    with pytest.warns(ToleranceWarning, match="missed its tolerance on the way of"):
+    with pytest.warns(ToleranceWarning, match="missed its tolerance along"):
         basins = find_basins(strobe, circle_grid(100.0, 6), max_periods=30)
     assert 0 < basins.inaccurate <= 36
 
@@ -656,7 +656,7 @@ def test_status_of_inaccurate_orbits():
 
 
 def test_labels_that_do_not_fit_into_memory_are_refused():
-    with pytest.raises(MemoryError, match=r"labels of 100,000,000,000,000 starts needs .* TB .*: take fewer starts"):
+    with pytest.raises(MemoryError, match=r"labels of 100,000,000,000,000 initial conditions needs .* TB .*: take fewer initial"):
         find_basins(LINE, CellGrid((-1.0,), (1.0,), (10**14,)))
 
 
@@ -664,7 +664,7 @@ def test_memory_is_what_was_stated(monkeypatch):
     needed = basins_memory(100_000)
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: needed - 1)
-    with pytest.raises(MemoryError, match="labels of 100,000 starts"):
+    with pytest.raises(MemoryError, match="labels of 100,000 initial conditions"):
         find_basins(LINE, CellGrid((-1.0,), (1.0,), (100_000,)))
 
 
@@ -677,13 +677,13 @@ STROBE = stroboscopic_map(systems.driven_pendulum())
         ((None, [[0.0, 0.0]]), TypeError, "point_map=None: give a PointMap"),
         ((systems.driven_pendulum(), [[0.0, 0.0]]), TypeError, "give a PointMap"),
         ((STROBE, CellGrid((0.0,), (1.0,), (4,))), ValueError, "starts has 1 axes and the system 2"),
-        ((STROBE, CellGrid((0.0, 0.0), (7.0, 1.0), (4, 4))), ValueError, "more than one turn"),
+        ((STROBE, CellGrid((0.0, 0.0), (7.0, 1.0), (4, 4))), ValueError, "more than one period"),
         ((STROBE, [[0.0]]), ValueError, "last axis must hold the 2 state variables"),
         ((STROBE, [0.0, 0.0, 0.0]), ValueError, "last axis"),
         ((STROBE, 1.0), ValueError, "last axis"),
         ((STROBE, np.empty((0, 2))), ValueError, "starts is empty"),
-        ((STROBE, [[0.0, np.nan]]), ValueError, "remove starts that are not finite"),
-        ((STROBE, [[np.inf, 0.0]]), ValueError, "remove starts that are not finite"),
+        ((STROBE, [[0.0, np.nan]]), ValueError, "remove points that are not finite"),
+        ((STROBE, [[np.inf, 0.0]]), ValueError, "remove points that are not finite"),
         ((STROBE, [["a", "b"]]), TypeError, "real numbers"),
         ((STROBE, [[1j, 0.0]]), TypeError, "real numbers"),
         ((STROBE, None), (TypeError, ValueError), "starts"),

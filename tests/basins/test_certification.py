@@ -341,14 +341,14 @@ def test_bad_input(fractal):
     certificate, basins, direct = fractal
     with pytest.raises(TypeError, match="basins="):
         certify(basins.labels)
-    with pytest.raises(ValueError, match="no table"):
+    with pytest.raises(ValueError, match="no interpolated map"):
         certify(direct)
     with pytest.raises(ValueError, match="safety"):
         certify(basins, safety=0.5)
     with pytest.raises(ValueError, match="audit"):
         certify(basins, audit=0)
     assert isinstance(certificate, Certificate)
-    assert "redone" in repr(certificate)
+    assert "recomputed" in repr(certificate)
 
 
 def test_interval_of_what_is_wrong(fractal):

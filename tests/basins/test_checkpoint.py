@@ -300,7 +300,7 @@ def test_a_table_goes_on_where_it_died(moment, torn, tmp_path, monkeypatch):
             assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_nodes_without_an_image_are_kept_as_they_are(tmp_path):
     """The table fills them from their neighbours; the file must not, or the cells around them are no longer known."""
     exact = discrete_map(lambda x, p: (x[0] ** 2 if x[0] < 1.5 else x[0] ** 999, x[1] / 2), {}, ("x", "y"), name="far")
@@ -677,17 +677,17 @@ def test_room_is_stated_and_claimed_before_the_run(tmp_path, monkeypatch, caplog
     total = WINDOW.size
     with caplog.at_level("INFO", logger="cellmap"):
         CASES["one pass"](checkpoint=tmp_path / "basins.h5")
-    assert "labelling 57,500 starts" in caplog.text
+    assert "labelling 57,500 initial conditions" in caplog.text
     assert "on the disk" in caplog.text
     memory = basins_memory(total, checkpoint=True)
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: memory - 1)
-    with pytest.raises(MemoryError, match="labelling 57,500 starts needs"):
+    with pytest.raises(MemoryError, match="labelling 57,500 initial conditions needs"):
         CASES["one pass"](checkpoint=tmp_path / "other.h5")
     monkeypatch.undo()
     usage = shutil.disk_usage(tmp_path)._replace(free=basins_disk(total) - 1)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    with pytest.raises(OSError, match=r"checkpoint=.* needs .* and .* are free: take fewer starts, or another disk"):
+    with pytest.raises(OSError, match=r"checkpoint=.* needs .* and .* are free: take fewer initial conditions, or"):
         CASES["one pass"](checkpoint=tmp_path / "other.h5")
     assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
 

@@ -73,8 +73,8 @@ def test_attractors_are_there_between_birth_and_death(pendulum):
     assert [pendulum.label_name(k) for k in pendulum.labels] == [
         "fixed point (0, 0)",
         "fixed point (π, 0)",
-        "rotating, period 1, +1 turn",
-        "rotating, period 1, -1 turn",
+        "rotating, period 1, winding number +1",
+        "rotating, period 1, winding number -1",
     ]
 
 
@@ -328,7 +328,7 @@ def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
         ({"max_periods": 0}, "max_periods=0"),
         ({"max_period": 0}, "max_period=0"),
         ({"threshold": 0.0}, "threshold=0.0"),
-        ({"starts": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer starts"),
+        ({"starts": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer initial conditions"),
     ],
 )
 def test_bad_arguments_are_named(change, message):

@@ -116,7 +116,7 @@ def errors_and_bounds(rng: np.random.Generator, made: dict, order: int, toleranc
     return float((errors / bounds)[kept].max()) if kept.any() else 0.0
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("order", ORDERS)
 def test_errors_stay_below_the_bounds_of_certificates(order):
     rng, made = np.random.default_rng(order), families(polynomial, waves)
@@ -124,7 +124,7 @@ def test_errors_stay_below_the_bounds_of_certificates(order):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_errors_stay_below_the_bounds_of_certificates_for_300_random_maps():
     rng, made = np.random.default_rng(2024), families()
     largest = [
@@ -247,7 +247,7 @@ def different(certificate: Certificate, truth: Basins) -> np.ndarray:
     return (labels != certificate.basins.labels) & (truth.labels != UNDECIDED)
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_no_certified_label_is_wrong():
     rng, made = np.random.default_rng(1), maps_with_attractors(descent)
     counts = sum(
@@ -259,7 +259,7 @@ def test_no_certified_label_is_wrong():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_no_certified_label_of_300_random_maps_is_wrong():
     rng, made = np.random.default_rng(300), maps_with_attractors()
     counts = np.zeros((2, 4), int)

@@ -150,7 +150,7 @@ def check(seed: int) -> tuple[int, int, int, int]:
     return int(np.count_nonzero(ours == theirs)), int(np.count_nonzero(undecided)), allowed, len(rows) - allowed
 
 
-COARSE = pytest.mark.filterwarnings("ignore:.*left to the exact map:UserWarning")
+COARSE = pytest.mark.filterwarnings("ignore:.*are fallback cells:UserWarning")
 QUICK = [2, 4, 5, 6, 8, 10, 12, 13, 17, 18, 19, 20, 22, 24, 25, 27, 29, 30, 33, 35, 39, 44, 45, 48]
 
 

@@ -184,7 +184,7 @@ def test_file_describes_itself_to_plain_h5py(made, tmp_path):
         assert np.array_equal(picture["labels"][()], basins.labels)
         meaning = json.loads(picture["labels"].attrs["meaning"])
         assert meaning["0"] == "fixed point (0, 0)"
-        assert (meaning["-1"], meaning["-2"], meaning["-3"]) == ("left the window", "diverged", "undecided")
+        assert (meaning["-1"], meaning["-2"], meaning["-3"]) == ("escaped", "diverged", "undecided")
         assert picture["labels"].compression == "gzip"
         assert picture["labels"].fletcher32
         assert picture["settling_time"].attrs["unit"] == b"periods"

@@ -279,7 +279,7 @@ def test_start_of_enormous_speed(speed):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_starts_that_are_not_finite_are_refused(bad):
-    with pytest.raises(ValueError, match=r"starts\[1, 0\] = .*: remove starts that are not finite"):
+    with pytest.raises(ValueError, match=r"starts\[1, 0\] = .*: remove points that are not finite"):
         find_basins(strobe(), [[0.0, 0.0], [bad, 0.0]])
 
 

@@ -83,11 +83,11 @@ def test_the_cut_belongs_to_the_turn_above_it() -> None:
 def test_states_whose_angle_has_no_phase_are_refused(x: float) -> None:
     rotor = discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("theta"), "v"), "rotor")
     for call in (rotor, lambda s: rotor.iterate(s, 1), lambda s: rotor.orbit(s, 1), lambda s: jacobian(rotor, s)):
-        with pytest.raises(ValueError, match=r"points\[1, 0\]=.*: at 1e\+15 turns of 6.28319 and beyond"):
+        with pytest.raises(ValueError, match=r"points\[1, 0\]=.*: at 1e\+15 periods of 6.28319 and beyond"):
             call([[0.0, 0.0], [x, 0.0]])
-    with pytest.raises(ValueError, match=r"starts\[0\]=.*give it within a few turns"):
+    with pytest.raises(ValueError, match=r"starts\[0\]=.*give it within a few periods"):
         find_attractors(rotor, [x, 0.0])
-    with pytest.raises(ValueError, match=r"grid lies .* turns off in theta"):
+    with pytest.raises(ValueError, match=r"grid lies .* periods away from 0 in theta"):
         CellGrid((2.0**57, 0.0), (2.0**57 + 32.0, 1.0), (1, 1)).on((angle("theta", turn=100.0), Coordinate("v")))
     assert state_points("points", [[1e15, 0.0]], (angle("theta"), Coordinate("v"))).tolist() == [[1e15, 0.0]]
 
@@ -150,11 +150,11 @@ def test_each_variable_needs_its_own_name(given_names: Any) -> None:
     [
         ({"name": ""}, "name='': a coordinate needs a name"),
         ({"name": 3}, "name=3: a coordinate needs a name"),
-        ({"name": "x", "lower": 0.0}, "lower=0.0: only an angle is cut"),
-        ({"name": "x", "turn": 0.0}, "turn=0.0: an angle's turn is a positive length"),
-        ({"name": "x", "turn": -1.0}, "turn=-1.0: an angle's turn is a positive length"),
-        ({"name": "x", "turn": inf}, "turn=inf: an angle's turn is a positive length"),
-        ({"name": "x", "turn": nan}, "turn=nan: an angle's turn is a positive length"),
+        ({"name": "x", "lower": 0.0}, "lower=0.0: only an angle has a branch cut"),
+        ({"name": "x", "turn": 0.0}, "turn=0.0: the period of an angle is a positive number"),
+        ({"name": "x", "turn": -1.0}, "turn=-1.0: the period of an angle is a positive number"),
+        ({"name": "x", "turn": inf}, "turn=inf: the period of an angle is a positive number"),
+        ({"name": "x", "turn": nan}, "turn=nan: the period of an angle is a positive number"),
         ({"name": "x", "turn": 1.0, "lower": nan}, "lower=nan: the cut of an angle is a finite number"),
     ],
 )

@@ -155,7 +155,7 @@ def test_axes_wrap_where_they_cover_one_turn() -> None:
     assert CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
     assert CellGrid((0.0, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
     assert CellGrid((-1.0, -pi), (1.0, pi), (4, 4)).on(coordinates).wraps == (False, False)
-    with pytest.raises(ValueError, match="more than one turn"):
+    with pytest.raises(ValueError, match="more than one period"):
         CellGrid((-pi, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates)
     with pytest.raises(ValueError, match="grid has 1 axes and the system 2 coordinates"):
         CellGrid((0.0,), (1.0,), (4,)).on(coordinates)

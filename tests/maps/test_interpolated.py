@@ -280,7 +280,7 @@ STEPS = {
 }
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", ROUGH)
@@ -314,7 +314,7 @@ def test_jump_along_a_circle_in_the_plane():
     assert (errors_at(icm, points) > 0.05).mean() < 1e-3
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("outside", ["escape", "integrate"])
 @pytest.mark.parametrize("order", ORDERS)
 def test_window_with_starts_that_have_no_image(order, outside):
@@ -331,7 +331,7 @@ def test_window_with_starts_that_have_no_image(order, outside):
 
 def test_window_without_any_image_is_left_to_the_exact_map():
     exact = discrete_map(lambda x, p: (sqrt(x[0] - 5.0),), {}, ("x",))
-    with pytest.warns(UserWarning, match="100 % of the cells are left to the exact map"):
+    with pytest.warns(UserWarning, match="100 % of the cells are fallback cells"):
         icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (20,)))
     assert icm.iterate([[0.3]], 1).status.tolist() == [Status.DIVERGED]
 
@@ -373,7 +373,7 @@ def test_errors_that_cancel_at_the_centres_count(order, name, error):
 
 
 @pytest.mark.parametrize(("order", "cells", "share"), [(1, 16, 0.05), (3, 12, 1e-3), (5, 9, 1e-4)])
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_default_tolerance_is_a_share_of_a_cell(order, cells, share):
     grid = CellGrid((-pi,), (pi,), (cells,))
     lax, default = (interpolated_map(exact_map("circle"), grid, order, tolerance=t) for t in (COARSE, None))
@@ -388,7 +388,7 @@ def test_warns_where_most_cells_are_rough():
         interpolated_map(noise, CellGrid((-1.0,), (1.0,), (50,)))
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("outside", ["escape", "integrate"])
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("shape", [(1, 1), (2, 1), (1, 2), (2, 2), (3, 1)])
@@ -431,7 +431,7 @@ def test_error_is_reproducible(pendulum_table):
     assert first.median != other.median
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_error_counts_the_points_that_have_an_image():
     icm = tabulated("line", (100,), outside="escape")
     assert icm.error(1000).points == 1000
@@ -520,7 +520,7 @@ def test_refusal_follows_the_memory_that_is_free(pendulum, monkeypatch):
     needed = table_memory(grid.on(pendulum.coordinates), 5)
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: needed - 1)
-    with pytest.raises(MemoryError, match="a table of 128 x 64 cells"):
+    with pytest.raises(MemoryError, match="an interpolation grid of 128 x 64 cells"):
         interpolated_map(pendulum, grid)
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: needed)
@@ -574,7 +574,7 @@ def test_leaps_agree_with_the_exact_map_to_the_tolerance(pendulum):
 
 
 @pytest.mark.parametrize("name", ROUGH)
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_leaps_across_what_is_not_smooth(name):
     exact = discrete_map(ROUGH[name], {}, ("x",))
     grid = CellGrid((-1.0,), (1.0,), (200,))
@@ -672,7 +672,7 @@ def test_tables_of_several_periods_need_their_memory(pendulum, monkeypatch):
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: table_memory(grid, 5))
     interpolated_map(pendulum, grid)
-    with pytest.raises(MemoryError, match="a table of 128 x 64 cells"):
+    with pytest.raises(MemoryError, match="an interpolation grid of 128 x 64 cells"):
         interpolated_map(pendulum, grid, leap=4)
 
 
@@ -703,7 +703,7 @@ TURN_AND_A_HALF = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
         ((GRID, 5, "escape", "small"), TypeError, "tolerance='small'"),
         ((CellGrid((0.0,), (1.0,), (8,)),), ValueError, "grid has 1 axes and the system 2 coordinates"),
         ((CellGrid((0.0,) * 3, (1.0,) * 3, (8,) * 3),), ValueError, "grid has 3 axes and the system 2 coordinates"),
-        ((TURN_AND_A_HALF,), ValueError, "more than one turn"),
+        ((TURN_AND_A_HALF,), ValueError, "more than one period"),
         (((16, 16),), TypeError, "give a CellGrid"),
         ((None,), TypeError, "give a CellGrid"),
     ],

@@ -121,7 +121,7 @@ def test_no_period_gives_the_identity(problems: Mapping[str, ForcedSystem]) -> N
     ("points", "periods", "error", "message"),
     [
         ([[0.1]], 1, ValueError, "its last axis must hold the 2 state variables"),
-        ([[0.1, np.nan]], 1, ValueError, "remove starts that are not finite"),
+        ([[0.1, np.nan]], 1, ValueError, "remove points that are not finite"),
         ([0.1, 0.1], -1, ValueError, "periods=-1: give a whole number"),
         ([0.1, 0.1], 1.0, TypeError, "periods=1.0: give a whole number"),
     ],

@@ -48,7 +48,7 @@ MAPS = {
 }
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("name", MAPS)
 def test_map_from_its_recipe_has_the_same_bits(name):
     source, make = MAPS[name]
@@ -66,7 +66,7 @@ def test_map_from_its_recipe_has_the_same_bits(name):
         assert np.array_equal(again.table.rough, original.table.rough)
 
 
-@pytest.mark.filterwarnings("ignore:.* of the cells are left:UserWarning")
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("starts", ["grid", "points"])
 @pytest.mark.parametrize("name", ["stroboscopic", "table", "table, integrate", "discrete"])
 def test_stored_basins_and_their_system_give_the_same_labels_again(name, starts, tmp_path):
@@ -128,7 +128,7 @@ def test_other_coordinates_are_refused():
     ],
 )
 def test_recipe_that_does_not_fit_the_source(source, recipe):
-    with pytest.raises(ValueError, match=r"cannot be made from .*: give the system it was made from"):
+    with pytest.raises(ValueError, match=r"cannot be rebuilt from .*: give its system"):
         rebuild_map(source, recipe)
 
 

@@ -71,7 +71,7 @@ def test_shapes_and_times():
     assert motion.output("phase").shape == (36, 3, 4, 2)
     assert motion.times == pytest.approx(pi + np.arange(36) * 2 * pi / 7)
     assert (motion.periods, motion.samples) == (5, 7)
-    assert repr(motion) == "Trajectory(oscillator: 12 starts, 5 periods of 7 samples)"
+    assert repr(motion) == "Trajectory(oscillator: 12 initial conditions, 5 periods of 7 samples)"
 
 
 def test_one_sample_a_period_is_the_map_alone():

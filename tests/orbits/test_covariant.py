@@ -158,7 +158,7 @@ def test_a_flow_and_spaces_of_several_directions() -> None:
     [
         ({"point_map": 3}, TypeError, "give a PointMap"),
         ({"start": [[0.1, 0.1]]}, ValueError, "give one point"),
-        ({"start": [1e200, 0.0]}, ValueError, "orbit ends"),
+        ({"start": [1e200, 0.0]}, ValueError, "orbit terminates"),
         ({"periods": 19}, ValueError, "periods=19"),
         ({"point_map": systems.henon_map(1.4, 0.0)}, ValueError, "no inverse"),
     ],

@@ -162,7 +162,7 @@ def test_the_kernel_inverts_with_pivots() -> None:
 def test_memory_is_claimed_beforehand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 1000)
-    with pytest.raises(MemoryError, match=r"exponents of 35 starts needs 1.12 kB.*take fewer cells"):
+    with pytest.raises(MemoryError, match=r"exponents of 35 initial conditions needs 1.12 kB.*take fewer cells"):
         finite_time_exponents(systems.henon_map(), SQUARE, 1)
 
 

@@ -224,7 +224,7 @@ def test_orbits_that_end_have_no_exponents() -> None:
     assert np.isnan(found.ends[1]).all()
     assert np.isfinite(found.exponents[0]).all()
     assert np.isfinite(found.pooled[0]).all()
-    assert "1 ended" in repr(found)
+    assert "1 terminated" in repr(found)
     late = lyapunov_spectrum(systems.henon_map(1.5), [[0.1, 0.1]], 5000, 0)  # beyond the boundary crisis
     assert late.ended.all()
     assert np.isnan(late.pooled[0]).all()
@@ -261,7 +261,7 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
     [
         ({"point_map": 3}, TypeError, "give a PointMap"),
         ({"starts": np.empty((0, 2))}, ValueError, "starts is empty"),
-        ({"starts": [[0.0, np.nan]]}, ValueError, "remove starts that are not finite"),
+        ({"starts": [[0.0, np.nan]]}, ValueError, "remove points that are not finite"),
         ({"starts": [0.0]}, ValueError, "must hold the 2 state variables"),
         ({"periods": 19}, ValueError, "periods=19: give a whole number of at least 20"),
         ({"transient": -1}, ValueError, "transient=-1"),

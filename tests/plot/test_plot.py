@@ -224,7 +224,7 @@ def test_close_fixed_points_are_told_apart_by_more_digits():
 
 def test_legend_names_what_is_lost(lost):
     entries = legend_of(plot.basins(lost))
-    assert entries[-1].startswith("left the window: ")
+    assert entries[-1].startswith("escaped: ")
     assert len(entries) == len(lost.attractors) + 1
 
 
