@@ -1,11 +1,12 @@
 """README and pages use the words of the field: neither private words for standard things, nor pages without the terms.
 
-Only prose is read: code blocks, inline code, formulas, link targets and comments are left out. Another source of text,
-such as the docstrings of public objects, is a further function of `SOURCES`.
+Only prose is read: code blocks, inline code, formulas, link targets and comments are left out, and in docstrings the
+examples, the names of arguments and the references. Another source of text is a further function of `SOURCES`.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +15,9 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parent.parent
+
+ROOMS = ("maps", "orbits", "attractors", "basins", "_lib")
+"""Rooms of the package whose docstrings are read."""
 
 
 class Text(NamedTuple):
@@ -36,7 +40,46 @@ def pages() -> Iterator[Text]:
         yield Text(name, prose_of(path.read_text(encoding="utf-8")))
 
 
-SOURCES: tuple[Callable[[], Iterator[Text]], ...] = (pages,)
+def docstrings() -> Iterator[Text]:
+    """Yield the docstrings of all modules of the rooms, of their public objects, and of the public members of these."""
+    for room in ROOMS:
+        folder = ROOT / "cellmap" / room
+        public = public_names(folder)
+        for path in sorted(folder.rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            module = ast.parse(path.read_text(encoding="utf-8"))
+            yield from _docstring(module, name)
+            for node in module.body:
+                if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name in public.get(path, ()):
+                    yield from _docstring(node, name)
+                    yield from _members(node, name)
+
+
+def public_names(folder: Path) -> dict[Path, set[str]]:
+    """Return the names that a room makes public, by the files that define them."""
+    found: dict[Path, set[str]] = {}
+    stub = folder / "__init__.pyi"
+    for line in ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else ():
+        if isinstance(line, ast.ImportFrom) and line.module:
+            path = folder.joinpath(*line.module.split(".")).with_suffix(".py")
+            found.setdefault(path, set()).update(alias.name for alias in line.names)
+    return found
+
+
+def _members(node: ast.ClassDef | ast.FunctionDef, name: str) -> Iterator[Text]:
+    for member in node.body[1:] if isinstance(node, ast.ClassDef) else ():
+        if isinstance(member, ast.FunctionDef) and not member.name.startswith("_"):
+            yield from _docstring(member, name)
+        elif isinstance(member, ast.Expr) and isinstance(member.value, ast.Constant):  # of a member of an enum
+            yield Text(name, "\n" * (member.lineno - 1) + prose_of_docstring(str(member.value.value)))
+
+
+def _docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef, name: str) -> Iterator[Text]:
+    if text := ast.get_docstring(node, clean=False):
+        yield Text(name, "\n" * (node.body[0].lineno - 1) + prose_of_docstring(text))
+
+
+SOURCES: tuple[Callable[[], Iterator[Text]], ...] = (pages, docstrings)
 """Functions that yield the texts in which no private word may occur."""
 
 QUOTATIONS: tuple[str, ...] = ()
@@ -59,6 +102,21 @@ def prose_of(markdown: str) -> str:
     for pattern in (*NOT_PROSE, *map(re.escape, QUOTATIONS)):
         markdown = re.sub(pattern, _blank, markdown, flags=re.DOTALL | re.MULTILINE)
     return markdown
+
+
+NOT_PROSE_OF_DOCSTRINGS = (
+    r"^References\n-+\n.*?(?=^[A-Z]\w+\n---|\Z)",
+    r"^(?:>>>|\.\.\.)[^\n]*\n(?:(?!>>>)[^\n]+\n)*",  # examples with their output
+    r"^[\w*, ]+ :[^\n]*$",  # arguments and their types
+)
+
+
+def prose_of_docstring(text: str) -> str:
+    """Blank out everything else; line numbers stay the same."""
+    text = re.sub(r"^[ ]+", "", text, flags=re.MULTILINE)  # indentation is no code here
+    for pattern in NOT_PROSE_OF_DOCSTRINGS:
+        text = re.sub(pattern, _blank, text, flags=re.DOTALL | re.MULTILINE)
+    return prose_of(text)
 
 
 def _blank(match: re.Match[str]) -> str:
@@ -193,3 +251,35 @@ def test_other_uses_of_a_word_are_not(sentence):
 def test_line_numbers_are_those_of_the_file():
     (finding,) = findings(Text("a page", prose_of("```py\nx = 1\n```\n\nSome text\nand a picture\n")))
     assert (finding.line, finding.found) == (6, "picture")
+
+
+DOCSTRING = """Return what each initial condition of `starts` tends to.
+
+    Parameters
+    ----------
+    starts, more : array_like, shape (..., dimension)
+        A picture.
+
+    References
+    ----------
+    Somebody, A picture of one share (1980).
+
+    Examples
+    --------
+    >>> starts = 1
+    >>> starts
+    a picture
+    """
+
+
+def test_of_a_docstring_neither_names_nor_examples_nor_references_are_read():
+    (finding,) = findings(Text("a module", prose_of_docstring(DOCSTRING)))
+    assert (finding.line, finding.found) == (6, "picture")
+
+
+def test_docstrings_of_every_room_are_read():
+    names = {text.name for text in docstrings()}
+    for room in ROOMS:
+        assert {p.relative_to(ROOT).as_posix() for p in public_names(ROOT / "cellmap" / room)} <= names
+        assert f"cellmap/{room}/__init__.py" in names
+    assert len(names) >= 80

@@ -66,8 +66,8 @@ class Family:
     at : callable
         ``at(params)`` returns the map with other values of its parameters, given all of them.
     swept : callable
-        ``swept(names)`` returns the map with some parameters as further state variables that rest (see
-        :func:`swept_map`), or None where only `at` is known.
+        ``swept(names)`` returns the map with some parameters appended to the state (see :func:`swept_map`), or None if
+        only `at` is known.
     """
 
     at: Callable[[Mapping[str, float]], PointMap]

@@ -30,7 +30,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """Ellipsoids around the points of a periodic attractor in which every orbit converges to it.
+    """Verified trapping region: ellipsoids around the points of a periodic attractor, in which orbits converge to it.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ class Neighbourhood:
     metrics : ndarray, shape (period, dimension, dimension)
         The ellipsoid of point c is ``(x - c) @ metric @ (x - c) <= 1``.
     contraction : float
-        Largest measured factor by which one round of the attractor shortens the distance in that metric, or the mean
-        factor of two rounds where a multiplier is near -1; below 1.
+        Largest measured factor by which one period of the attractor reduces the distance in that metric, or the mean
+        factor of two periods if a multiplier is near -1; below 1.
     """
 
     centres: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Neighbourhood:
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Boxes that a chaotic attractor visits, or that hold a set of equilibria.
+    """Boxes that a chaotic attractor visits, or that contain a sticking set.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Attractor:
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
-    """Return the names of attractors; those that several share are told apart by a point."""
+    """Return the names of attractors; equal names are distinguished by a point."""
     names = [a.name for a in attractors]
     for digits in range(3, 18):
         repeated = {name for name, times in Counter(names).items() if times > 1}
@@ -153,7 +153,7 @@ def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
 
 
 def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits: int = 3) -> str:
-    """Write a point with its angles in multiples of pi where they are whole ones; the seam has one name only."""
+    """Write a point with its angles in multiples of pi where they are whole ones; the branch cut has one name only."""
     texts = []
     for v, c in zip(point.tolist(), coordinates, strict=True):
         if c.turn is not None and c.lower is not None:

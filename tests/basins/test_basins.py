@@ -656,7 +656,7 @@ def test_status_of_inaccurate_orbits():
 
 
 def test_labels_that_do_not_fit_into_memory_are_refused():
-    with pytest.raises(MemoryError, match=r"labels of 100,000,000,000,000 initial conditions needs .* TB .*: take fewer initial"):
+    with pytest.raises(MemoryError, match=r"labels of 100,000,000,000,000 initial .* TB .*: take fewer initial"):
         find_basins(LINE, CellGrid((-1.0,), (1.0,), (10**14,)))
 
 

@@ -95,7 +95,7 @@ def test_rotations_and_swings_of_twice_the_period(tmp_path: Path, capsys: pytest
     assert {a.turns[:2] for a in stored[0]} == {(0, 0), (1, 1), (-1, -1)}
     doubled = [a for a in stored[1] if a.period == 2]
     assert {tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in doubled} == {(1, 1), (-1, -1)}
-    assert "3,600 initial conditions" in capsys.readouterr().out
+    assert "3,600 starts" in capsys.readouterr().out
 
 
 @pytest.mark.slow
