@@ -155,7 +155,7 @@ def test_each_variable_needs_its_own_name(given_names: Any) -> None:
         ({"name": "x", "turn": -1.0}, "turn=-1.0: the period of an angle is a positive number"),
         ({"name": "x", "turn": inf}, "turn=inf: the period of an angle is a positive number"),
         ({"name": "x", "turn": nan}, "turn=nan: the period of an angle is a positive number"),
-        ({"name": "x", "turn": 1.0, "lower": nan}, "lower=nan: the cut of an angle is a finite number"),
+        ({"name": "x", "turn": 1.0, "lower": nan}, "lower=nan: the branch cut of an angle is a finite number"),
     ],
 )
 def test_bad_coordinates_are_refused(arguments: dict[str, Any], message: str) -> None:
