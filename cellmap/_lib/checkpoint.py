@@ -22,6 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from .. import __version__
 from .files import StoreError, discard_parts, written_whole
 from .sealed import ROOM, UnsealedError, get_number, get_text, image_of, opened, put_text, reserve, rows_of, seal
 
@@ -127,7 +128,8 @@ def describe(file: h5py.File, format: str, schema: int) -> None:
     """Say what a file is, and what wrote it."""
     put_text(file, "format", format)
     file.attrs["schema"] = schema
-    put_text(file, "versions", json.dumps({n: version(n) for n in ("cellmap", "numpy", "numba", "h5py")}))
+    versions = {"cellmap": __version__} | {n: version(n) for n in ("numpy", "numba", "h5py")}
+    put_text(file, "versions", json.dumps(versions))
 
 
 def add_unwritten(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import __version__
 from .coordinates import wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap
@@ -48,5 +48,5 @@ def fingerprint(point_map: PointMap, probes: NDArray[np.float64]) -> dict[str, A
         "coordinates": [dataclasses.asdict(c) for c in point_map.coordinates],
         "map": dict(point_map.recipe),
         "bits of images": digest.hexdigest()[:16],
-        "cellmap": version("cellmap"),
+        "cellmap": __version__,
     }
