@@ -180,7 +180,7 @@ def test_states_are_not_tied_to_the_argument():
         ({"phase": np.inf}, ValueError, "phase=inf: give a finite number"),
         ({"rtol": 0.0}, ValueError, "rtol=0.0: give a number of at least 1e-14"),
         ({"method": "Euler"}, ValueError, "method='Euler': choose one of"),
-        ({"periods": 10**12}, MemoryError, "take fewer periods, samples or starts"),
+        ({"periods": 10**12}, MemoryError, "take fewer periods, samples or initial conditions"),
     ],
 )
 def test_arguments_are_checked(change, error, message):

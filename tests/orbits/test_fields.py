@@ -105,7 +105,7 @@ def test_orbits_that_end_have_no_exponent() -> None:
     assert np.array_equal(np.isfinite(field.forward), kept)
     assert np.array_equal(np.isfinite(field.images).all(axis=-1), kept)
     assert 0 < kept.sum() < kept.size
-    assert f"{(~kept).sum()} starts without" in repr(field)
+    assert f"{(~kept).sum()} orbits terminated" in repr(field)
 
 
 def test_a_direction_that_vanishes() -> None:

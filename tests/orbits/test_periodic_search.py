@@ -134,7 +134,7 @@ def test_the_least_period_is_found(pendulum: PointMap) -> None:
 
 def test_no_orbit_is_said() -> None:
     translation = discrete_map(lambda x, p: (x[0] + 1.0 + 0.1 * sin(x[0]),), {}, ("x",))
-    with pytest.raises(ValueError, match="no point of period 1"):
+    with pytest.raises(ValueError, match="no orbit of period 1"):
         periodic_orbit(translation, [0.3])
     assert find_periodic_orbits(translation, CellGrid((-3,), (3,), (50,))) == ()
 
