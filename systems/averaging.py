@@ -27,17 +27,17 @@ _STEADY = 1e-9  # variation of a steady torque that rounding explains
 
 @dataclass(frozen=True, eq=False)
 class EffectivePotential:
-    """Potential in which the slow part of a fast driven motion takes place; call it with an angle for each joint.
+    """Effective potential of the slow part of a motion with a fast drive; call it with an angle for each joint.
 
     Parameters
     ----------
     system : ForcedSystem
         The system.
     samples : int
-        Times of a period that the averages are taken over: exact for the harmonics that the drive has.
+        Number of times in a period over which averages are taken: exact for the harmonics of the drive.
     torque : ndarray, shape (joints,)
-        Steady torques that its energy does not hold, as of a :class:`~systems.effects.ConstantTorque`; in the unit of
-        the energy.
+        Steady torques that are not included in its energy, such as that of a :class:`~systems.effects.ConstantTorque`;
+        in the unit of the energy.
     """
 
     system: ForcedSystem
@@ -103,18 +103,19 @@ class EffectivePotential:
 
 
 def effective_potential(system: ForcedSystem) -> EffectivePotential:
-    """Return the potential that drives the slow motion of a system whose drive is fast.
+    """Compute the effective potential of the slow motion of a system with a fast drive.
 
     The motion is a slow one plus a fast one xi, whose acceleration is the oscillating part of that of the system at
-    rest.  Averaged over a period, what is left of xi is its kinetic energy: V_eff = V + <T(q, xi')>, with the steady
+    zero velocity.  Averaged over a period, xi contributes its kinetic energy: V_eff = V + <T(q, xi')>, with the steady
     part V of the potential.  This holds for accelerated pivots and for torques, in any number of joints, to leading
-    order in the amplitude over the lengths with the speed of the pivot given; friction does not enter.
+    order in the ratio of amplitude to length at fixed speed of the pivot; friction does not enter.
 
     Parameters
     ----------
     system : ForcedSystem
-        A scene without dry friction, drag and sharp waves: its state is angles, then their rates, and its output
-        "energy" has kinetic and potential energy in the frame of the pivot.  Steady torques may be absent from it.
+        A scene without dry friction, drag and sharp waves: its state is angles, then angular velocities, and its output
+        "energy" has kinetic and potential energy in the frame of the pivot.  The energy need not include steady
+        torques.
 
     Returns
     -------
@@ -124,10 +125,10 @@ def effective_potential(system: ForcedSystem) -> EffectivePotential:
     Raises
     ------
     TypeError
-        For what is not a system, for a right-hand side that jumps, and for an energy that is not analytic.
+        For something that is not a system, for a discontinuous right-hand side, and for an energy that is not analytic.
     ValueError
-        For a system without an energy or with other states, for a steady force that the energy does not hold, and for a
-        drive of more than 8,192 harmonics.
+        For a system without an energy or with other states, for a steady force that the energy does not include, and
+        for a drive of more than 8,192 harmonics.
 
     References
     ----------

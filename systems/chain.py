@@ -26,9 +26,10 @@ class Chain(Body):
     theta_j'^2 - mu_i l_i (vertical sin theta_i + horizontal cos theta_i) + m_1 l_1^2 (joint_i - joint_(i+1)).
 
     The state is (theta1, ..., thetaN, theta1', ..., thetaN'): absolute angles from the downward vertical, inner link
-    first.  Joint i has the relative angle theta_i - theta_(i-1) and the relative rate theta_i' - theta_(i-1)', theta_0
-    being 0.  The right-hand side eliminates the tensions of the rods from the tip to the pivot: a number of operations
-    in proportion to N, one sine and one cosine a link.  It must be traceable: terms of effects may not branch.
+    first.  Joint i has the relative angle theta_i - theta_(i-1) and the relative angular velocity theta_i' -
+    theta_(i-1)', theta_0 being 0.  The right-hand side eliminates the tensions of the rods from the tip to the pivot: a
+    number of operations in proportion to N, one sine and one cosine a link.  It must be traceable: terms of effects may
+    not branch.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ class Chain(Body):
     Raises
     ------
     TypeError, ValueError
-        For numbers that are not finite and above 0, and for as many masses as there are not lengths.
+        For numbers that are not finite and above 0, and for different numbers of masses and lengths.
 
     References
     ----------
@@ -73,7 +74,7 @@ class Chain(Body):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Absolute angles, then their rates."""
+        """Absolute angles, then their angular velocities."""
         links = range(1, self.joints + 1)
         return (*[angle(f"theta{i}") for i in links], *[Coordinate(f"theta{i}'", "rad/s") for i in links])
 
@@ -84,7 +85,7 @@ class Chain(Body):
 
     @staticmethod
     def tips(joints: int) -> TipsTerm:
-        """Return the places of the masses from the pivot."""
+        """Return the positions of the masses relative to the pivot."""
 
         def tips(x: Sequence[float], p: Any) -> tuple[float, ...]:
             right = up = 0.0

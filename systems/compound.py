@@ -30,7 +30,7 @@ BASIN_ROD = 0.0272
 class CompoundPendulum(Body):
     """Rigid body: theta'' = joint - (vertical / L) sin theta - (horizontal / L) cos theta, L = inertia/(mass distance).
 
-    It moves as a point mass at the effective length L does.  Its output "positions" has the centre of mass.
+    It moves like a point mass at the effective length L.  Its output "positions" is that of the centre of mass.
 
     Parameters
     ----------
@@ -71,12 +71,12 @@ class CompoundPendulum(Body):
 
     @property
     def effective_length(self) -> float:
-        """Length of the point pendulum that moves alike (m)."""
+        """Length of the simple pendulum with the same motion (m)."""
         return self.inertia / (self.mass * self.distance)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Angle and its rate."""
+        """Angle and angular velocity."""
         return angle("theta"), Coordinate("theta'", "rad/s")
 
     @staticmethod
@@ -86,7 +86,7 @@ class CompoundPendulum(Body):
 
     @staticmethod
     def tips(joints: int) -> TipsTerm:
-        """Return the place of the centre of mass from the pivot."""
+        """Return the position of the centre of mass relative to the pivot."""
         return tip_of(_distance)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""The vertically driven pendulum in dimensionless form, and the way there and back."""
+"""Vertically driven pendulum in dimensionless form, and conversion from and to physical parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ScaledPendulum(Body):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Angle and its rate."""
+        """Angle and angular velocity."""
         return angle("theta"), Coordinate("v")
 
     @staticmethod
@@ -36,7 +36,7 @@ class ScaledPendulum(Body):
 
     @staticmethod
     def tips(joints: int) -> TipsTerm:
-        """Return the place of the mass from the pivot."""
+        """Return the position of the mass relative to the pivot."""
         return tip_of(_one)
 
     @staticmethod
@@ -62,7 +62,7 @@ class ScaledGravity(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether nothing falls."""
+        """Whether gravity is absent."""
         return self.alpha == 0.0
 
 
@@ -83,7 +83,7 @@ class ScaledVerticalDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return self.beta == 0.0
 
 
@@ -112,7 +112,7 @@ class ScaledDamping(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the joint runs freely."""
+        """Whether the joint is frictionless."""
         return self.gamma == 0.0
 
 
@@ -133,7 +133,7 @@ class ScaledFriction(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the joint runs freely."""
+        """Whether the joint is frictionless."""
         return self.delta == 0.0
 
 
@@ -147,7 +147,7 @@ def dimensionless_pendulum(
     """Return theta'' + gamma theta' + delta sign(theta') + (alpha - beta cos tau) sin theta = 0, driven vertically.
 
     Time is tau = w t with the angular frequency w of the drive.  The state is (theta, v) with v = d theta / d tau and
-    theta from the downward vertical; the pivot is at its highest at tau = 0.  A parameter of zero takes its term out of
+    theta from the downward vertical; the pivot is at its highest at tau = 0.  A parameter of zero removes its term from
     the right-hand side.
 
     Parameters
@@ -205,8 +205,8 @@ def dimensionless_parameters(
     Returns
     -------
     dict
-        alpha = g/(l w^2), beta = A/l, gamma = damping/w, with w = 2 pi `frequency`, and with dry friction
-        delta = friction/w^2.  Rates in rad/s are v w.
+        alpha = g/(l w^2), beta = A/l, gamma = damping/w, with w = 2 pi `frequency`, and with dry friction delta =
+        friction/w^2.  Angular velocities in rad/s are v w.
 
     Raises
     ------

@@ -26,8 +26,8 @@ def chain_pendulum(
 ) -> ForcedSystem:
     """Return the chain of pendulums whose pivot is at the height y(t) = A cos(w t + phase), in SI units.
 
-    Absolute angles from the downward vertical are followed by their rates, inner link first; see :class:`Chain` for the
-    equation, M q'' = F.  One right-hand side serves all chains of as many links.
+    The state is the absolute angles from the downward vertical, then their angular velocities, inner link first; see
+    :class:`Chain` for the equation, M q'' = F.  All chains of the same number of links share one right-hand side.
 
     Parameters
     ----------
@@ -40,13 +40,15 @@ def chain_pendulum(
     frequency : float, optional
         Frequency of the drive (Hz), above 0.
     damping : float, optional
-        Viscous damping of every joint (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative rate.
+        Viscous damping of every joint (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative angular
+        velocity.
     gravity : float, optional
         Acceleration g of free fall (m/s^2).
     phase : float, optional
         Phase of the drive (rad).
     friction : float, optional
-        Dry friction of every joint (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative rate.
+        Dry friction of every joint (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative
+        angular velocity.
     name : str, optional
         Name for files and plots.
 
@@ -58,7 +60,7 @@ def chain_pendulum(
     Raises
     ------
     TypeError, ValueError
-        For parameters that are not finite numbers within their bounds, or not as many masses as lengths.
+        For parameters that are not finite numbers within their bounds, or for different numbers of masses and lengths.
 
     References
     ----------
@@ -114,18 +116,20 @@ def double_pendulum(
     frequency : float, optional
         Frequency of the drive (Hz), above 0.
     damping : float, optional
-        Viscous damping of both joints (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative rate.
+        Viscous damping of both joints (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative angular
+        velocity.
     gravity : float, optional
         Acceleration g of free fall (m/s^2).
     phase : float, optional
         Phase of the drive (rad).
     friction : float, optional
-        Dry friction of both joints (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative rate.
+        Dry friction of both joints (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative
+        angular velocity.
 
     Returns
     -------
     ForcedSystem
-        System of period 1/`frequency` (s).  With the defaults all four rest states are stable.
+        System of period 1/`frequency` (s).  With the defaults all four equilibria are stable.
 
     Raises
     ------
@@ -170,8 +174,8 @@ def triple_pendulum(
 ) -> ForcedSystem:
     """Return the triple pendulum whose pivot is at the height y(t) = A cos(w t + phase), in SI units.
 
-    M q'' = F as in :class:`Chain`.  The state is (theta_1, theta_2, theta_3) and their rates, absolute angles from the
-    downward vertical, counter-clockwise, inner link first.
+    M q'' = F as in :class:`Chain`.  The state is (theta_1, theta_2, theta_3) and their angular velocities, absolute
+    angles from the downward vertical, counter-clockwise, inner link first.
 
     Parameters
     ----------
@@ -184,18 +188,20 @@ def triple_pendulum(
     frequency : float, optional
         Frequency of the drive (Hz), above 0.
     damping : float, optional
-        Viscous damping of every joint (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative rate.
+        Viscous damping of every joint (1/s), at least 0: its torque is `damping` m_1 l_1^2 times the relative angular
+        velocity.
     gravity : float, optional
         Acceleration g of free fall (m/s^2).
     phase : float, optional
         Phase of the drive (rad).
     friction : float, optional
-        Dry friction of every joint (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative rate.
+        Dry friction of every joint (rad/s^2), at least 0: its torque is `friction` m_1 l_1^2 against the relative
+        angular velocity.
 
     Returns
     -------
     ForcedSystem
-        System of period 1/`frequency` (s).  With the defaults all eight rest states are stable.
+        System of period 1/`frequency` (s).  With the defaults all eight equilibria are stable.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Drives: effects that repeat themselves.  They move the pivot, or turn the first joint, as a cosine does.
+"""Drives: periodic effects.  They move the pivot, or exert a torque on the first joint, as a cosine.
 
-All have a frequency f, with w = 2 pi f, and start with the cosine: at phase 0 a vertically driven pivot is at its
-highest at t = 0.  A scene has one drive at most, which sets its period.  Other wave forms stand in
+All have a frequency f, with w = 2 pi f, and begin with the cosine: at phase 0 a vertically driven pivot is at its
+highest at t = 0.  A scene has at most one drive, which determines its period.  Other wave forms are in
 :mod:`systems.harmonics` and :mod:`systems.waves`.
 """
 
@@ -55,7 +55,7 @@ class VerticalDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return self.amplitude == 0.0
 
 
@@ -70,7 +70,7 @@ def _height(t: float, p: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class HorizontalDrive(VerticalDrive):
-    """Pivot at A cos(w t + phase) to the right of its mean place, with w = 2 pi `frequency`.
+    """Pivot at A cos(w t + phase) to the right of its mean position, with w = 2 pi `frequency`.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class TiltedDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return self.amplitude == 0.0
 
 
@@ -180,7 +180,7 @@ class RotatingDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return self.vertical_amplitude == self.horizontal_amplitude == 0.0
 
 

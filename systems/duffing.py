@@ -15,8 +15,9 @@ def duffing_oscillator(
 ) -> ForcedSystem:
     """Return Duffing's oscillator: x'' + damping x' + linear x + cubic x^3 = forcing cos(frequency t).
 
-    The spring hardens for a positive cubic term, as by default, where a small and a large oscillation coexist.  A
-    negative one lets strong oscillations escape to infinity, and a negative linear term makes two wells.
+    A positive cubic term, as by default, is a hardening spring with coexisting small and large oscillations
+    (bistability).  With a negative one strong oscillations escape to infinity; a negative linear term makes a double
+    well.
 
     Parameters
     ----------

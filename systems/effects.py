@@ -1,12 +1,12 @@
-"""Effects that act on a body: each a record of its parameters, with its terms in the equation of motion.
+"""Effects on a body: parameters and terms in the equation of motion.
 
 A new effect is one frozen dataclass.  Its fields are parameters of the right-hand side, by the same names.  Its terms
 are plain functions; they read parameters as ``p.name`` and hold no values themselves, so that scenes of the same
-effects share one compiled kernel.  Drives stand in :mod:`systems.drives`.
+effects share one compiled kernel.  Drives are in :mod:`systems.drives`.
 
-What acts at a joint is an angular acceleration referred to the unit inertia of the body: m l^2 of a point mass, the
-moment of inertia of a compound pendulum, m_1 l_1^2 of a chain.  It acts at every joint of a chain, on the relative
-angle and the relative rate.
+Terms of a joint are angular accelerations referred to the unit inertia of the body: m l^2 of a point mass, the moment
+of inertia of a compound pendulum, m_1 l_1^2 of a chain.  They act at every joint of a chain, on the relative angle and
+the relative angular velocity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PeriodTerm = Callable[[Any], float]
 
 @dataclass(frozen=True)
 class Terms:
-    """What effects contribute to an equation of motion, channel by channel; None where an effect has no part in one.
+    """Contributions of effects to an equation of motion, channel by channel; None where there is none.
 
     Parameters
     ----------
@@ -39,21 +39,22 @@ class Terms:
     torque : callable or None
         ``torque(t, p)``: angular acceleration about the first joint (rad/s^2).
     joint : callable or None
-        ``joint(t, angle, rate, p)``: angular acceleration of a link about its joint (rad/s^2), from the joint's angle
-        (rad) and rate (rad/s).
+        ``joint(t, angle, rate, p)``: angular acceleration of a link about its joint (rad/s^2), from the angle (rad) and
+        the angular velocity (rad/s) of the joint.
     rubbing : callable or None
-        ``rubbing(t, angle, rate, sign, p)``: the same with the sign of the joint's rate, in which it is affine.
+        ``rubbing(t, angle, rate, sign, p)``: the same with the sign of the joint's angular velocity, in which it is
+        affine.
     stored : callable or None
-        ``stored(angle, p)``: energy kept in a joint per unit inertia (rad^2/s^2).
+        ``stored(angle, p)``: energy stored in a joint per unit inertia (rad^2/s^2).
     place : callable or None
         ``place(t, p)``: displacement (x, y) of the pivot (m), y up.
     period : callable or None
-        ``period(p)``: time after which the effect repeats itself (s); None for a steady effect.
+        ``period(p)``: period of the effect (s); None for a steady effect.
     clocks : tuple of callable, optional
-        ``clock(t, p)``: functions of time at whose zeros `vertical`, `horizontal` and `torque` jump or bend.  These
-        three then take the signs of the clocks as further arguments after p.
+        ``clock(t, p)``: functions of time at whose zeros `vertical`, `horizontal` and `torque` or their derivatives are
+        discontinuous.  These three then take the signs of the clocks as further arguments after p.
     winds : bool, optional
-        Whether a whole turn of a joint changes nothing; if not, angles live on the line.
+        Whether the effect is invariant under full rotations of a joint; if not, angles are not wrapped.
     """
 
     vertical: FieldTerm | None = None
@@ -70,7 +71,7 @@ class Terms:
 
 @dataclass(frozen=True)
 class Effect(Part):
-    """An effect.  Equal kinds of effects return equal terms: the same functions, whatever the parameters."""
+    """Effect.  Effects of the same kind return the same functions as terms, whatever the parameters."""
 
     @property
     def terms(self) -> Terms:
@@ -79,7 +80,7 @@ class Effect(Part):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the effect does nothing, so that a scene leaves it out."""
+        """Whether the effect is zero, so that a scene omits it."""
         raise NotImplementedError
 
 
@@ -107,7 +108,7 @@ class Gravity(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether nothing falls."""
+        """Whether gravity is absent."""
         return self.gravity == 0.0
 
 
@@ -117,12 +118,12 @@ def _weight(t: float, p: Any) -> float:
 
 @dataclass(frozen=True)
 class ViscousDamping(Effect):
-    """Damping in proportion to the rate of the joint: -damping r.
+    """Viscous damping, proportional to the angular velocity r of the joint: -damping r.
 
     Parameters
     ----------
     damping : float
-        Angular deceleration per rate (1/s), at least 0.
+        Angular deceleration per angular velocity (1/s), at least 0.
 
     Examples
     --------
@@ -141,7 +142,7 @@ class ViscousDamping(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the joint runs freely."""
+        """Whether the joint is frictionless."""
         return self.damping == 0.0
 
 
@@ -151,15 +152,15 @@ def _viscous(t: float, angle: float, rate: float, p: Any) -> float:
 
 @dataclass(frozen=True)
 class QuadraticDrag(Effect):
-    """Drag in proportion to the square of the joint's rate: -drag r abs(r).
+    """Quadratic drag in the angular velocity r of the joint: -drag r abs(r).
 
-    It stands in the right-hand side as -drag r^2 s with the sign s of the rate, a switch of the joint, and so is smooth
-    on both sides.
+    The right-hand side contains -drag r^2 s with the sign s of the angular velocity, a switching function of the joint,
+    and is smooth on both sides of the switching surface.
 
     Parameters
     ----------
     drag : float
-        Angular deceleration per square of the rate (a pure number), at least 0.
+        Angular deceleration per square of the angular velocity (a pure number), at least 0.
 
     Examples
     --------
@@ -176,7 +177,7 @@ class QuadraticDrag(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the joint runs freely."""
+        """Whether the joint is frictionless."""
         return self.drag == 0.0
 
 
@@ -186,9 +187,10 @@ def _drag(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
 
 @dataclass(frozen=True)
 class DryFriction(Effect):
-    """Coulomb's friction: -friction s with the sign s of the joint's rate, and sticking where the rate is zero.
+    """Coulomb friction: -friction s with the sign s of the joint's angular velocity, and sticking where it is zero.
 
-    The rate of the joint is a switching function.  On its zero s takes any value between -1 and 1 that holds the joint.
+    The angular velocity of the joint is a switching function.  While the joint sticks, s takes the value between -1 and
+    1 that balances the other torques.
 
     Parameters
     ----------
@@ -216,7 +218,7 @@ class DryFriction(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the joint runs freely."""
+        """Whether the joint is frictionless."""
         return self.friction == 0.0
 
 
@@ -228,7 +230,7 @@ def _dry(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
 class TorsionSpring(Effect):
     """Spring at the joint: -stiffness (angle - rest).
 
-    Windings of the spring count, so angles live on the line and are not wrapped.
+    The torque depends on the number of full rotations, so that angles are not wrapped.
 
     Parameters
     ----------
@@ -267,7 +269,7 @@ def _stored(angle: float, p: Any) -> float:
 
 @dataclass(frozen=True)
 class ConstantTorque(Effect):
-    """Steady torque at the first joint, counter-clockwise.  It has no part in the energy.
+    """Steady torque at the first joint, counter-clockwise.  It is not included in the energy.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The effects of a scene put together, channel by channel, for a body to write its equation of motion with."""
+"""Combination of the effects of a scene, channel by channel, for the equation of motion of a body."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from .effects import FieldTerm, JointTerm, PlaceTerm, RubbingTerm, StoredTerm, T
 class Forces:
     """Sums of the terms that are present; None where there are none.
 
-    Functions of fields take the tuple s of all signs: those of the joints' rates, if anything rubs, then those of the
-    clocks.
+    Functions of fields take the tuple s of all signs: those of the joints' angular velocities, if there is dry friction
+    or drag, then those of the clocks.
 
     Parameters
     ----------
     joints : int
-        Number of joints n.  The state is the n angles, absolute, then their n rates.
+        Number of joints n.  The state is the n absolute angles, then the n angular velocities.
     vertical, horizontal, torque : callable or None
         ``f(t, p, s)``, as in :class:`Terms`.
     joint : callable or None
-        ``joint(t, angle, rate, sign, p)`` with the sign of the joint's rate, which is read only if anything rubs.
+        ``joint(t, angle, rate, sign, p)`` with the sign of the joint's angular velocity, which is used only with dry
+        friction or drag.
     rubs : bool
-        Whether the rates of the joints are switching functions.
+        Whether the angular velocities of the joints are switching functions.
     switches : callable or None
         Switching functions ``f(t, x, p)``.
     weight : callable or None
@@ -49,7 +50,7 @@ class Forces:
 
 
 def combined(terms: Sequence[Terms], joints: int) -> Forces:
-    """Return the forces of effects with these terms on a body with so many joints."""
+    """Return the forces of effects with the given terms on a body with the given number of joints."""
     rubs = any(term.rubbing is not None for term in terms)
     switches = _joint_rates(joints) if rubs else None
     place: PlaceTerm | None = None

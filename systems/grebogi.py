@@ -23,8 +23,8 @@ def grebogi_ott_yorke_map(a: float = 1.32, b: float = 0.90, c: float = 0.3) -> P
     Returns
     -------
     PointMap
-        Map of the state (theta, x), theta in [0, 2 pi).  Turning theta by half a turn and reversing x is a symmetry.
-        The defaults have two attractors, (0, -0.3) and (pi, 0.3).
+        Map of the state (theta, x), theta in [0, 2 pi).  Shifting theta by pi and reversing x is a symmetry.  The
+        defaults have two attractors, (0, -0.3) and (pi, 0.3).
 
     Raises
     ------

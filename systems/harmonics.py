@@ -36,7 +36,7 @@ class HarmonicDrive(Effect):
     Raises
     ------
     TypeError, ValueError
-        For numbers that are not finite or out of bounds, and for as many phases as there are not amplitudes.
+        For numbers that are not finite or out of bounds, and for different numbers of phases and amplitudes.
 
     Examples
     --------
@@ -60,7 +60,7 @@ class HarmonicDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return not any(self.amplitudes)
 
 
@@ -98,7 +98,7 @@ def sampled_drive(samples: Sequence[float], frequency: float, harmonics: int | N
     """Return the drive whose pivot has a measured acceleration.
 
     The samples are interpolated by trigonometric functions; of N samples all N // 2 harmonics are kept, so that the
-    acceleration passes through every sample, less their mean, which a pivot that stays in place does not have.
+    acceleration passes through every sample, less their mean, which vanishes for a pivot in periodic motion.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def sampled_drive(samples: Sequence[float], frequency: float, harmonics: int | N
     frequency : float
         Frequency (Hz), above 0: one over the time that the samples span.
     harmonics : int, optional
-        How many harmonics to keep, from the first on, at most N // 2: fewer smooth the noise of an accelerometer.
+        Number of harmonics to keep, from the first on, at most N // 2: fewer suppress the noise of an accelerometer.
 
     Returns
     -------

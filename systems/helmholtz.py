@@ -1,4 +1,4 @@
-"""Helmholtz's oscillator: a well with one lip, and the escape over it."""
+"""Helmholtz oscillator: escape from a potential well with one barrier."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from .oscillator import forced_oscillator
 def helmholtz_oscillator(damping: float = 0.1, forcing: float = 0.07, frequency: float = 0.85) -> ForcedSystem:
     """Return the oscillator in a cubic potential: x'' + damping x' + x - x^2 = forcing cos(frequency t).
 
-    Orbits that get over the lip at x = 1 reach infinity in finite time; their starts diverge.  By Melnikov's criterion
-    the edge of the safe basin becomes fractal where the forcing exceeds
-    damping sinh(pi frequency) / (5 pi frequency^2), which is 0.0633 for the other defaults.
+    Orbits that cross the barrier at x = 1 reach infinity in finite time; their initial conditions diverge.  By
+    Melnikov's criterion the boundary of the safe basin becomes fractal where the forcing exceeds damping sinh(pi
+    frequency) / (5 pi frequency^2), which is 0.0633 for the other defaults.
 
     Parameters
     ----------
     damping : float, optional
         Viscous damping, at least 0.
     forcing : float, optional
-        Amplitude of the force.  Thompson's force is a sine, so that his section is a quarter of a period away.
+        Amplitude of the force.  Thompson's force is a sine, so that his stroboscopic section is shifted by a quarter of
+        a period.
     frequency : float, optional
         Angular frequency of the force, above 0.
 

@@ -1,4 +1,4 @@
-"""Henon's map."""
+"""Hénon map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cellmap._lib.checks import finite_number
 
 
 def henon_map(a: float = 1.4, b: float = 0.3) -> PointMap:
-    """Return Henon's map: x' = 1 - a x^2 + y, y' = b x.
+    """Return the Hénon map: x' = 1 - a x^2 + y, y' = b x.
 
     Parameters
     ----------

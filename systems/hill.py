@@ -14,8 +14,8 @@ from cellmap.maps.system import RightHandSide
 def mathieu_equation(damping: float = 0.1, delta: float = -0.1, epsilon: float = 1.0) -> ForcedSystem:
     """Return Mathieu's equation with damping: x'' + damping x' + (delta + epsilon cos 2t) x = 0.
 
-    In the notation of most tables, x'' + (a - 2 q cos 2t) x = 0, it has a = delta and q = -epsilon/2.  The defaults are
-    a spring that pushes away from x = 0 and whose modulation yet holds it there.
+    In the usual notation, x'' + (a - 2 q cos 2t) x = 0, it has a = delta and q = -epsilon/2.  With the defaults, the
+    mean stiffness is negative and the modulation stabilises the equilibrium x = 0.
 
     Parameters
     ----------

@@ -15,7 +15,8 @@ def logistic_map(mu: float = 4.0) -> PointMap:
     Parameters
     ----------
     mu : float, optional
-        Growth of small x.  For values from 0 to 4 the interval [0, 1] is mapped into itself; other starts diverge.
+        Growth of small x.  For values from 0 to 4 the interval [0, 1] is mapped into itself; other initial conditions
+        diverge.
 
     Returns
     -------

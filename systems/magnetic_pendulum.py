@@ -23,22 +23,22 @@ def magnetic_pendulum(
     """Return the pendulum above three magnets, r'' + damping r' + stiffness r = sum of their forces.
 
     The bob moves in the plane, r = (x, y), at some height above equal magnets at the corners r_k of an equilateral
-    triangle.  Each pulls with the force strength (r_k - r) / (abs(r_k - r)^2 + height^2)^(3/2).
+    triangle.  Each exerts the force strength (r_k - r) / (abs(r_k - r)^2 + height^2)^(3/2).
 
     Parameters
     ----------
     damping : float, optional
         Viscous damping, at least 0.
     stiffness : float, optional
-        Pull of the pendulum towards the middle per distance: the square of its angular frequency, at least 0.
+        Restoring force of the pendulum per distance from the centre: the square of its angular frequency, at least 0.
     strength : float, optional
         Strength of each magnet; a negative one repels.
     height : float, optional
         Height of the bob above the plane of the magnets, above 0.
     radius : float, optional
-        Distance of the magnets from the middle, above 0; the first one is on the positive x axis.
+        Distance of the magnets from the centre, above 0; the first one is on the positive x axis.
     period : float, optional
-        Time between two looks at the state, above 0: nothing is forced.
+        Sampling period, above 0: the system is autonomous.
 
     Returns
     -------

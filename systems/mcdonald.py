@@ -20,15 +20,14 @@ def mcdonald_map(turns: int = 3, growth: float = 1.5) -> PointMap:
     Parameters
     ----------
     turns : int, optional
-        Turns that the circle makes when it is wound onto itself, at least 2.
+        Number of times that the circle is wound onto itself, at least 2.
     growth : float, optional
         Factor by which y grows, above 1.
 
     Returns
     -------
     PointMap
-        Map of the state (x, y), x on the circle [0, 1).  An orbit beyond abs(y) = 1/(growth - 1) escapes to the side
-        where it is.
+        Map of the state (x, y), x on the circle [0, 1).  An orbit beyond abs(y) = 1/(growth - 1) escapes to its side.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One degree of freedom under a harmonic force: what the oscillators of this package share."""
+"""Oscillators of one degree of freedom with a harmonic force."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def forced_oscillator(
     name : str
         Name for files and plots.
     acceleration : callable
-        Plain function ``acceleration(x, v, p)`` of position, velocity and parameters, without the force.  Systems of
-        the same function share their kernel.
+        Plain function ``acceleration(x, v, p)`` of position, velocity and parameters, without the force.  Systems with
+        the same function share their compiled kernel.
     forcing : float
         Amplitude of the force.
     frequency : float

@@ -1,4 +1,4 @@
-"""Parts of a scene: records of numbers that know their bounds and their physical dimensions."""
+"""Parts of a scene: records of numbers with bounds and physical dimensions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ACCELERATION: Dimension = (1, -2, 0)
 ANGULAR_ACCELERATION: Dimension = (0, -2, 0)
 
 MOST_RADIANS = 1e6
-"""Phases beyond it lose digits that matter."""
+"""Largest phase; beyond it, significant digits are lost."""
 
 
 def quantity(dimension: Dimension, *, default: Any = MISSING, each: str = "", **bounds: float) -> Any:
@@ -85,7 +85,7 @@ def _number(f: Any, name: str, value: Any) -> float:
 
 
 def sized_number(name: str, value: Any, largest: float = 1e50, **bounds: float) -> float:
-    """Return a finite float, within bounds, that is 0 or of a size whose powers and quotients floating point holds."""
+    """Return a finite float within bounds that is 0 or of a size whose powers and quotients do not overflow."""
     number = finite_number(name, value, **bounds)
     if number and not 1.0 / largest <= abs(number) <= largest:
         raise ValueError(f"{name}={shown(value)}: give a number between {1.0 / largest:g} and {largest:g} in size")

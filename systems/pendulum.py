@@ -40,7 +40,7 @@ class Pendulum(Body):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Angle and its rate."""
+        """Angle and angular velocity."""
         return angle("theta"), Coordinate("theta'", "rad/s")
 
     @staticmethod
@@ -50,7 +50,7 @@ class Pendulum(Body):
 
     @staticmethod
     def tips(joints: int) -> TipsTerm:
-        """Return the place of the mass from the pivot."""
+        """Return the position of the mass relative to the pivot."""
         return tip_of(_length)
 
     @staticmethod
@@ -86,8 +86,8 @@ def driven_pendulum(
     length : float, optional
         Length l of the rod (m), above 0.
     amplitude : float, optional
-        Amplitude A of the pivot's height (m), at least 0.  With 0 there is no drive in the right-hand side, nor are
-        there parameters of a drive; the period is still 1/`frequency`.
+        Amplitude A of the pivot's height (m), at least 0.  With 0 the right-hand side and the parameters contain no
+        drive; the period is still 1/`frequency`.
     frequency : float, optional
         Frequency of the drive (Hz), above 0.
     damping : float, optional
@@ -97,12 +97,12 @@ def driven_pendulum(
     phase : float, optional
         Phase of the drive (rad).
     friction : float, optional
-        Dry friction (rad/s^2), at least 0.  Above 0 the rate is a switching function.
+        Dry friction (rad/s^2), at least 0.  Above 0 the angular velocity is a switching function.
 
     Returns
     -------
     ForcedSystem
-        System of period 1/`frequency` (s).  The defaults are the rod, drive and damping whose inverted state is stable.
+        System of period 1/`frequency` (s).  With the defaults, the inverted equilibrium is stable.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def driven_pendulum(
 
 
 def swing(forces: Forces, length: ParameterTerm | None = None) -> RightHandSide:
-    """Return the right-hand side of one angle: fields that pull it to their direction, accelerations about the joint.
+    """Return the right-hand side of one angle: torques of fields along their direction, accelerations about the joint.
 
     `length` is the effective length; without it fields are angular accelerations.
     """
@@ -154,7 +154,7 @@ def swing(forces: Forces, length: ParameterTerm | None = None) -> RightHandSide:
 
 
 def tip_of(distance: ParameterTerm) -> TipsTerm:
-    """Return the place of a point of one rod."""
+    """Return the position of a point of one rod."""
 
     def tip(x: Sequence[float], p: Any) -> tuple[float, float]:
         return distance(p) * sin(x[0]), -distance(p) * cos(x[0])

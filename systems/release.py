@@ -1,4 +1,4 @@
-"""The angles from which a release at rest really comes back."""
+"""Limits of the angles from which a release at rest settles on an attractor."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ _DOUBLINGS = 3  # of the angles, while islands are found
 
 
 class IslandWarning(UserWarning):
-    """Islands of other basins lie between the angles of a scan, and more of them may."""
+    """Islands of other basins were found between the angles of a scan, and there may be more."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReleaseLimits:
-    """Angles up to which releases from rest come back, by exact integration; arrays of shape (phases,).
+    """Limits of the angle of release from rest for settling on an attractor; arrays of shape (phases,).
 
     Parameters
     ----------
     phases : ndarray
-        Moments of release, in turns of the forcing.
+        Phases of release, as fractions of the forcing period.
     lower, upper : ndarray
-        Largest distances on both sides, lower and higher angles (rad): a release from any smaller one that was tried
-        ends on the same attractor.  0 where even a release in the middle does not, and pi where all do.
+        Largest distances on both sides, towards lower and higher angles (rad): a release from any smaller one that was
+        tried converges to the same attractor.  0 where even a release in the middle does not, and pi where all do.
     error : ndarray
-        By how much the limits may be too large (rad): the tolerance, and where islands of other basins were found
-        between the angles of a scan, twice what they cut off.
+        Error by which the limits may be too large (rad): the tolerance, and where islands of other basins were found
+        between the angles of a scan, twice the reduction by them.
     attractor : Attractor
-        Where these releases end.
+        Attractor of these releases.
     """
 
     phases: NDArray[np.float64]
@@ -63,28 +63,28 @@ def release_limits(
     tolerance: float = 1e-9,
     max_periods: int = 2000,
 ) -> ReleaseLimits:
-    """Return how far from a state at rest a pendulum may be released, at rest, and still settle where that state does.
+    """Compute the largest distances from an angle at which releases from rest settle on the same attractor.
 
-    Releases at all phases and at equally spaced angles up to half a turn away are integrated and labelled together.
-    The first that ends elsewhere gives a bracket for each phase and side; all brackets are then cut together.  Islands
-    of other basins between the angles are looked for where releases settle later than around, and by up to three scans
-    of twice as many angles each, until one finds no more.  Where a scan has found some, the boundary may be fractal,
-    and narrower ones may lie nearer: the error says how far.
+    Releases at all phases and at equally spaced angles, up to a distance of pi, are integrated and labelled together.
+    The first one that converges to another attractor gives a bracket for each phase and side; all brackets are then
+    bisected together.  Islands of other basins between the angles are searched for where releases settle later than
+    neighbouring ones, and by up to three scans of twice as many angles each, until one finds no more.  Where a scan has
+    found some, the basin boundary may be fractal, and narrower islands may lie nearer: `error` estimates how far.
 
     Parameters
     ----------
     system : ForcedSystem
-        Damped system of one joint: its state is an angle and its rate.
+        Damped system of one joint, with an angle and its angular velocity as state.
     near : float, optional
         Angle in the middle (rad); by default the inverted state.
     phases : array_like, shape (phases,), optional
-        Moments of release, in turns of the forcing: ``t = phase * period``.
+        Phases of release, as fractions of the forcing period: ``t = phase * period``.
     angles : int, optional
-        Angles on each side.
+        Number of angles on each side.
     tolerance : float, optional
-        Width of the final brackets (rad), and tolerance of a period.
+        Width of the final brackets (rad), and tolerance of the integrator for one period.
     max_periods : int, optional
-        Periods after which a release that has not settled counts as one that does not come back.
+        Number of periods after which a release that has not settled counts as one that does not.
 
     Returns
     -------
@@ -94,12 +94,12 @@ def release_limits(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range, and where a release in the middle ends on no attractor.
+        For arguments out of range, and if a release in the middle converges to no attractor.
 
     Warns
     -----
     IslandWarning
-        Where islands were found between the angles.
+        If islands were found between the angles.
 
     Examples
     --------

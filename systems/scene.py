@@ -1,8 +1,8 @@
 """Scenes: a body and the effects that act on it become a forced system.
 
-The right-hand side is put together from the effects that are present and from nothing else.  An absent effect leaves
-nothing behind: no factor of zero, no branch, no sine.  The same body with effects of the same kinds has the same
-right-hand side, whatever the values of the parameters, so a sweep compiles nothing.
+The right-hand side consists of the terms of the effects that are present.  An absent effect contributes no term, not
+even one with a factor of zero.  The same body with effects of the same kinds has the same right-hand side, whatever the
+values of the parameters, so that a parameter sweep compiles nothing.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ TipsTerm = Callable[[Sequence[float], Any], tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Body(Part):
-    """A body with its equation of motion.
+    """Body with its equation of motion.
 
     The state of a body with n joints is n angles from the downward vertical, counter-clockwise and absolute, then their
-    n rates.  Functions are made from forces and hold no values of the body: they read parameters as ``p.name``.
+    n angular velocities.  Functions are composed from forces and contain no values of the body: they read parameters as
+    ``p.name``.
     """
 
     @property
@@ -39,7 +40,7 @@ class Body(Part):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Angles, then their rates."""
+        """Angles, then their angular velocities."""
         raise NotImplementedError
 
     @staticmethod
@@ -49,7 +50,7 @@ class Body(Part):
 
     @staticmethod
     def tips(joints: int) -> TipsTerm | None:
-        """Return the places ``f(x, p)`` of the parts (x1, y1, ...) from the pivot, if they are known."""
+        """Return the positions ``f(x, p)`` of the parts (x1, y1, ...) relative to the pivot, if they are known."""
         return None
 
     @staticmethod
@@ -66,32 +67,32 @@ def scene(
     Parameters
     ----------
     body : Body
-        What moves.
+        The moving body.
     *effects : Effect
-        What acts on it, each kind at most once.  An effect of zero strength is left out; a drive of zero amplitude
-        still sets the period.
+        Effects on it, each kind at most once.  An effect of zero strength is omitted; a drive of zero amplitude still
+        sets the period.
     period : float, optional
-        Time between two looks at the state (s); by default the period of the only effect that has one.
+        Sampling period (s); by default the period of the only periodic effect.
     name : str, optional
         Name for files and plots; by default the kinds of the body and of the effects.
     units : Units, optional
-        Units of length, time and mass in which the system measures everything; by default those of the arguments.
-        Its coordinates are then pure numbers.
+        Units of length, time and mass of the system; by default those of the arguments.  With other units, its
+        coordinates are pure numbers.
 
     Returns
     -------
     ForcedSystem
         System whose parameters are those of the body and of the effects that are present.  Its switching functions are
-        the rates of the joints, if anything rubs, then those of the drive.  Its outputs are "positions", the places
-        x0, y0, x1, y1, ... of the pivot and of the parts of the body (m, y up, where the pivot is known), and "energy",
-        kinetic and potential, in the frame of the pivot.
+        the angular velocities of the joints, if there is dry friction or drag, then those of the drive.  Its outputs
+        are "positions", the coordinates x0, y0, x1, y1, ... of the pivot and of the parts of the body (m, y up, where
+        the pivot is known), and "energy", kinetic and potential, in the frame of the pivot.
 
     Raises
     ------
     TypeError
         For something that is not a body or not an effect.
     ValueError
-        For two parts with a parameter of the same name, or where the period does not follow from the effects.
+        For two parts with a parameter of the same name, or if the period does not follow from the effects.
 
     Examples
     --------

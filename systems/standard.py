@@ -1,4 +1,4 @@
-"""The standard map of Chirikov: a rotor that is kicked."""
+"""Chirikov's standard map: a kicked rotor."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from cellmap._lib.checks import finite_number
 def standard_map(k: float = 0.971635) -> PointMap:
     """Return the standard map: p' = p + k sin theta, theta' = theta + p'.
 
-    Areas are preserved, so there are no attractors.
+    The map is area-preserving and has no attractors.
 
     Parameters
     ----------
     k : float, optional
-        Strength of the kicks.  The default is where the last circle that goes round breaks up (Greene 1979).
+        Strength of the kicks.  The default is the value at which the last rotational invariant circle breaks up (Greene
+        1979).
 
     Returns
     -------
     PointMap
-        Map of the state (theta, p).  Both are angles, as the map repeats itself along p too; the momentum on the line
-        is that of :attr:`Iterate.unwrapped`.
+        Map of the state (theta, p).  Both are angles, as the map is periodic in p too; :attr:`Iterate.unwrapped` has
+        the unwrapped momentum.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Mass on a moving belt, held by a spring: stick-slip vibrations."""
+"""Stick-slip oscillator: mass on a moving belt, held by a spring."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ def stick_slip_oscillator(
 
     mu(r) = mu_s sign(r) - (3/2) (mu_s - mu_m) (r/v_m - (r/v_m)^3 / 3)
 
-    falls from mu_s at rest to mu_m at the sliding speed v_m and then grows.  On the belt's velocity it takes any value
-    between -mu_s and mu_s: the mass sticks to the belt and moves with it.  Without the force, the mass can slide
-    steadily at x = mu(belt_speed); it does so stably if belt_speed^2 is above v_m^2 - 4 damping v_m^3 / (3 (mu_s -
-    mu_m)).
+    decreases from mu_s at zero sliding velocity to mu_m at the sliding speed v_m and then grows.  While the mass sticks
+    to the belt and moves with it, the friction takes any value between -mu_s and mu_s.  Without the force, the mass has
+    the equilibrium x = mu(belt_speed) of steady sliding; it is stable if belt_speed^2 is above v_m^2 - 4 damping v_m^3
+    / (3 (mu_s - mu_m)).
 
     Parameters
     ----------
     belt_speed : float, optional
         Velocity of the belt.
     static_friction : float, optional
-        Friction mu_s at rest, at least 0, in terms of the stretch of the spring that it holds.
+        Static friction mu_s, at least 0, as the extension of the spring that it balances.
     least_friction : float, optional
         Friction mu_m at the sliding speed v_m, at least 0 and at most `static_friction`; equal to it, the friction is
         Coulomb's.
     least_speed : float, optional
         Sliding speed v_m at which the friction is least, above 0.
     damping : float, optional
-        Viscous damping as a share of the critical one, at least 0.
+        Viscous damping as a fraction of critical damping, at least 0.
     forcing : float, optional
         Amplitude of the force.
     frequency : float, optional

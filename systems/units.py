@@ -1,4 +1,4 @@
-"""Units: any body and any effect measured in other units of length, time and mass, and back."""
+"""Conversion of bodies and effects to other units of length, time and mass, and back."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Units(Part):
 
     @property
     def inverse(self) -> Units:
-        """Units that lead back."""
+        """Units of the inverse conversion."""
         return Units(1.0 / self.length, 1.0 / self.time, 1.0 / self.mass)
 
     def of(self, dimension: Dimension) -> float:
@@ -60,7 +60,7 @@ def in_units(part: P, units: Units) -> P:
     part : Part
         A body or an effect.
     units : Units
-        New units, in terms of the present ones; ``units.inverse`` leads back.
+        New units, in terms of the present ones; ``units.inverse`` converts back.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def in_units(part: P, units: Units) -> P:
     Raises
     ------
     TypeError
-        For a field without a dimension, and for what is not a part.
+        For a field without a dimension, and for something that is not a part.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def in_units(part: P, units: Units) -> P:
 
 
 def drive_units(length: float, frequency: float, mass: float = 1.0) -> Units:
-    """Return the units of a length l, of the time 1/w with w = 2 pi `frequency`, and of a mass.
+    """Return units of a length l, of the time 1/w with w = 2 pi `frequency`, and of a mass.
 
     In them gravity is alpha = g/(l w^2), an amplitude beta = A/l, a damping gamma/w and a dry friction delta/w^2.
 
@@ -108,7 +108,7 @@ def drive_units(length: float, frequency: float, mass: float = 1.0) -> Units:
     Returns
     -------
     Units
-        Units for :func:`in_units` and :func:`scene`; their ``inverse`` leads back.
+        Units for :func:`in_units` and :func:`scene`; their ``inverse`` converts back.
 
     Raises
     ------

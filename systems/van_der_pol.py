@@ -13,13 +13,13 @@ from .oscillator import forced_oscillator
 def van_der_pol_oscillator(mu: float = 1.0, forcing: float = 1.0, frequency: float = 1.0) -> ForcedSystem:
     """Return van der Pol's oscillator: x'' - mu (1 - x^2) x' + x = forcing cos(frequency t).
 
-    A weak force off resonance leaves a quasiperiodic motion, whose section is a closed curve and no finite set of
-    points.  The defaults lock the oscillation to the force.
+    A weak off-resonant force gives a quasiperiodic motion, whose Poincaré section is a closed curve.  With the
+    defaults, the oscillation is phase-locked to the force.
 
     Parameters
     ----------
     mu : float, optional
-        Strength of the damping, at least 0; it is negative for small oscillations and positive for large ones.
+        Strength of the damping, at least 0; the damping is negative for small oscillations and positive for large ones.
     forcing : float, optional
         Amplitude of the force.
     frequency : float, optional

@@ -18,9 +18,9 @@ from .parts import ACCELERATION, MOST_RADIANS, NUMBER, RATE, quantity
 class SquareDrive(Effect):
     """Pivot accelerated by a square wave: y'' = -`acceleration` sign cos(w t + phase), positive up.
 
-    Sharp (`smoothing` 0), the cosine is a switching function.  Smooth, sign c is c sqrt((1 + e^2)/(c^2 + e^2)) with
-    e = `smoothing`, of the same peak.  The phase is that of :class:`VerticalDrive`: at phase 0 the pivot is at its
-    highest at t = 0.  Its displacement is the one of zero mean.
+    Sharp (`smoothing` 0), the cosine is a switching function.  Smooth, sign c is c sqrt((1 + e^2)/(c^2 + e^2)) with e =
+    `smoothing`, of the same peak.  The phase is that of :class:`VerticalDrive`: at phase 0 the pivot is at its highest
+    at t = 0.  Its displacement has zero mean.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class SquareDrive(Effect):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the pivot rests."""
+        """Whether the pivot is fixed."""
         return self.acceleration == 0.0
 
 
@@ -89,9 +89,9 @@ def _smooth_square_height(t: float, p: Any) -> tuple[float, float]:
 class TriangleDrive(SquareDrive):
     """Pivot accelerated by a triangle wave: y'' = -`acceleration` (2/pi) asin cos(w t + phase), positive up.
 
-    Sharp (`smoothing` 0), the sine of the phase is a switching function, for at its zeros the wave bends.  Smooth, the
-    wave is atan(c / sqrt(s^2 + e^2)) / atan(1/e) with cosine c, sine s and e = `smoothing`, of the same peak.  The
-    phase is that of :class:`VerticalDrive`.  Its displacement is the one of zero mean.
+    Sharp (`smoothing` 0), the sine of the phase is a switching function, as the wave has a kink at its zeros.  Smooth,
+    the wave is atan(c / sqrt(s^2 + e^2)) / atan(1/e) with cosine c, sine s and e = `smoothing`, of the same peak.  The
+    phase is that of :class:`VerticalDrive`.  Its displacement has zero mean.
 
     Parameters
     ----------

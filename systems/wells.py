@@ -19,7 +19,7 @@ _NODES = 4096  # places a turn where a barrier is sought, closest beside the wel
 
 @dataclass(frozen=True, eq=False)
 class SlowEquilibrium:
-    """State at rest in an effective potential.
+    """Equilibrium of an effective potential.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ class SlowEquilibrium:
     energy : float
         Potential there, in the unit of the energy.
     squares : ndarray, shape (joints,)
-        Squares of the angular frequencies of slow small swings about it (rad^2/s^2), in increasing order; negative for
-        a direction in which the potential falls.
+        Squares of the angular frequencies of slow small oscillations about it (rad^2/s^2), in increasing order;
+        negative for a direction in which the potential decreases.
     """
 
     angles: NDArray[np.float64]
@@ -47,12 +47,12 @@ class SlowEquilibrium:
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
-        """Frequencies of slow small swings (Hz), in increasing order.
+        """Frequencies of slow small oscillations (Hz), in increasing order.
 
         Raises
         ------
         ValueError
-            For an unstable state, which does not swing in some direction.
+            For an unstable equilibrium, which does not oscillate in some direction.
         """
         if not self.stable:
             raise ValueError(f"{self!r} does not swing in every direction: see its squares")
@@ -61,18 +61,18 @@ class SlowEquilibrium:
 
 @dataclass(frozen=True)
 class Well:
-    """A well of the effective potential of one joint, between two barriers.
+    """Well of the effective potential of one joint, between two barriers.
 
     Parameters
     ----------
     angle : float
         Angle of its bottom (rad).
     lower, upper : float
-        Angles of the maxima on both sides (rad), infinite where there is none within one turn.
+        Angles of the maxima on both sides (rad), infinite where there is none within one full rotation.
     depths : tuple of float
         Heights of these maxima above the bottom, in the unit of the energy.
     frequency : float
-        Frequency of slow small swings (Hz).
+        Frequency of slow small oscillations (Hz).
     """
 
     angle: float
@@ -88,14 +88,14 @@ class Well:
 
 
 def slow_equilibrium(potential: EffectivePotential, near: ArrayLike) -> SlowEquilibrium:
-    """Return the equilibrium in an effective potential to which Newton's method leads.
+    """Find an equilibrium of an effective potential by Newton's method.
 
     Parameters
     ----------
     potential : EffectivePotential
         The potential.
     near : array_like, shape (joints,) or a number
-        Angles to begin from (rad).
+        Initial angles (rad).
 
     Returns
     -------
@@ -105,7 +105,7 @@ def slow_equilibrium(potential: EffectivePotential, near: ArrayLike) -> SlowEqui
     Raises
     ------
     TypeError, ValueError
-        For angles that are not finite numbers, or as many as there are not joints, and where nothing is found.
+        For angles that are not finite numbers, or of another number than the joints, and if no equilibrium is found.
 
     References
     ----------
@@ -136,7 +136,7 @@ def slow_equilibrium(potential: EffectivePotential, near: ArrayLike) -> SlowEqui
 
 
 def find_well(potential: EffectivePotential, near: float = pi) -> Well:
-    """Return a well of the effective potential of one joint, with the barriers on both sides.
+    """Find a well of the effective potential of one joint, with the barriers on both sides.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def find_well(potential: EffectivePotential, near: float = pi) -> Well:
     Raises
     ------
     TypeError, ValueError
-        For several joints, and where there is no minimum.
+        For several joints, and if there is no minimum.
 
     References
     ----------

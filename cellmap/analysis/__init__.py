@@ -1,4 +1,4 @@
-"""Measures of basins and of their boundaries."""
+"""Analysis of basins and basin boundaries."""
 
 import lazy_loader as _lazy
 

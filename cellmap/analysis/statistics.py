@@ -1,4 +1,4 @@
-"""Fits and intervals that all measures share."""
+"""Line fits and confidence intervals for all measures."""
 
 from .._lib.binomial import binomial_interval as binomial_interval
 from .._lib.fit import Fit as Fit

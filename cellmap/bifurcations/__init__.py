@@ -1,4 +1,4 @@
-"""Orbits over parameters: stability, continuation, bifurcations and their curves, diagrams."""
+"""Stability of equilibria, continuation of periodic orbits, bifurcations and their curves, bifurcation diagrams."""
 
 import lazy_loader as _lazy
 

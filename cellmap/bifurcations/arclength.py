@@ -1,4 +1,4 @@
-"""Curves of solutions of n equations in n + 1 unknowns, by pseudo-arclength."""
+"""Pseudo-arclength continuation of the solutions of n equations in n + 1 unknowns."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class Stride:
         return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
 
     def passes(self, place: Place, turns: NDArray[np.float64]) -> bool:
-        """Tell whether it passes through a place in the same direction; unknowns with a turn live on circles."""
+        """Return whether the step passes through a point in the same direction; unknowns with a period are angles."""
         apart = place.unknowns - self.begin.unknowns
         apart = apart - np.where(turns > 0, turns * np.round(apart / np.where(turns > 0, turns, 1.0)), 0.0)
         passed = 0.0 < float(self.begin.tangent @ apart) <= self.length

@@ -1,4 +1,4 @@
-"""Bifurcations of periodic orbits as curves over two parameters."""
+"""Curves of bifurcations of periodic orbits in two parameters."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
 
 @dataclass(frozen=True, eq=False)
 class BifurcationCurve:
-    """A bifurcation followed over two parameters.
+    """Curve of a bifurcation in the plane of two parameters.
 
     Parameters
     ----------
     kind : BifurcationKind
-        Which one.
+        Kind of the bifurcation.
     names : tuple of str
         Names of the parameters.
     values : ndarray, shape (n, 2)
-        Their values, in their units.
+        Parameter values along the curve, in their units.
     points : ndarray, shape (n, dimension)
-        First points of the orbits, angles in their turn.
+        First points of the orbits, angles within their period.
     multipliers : ndarray of complex, shape (n, dimension)
         Multipliers, one or two of them on the unit circle.
     ends : tuple of str
-        Why the curve ends at its first and at its last point.
+        Reasons why the curve ends at its first and at its last point.
     """
 
     kind: BifurcationKind
@@ -66,11 +66,12 @@ def continue_bifurcation(
     points: int = 1000,
     progress: bool = False,
 ) -> BifurcationCurve:
-    """Follow a bifurcation of a branch through a second parameter.
+    """Continue a bifurcation of a branch in two parameters.
 
-    The orbit's equations with one more, det(M - I) = 0 (fold), det(M + I) = 0 (period doubling) or the product of all
-    mu_i mu_j - 1 = 0 (Neimark-Sacker), are continued by pseudo-arclength in both parameters.  For a pitchfork, which
-    persists by a symmetry, displacements along the left null vector are held at zero besides.
+    The equations of the orbit and the bifurcation condition, det(M - I) = 0 (fold), det(M + I) = 0 (period doubling) or
+    the product of all mu_i mu_j - 1 = 0 (Neimark-Sacker), with the monodromy matrix M and its multipliers mu_i, are
+    continued by pseudo-arclength in both parameters.  For a pitchfork, which persists through a symmetry, displacements
+    along the left null vector are in addition held at zero.
 
     Parameters
     ----------
@@ -83,22 +84,22 @@ def continue_bifurcation(
     first, second : tuple of float
         Intervals of both parameters, in their units; the first is that of the branch.
     step : float, optional
-        Longest step, where both intervals have the length 1.
+        Longest step, in units in which both intervals have length 1.
     points : int, optional
-        Most points to either side.
+        Largest number of points on either side.
     progress : bool, optional
         Show progress on a terminal.
 
     Returns
     -------
     BifurcationCurve
-        On a curve of Neimark-Sacker bifurcations it ends where the multipliers meet on the real axis.
+        The curve.  A curve of Neimark-Sacker bifurcations ends where the multipliers meet on the real axis.
 
     Raises
     ------
     TypeError, ValueError
-        For a transcritical bifurcation, which a second parameter destroys unless a solution is known for all values
-        (see :func:`stability_map`), an unknown parameter or empty intervals.
+        For a transcritical bifurcation, which a generic second parameter destroys unless a solution is known for all
+        values (see :func:`stability_map`), an unknown parameter or empty intervals.
 
     References
     ----------
@@ -191,7 +192,7 @@ def _interval(label: str, given: tuple[float, float], value: float) -> tuple[flo
 
 @dataclass(frozen=True, eq=False)
 class _Singular:
-    """The orbit's equations with those of a bifurcation, for unknowns (x, q1, q2) in units of a scale."""
+    """Equations of the orbit with the bifurcation condition, for unknowns (x, q1, q2) in units of a scale."""
 
     orbits: OrbitProblem
     kind: BifurcationKind
@@ -200,17 +201,17 @@ class _Singular:
 
     @classmethod
     def at(cls, orbits: OrbitProblem, kind: BifurcationKind, unknowns: NDArray[np.float64]) -> _Singular:
-        """Set up the equations at a place of the curve."""
+        """Set up the equations at a point of the curve."""
         d = orbits.dimension
         left, _, _ = np.linalg.svd(orbits(unknowns)[1][:, :d])
         return cls(orbits, kind, left[:, -1], unknowns[:d])
 
     def matrix(self, place: Place) -> NDArray[np.float64]:
-        """Return the derivative of one round by the state."""
+        """Return the monodromy matrix."""
         return self._matrices(place.unknowns)
 
     def is_real(self, place: Place) -> bool:
-        """Tell whether the multipliers whose product is 1 are no complex pair."""
+        """Return whether the multipliers whose product is 1 are real."""
         found = multipliers_of(self.matrix(place))
         return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
 

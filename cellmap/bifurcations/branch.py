@@ -1,4 +1,4 @@
-"""Branches of periodic orbits over a parameter, and the bifurcations on them."""
+"""Branches of periodic orbits in one parameter, and the bifurcations on them."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ class BifurcationKind(StrEnum):
     """Kinds of bifurcations of periodic orbits in one parameter."""
 
     FOLD = "fold"
-    """The branch turns back: two orbits meet (saddle-node)."""
+    """Saddle-node: two orbits meet, and the branch turns back."""
     PERIOD_DOUBLING = "period doubling"
-    """A multiplier passes -1."""
+    """A multiplier crosses the unit circle at -1."""
     PITCHFORK = "pitchfork"
-    """A multiplier passes +1, and a branch that lies on one side of the parameter crosses."""
+    """A multiplier crosses at +1, where the branch meets one that exists on one side of the parameter value only."""
     TRANSCRITICAL = "transcritical"
-    """A multiplier passes +1, and a branch that goes on to both sides crosses."""
+    """A multiplier crosses at +1, where the branch intersects one that continues on both sides."""
     NEIMARK_SACKER = "Neimark-Sacker"
-    """A complex pair of multipliers passes the unit circle; without damping two pairs collide on it (Krein)."""
+    """A complex pair of multipliers crosses the unit circle; without damping two pairs collide on it (Krein)."""
     DEGENERATE = "degenerate"
-    """Several multipliers cross together, as a symmetry or chance has it; what is born there is not said."""
+    """Several multipliers cross together, by symmetry or coincidence; the bifurcating branches are not determined."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bifurcation:
-    """A bifurcation on a branch.
+    """Bifurcation on a branch of periodic orbits.
 
     Parameters
     ----------
     kind : BifurcationKind
-        Which one.
+        Kind of the bifurcation.
     value : float
         The parameter, in its unit.
     point : ndarray, shape (dimension,)
-        First point of the orbit, angles in their turn.
+        First point of the orbit, angles within their period.
     multipliers : ndarray of complex, shape (dimension,)
-        Multipliers there.
+        Multipliers at the bifurcation.
     before, after : int
         Number of unstable multipliers on the branch on either side, in the order of the branch.
     place : int
@@ -73,26 +73,26 @@ class Bifurcation:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """Periodic orbits along a curve over one parameter.
+    """Branch of periodic orbits in one parameter.
 
     Parameters
     ----------
     name : str
         Name of the parameter.
     period : int
-        Steps of the map in one round; along a branch it may be a multiple of the least period.
+        Period in steps of the map; along a branch it may be a multiple of the least period.
     values : ndarray, shape (n,)
         The parameter, in its unit.
     points : ndarray, shape (n, dimension)
-        First points of the orbits, angles in their turn.
+        First points of the orbits, angles within their period.
     multipliers : ndarray of complex, shape (n, dimension)
-        Multipliers, the largest modulus first.
+        Multipliers, by decreasing modulus.
     bifurcations : tuple of Bifurcation
-        In the order of the branch.
+        Bifurcations in the order of the branch.
     ends : tuple of str
-        Why the branch ends at its first and at its last point.
+        Reasons why the branch ends at its first and at its last point.
     point_map : PointMap
-        The map, with the parameters from which the branch was begun.
+        The map, with the parameters of the initial orbit.
     """
 
     name: str
@@ -119,12 +119,12 @@ class Branch:
 
     @checked
     def of_kind(self, kind: BifurcationKind) -> tuple[Bifurcation, ...]:
-        """Return the bifurcations of one kind."""
+        """Return the bifurcations of the given kind."""
         return tuple(b for b in self.bifurcations if b.kind is kind)
 
     @checked
     def orbits_at(self, value: float) -> tuple[PeriodicOrbit, ...]:
-        """Return the orbits of the branch at one value of the parameter, in the order of the branch."""
+        """Return the periodic orbits of the branch at a parameter value, in the order of the branch."""
         value = finite_number("value", value)
         sides = np.sign(self.values - value)
         found = []

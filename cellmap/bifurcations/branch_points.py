@@ -1,4 +1,4 @@
-"""Places where two solution curves cross."""
+"""Branch points: intersections of two solution curves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CONVERGED = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """Where two curves cross: the unknowns (n + 1,) and the unit tangents of the known curve and of the other."""
+    """Branch point: the unknowns (n + 1,) and the unit tangents of the known curve and of the other."""
 
     unknowns: NDArray[np.float64]
     along: NDArray[np.float64]
@@ -24,13 +24,13 @@ class Crossing:
 
 
 def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing | None:
-    """Return the place near a guess where the derivatives (n, n + 1) lose their rank, and both tangents there.
+    """Return the branch point near a guess, where the derivatives (n, n + 1) are rank-deficient, and both tangents.
 
-    None where they are not known around it.
+    None where the derivatives are not known around it.
 
-    The place solves G + mu b = 0 and z D = 0 for the left null vector z of the derivatives D, with an unfolding mu
-    that vanishes, so that it is found as accurately as a regular solution.  The tangents are the roots of the algebraic
-    branching equation, of which the one next to `along` is known.
+    The branch point solves G + mu b = 0 and z D = 0 for the left null vector z of the derivatives D, with an unfolding
+    mu that vanishes, so that it is found as accurately as a regular solution.  The tangents are the roots of the
+    algebraic branching equation, of which the one next to `along` is known.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""A branch of periodic orbits followed step by step, with its bifurcations located on the way."""
+"""Continuation of a branch of periodic orbits, with detection of its bifurcations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ASTRIDE = 0.37  # part of a step beside a start that is a bifurcation
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Places from a start on, the bifurcations between them, and why they end."""
+    """Solution points from an initial one on, the bifurcations between them, and the reason why they end."""
 
     places: list[Place]
     found: list[Bifurcation]
@@ -39,7 +39,7 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class Walker:
-    """How a branch is followed."""
+    """Tracer of a branch."""
 
     point_map: PointMap
     name: str
@@ -82,7 +82,7 @@ class Walker:
         return Walk(places, found, "no convergence" if inside else "left the interval")
 
     def clear_start(self, start: Place) -> Place:
-        """Return a place next to a start that is a bifurcation itself, so that this is passed; else the start."""
+        """Return a point beside the initial one if that is a bifurcation, so that it is passed; else itself."""
         low, high = self._edges
         here = self.watch.sight(start)
         for sign in (-1.0, 1.0):
@@ -131,7 +131,7 @@ class Walker:
             stride = _send(steps, False)
 
     def branch(self, back: Walk | None, ahead: Walk) -> Branch:
-        """Join what was found to both sides of the start."""
+        """Join the segments on both sides of the initial point."""
         places = ahead.places if back is None else [*back.places[:-1], *ahead.places]
         shift = 0 if back is None else len(back.places) - 1
         found = [replace(b, place=b.place + shift) for b in ahead.found]
@@ -161,7 +161,7 @@ def born_orbit(
 ) -> tuple[Walker, Place] | None:
     """Return where the branch begins that leaves a bifurcation of a walker's branch, and how to follow it.
 
-    The parameter is scaled anew by `span`, states by a factor.  None where no orbit is found.
+    The parameter is rescaled by `span`, states by a factor.  None where no orbit is found.
     """
     assert bifurcation._aside is not None
     old = walker.problem

@@ -1,4 +1,4 @@
-"""Cascades of period doublings."""
+"""Period-doubling cascades."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _POINTS = 2000
 
 @dataclass(frozen=True, eq=False)
 class Cascade:
-    """Period doublings of an orbit, one after the other.
+    """Period-doubling cascade of an orbit.
 
     Parameters
     ----------
     name : str
         Name of the parameter.
     bifurcations : tuple of Bifurcation
-        Where each orbit loses its stability: period doublings, and pitchforks in which symmetric orbits, which cannot
-        double, lose their symmetry first.
+        Bifurcations at which each orbit loses its stability: period doublings, and pitchforks at which symmetric
+        orbits, whose period cannot double, lose their symmetry first.
     branches : tuple of Branch
-        From each bifurcation to the next one.
+        Branches from each bifurcation to the next one.
     end : str
-        Why there are not more.
+        Reason why the cascade ends.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Cascade:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """The parameter at the period doublings."""
+        """Parameter values of the period doublings."""
         return np.array([b.value for b in self.bifurcations if b.kind is BifurcationKind.PERIOD_DOUBLING])
 
     @property
     def periods(self) -> NDArray[np.int64]:
-        """Periods of the orbits that are born in the doublings; before the first one of none, that of the orbit."""
+        """Periods of the orbits that bifurcate at the doublings; without a doubling, the period of the orbit."""
         doubled = [2 * b.period for b, kind in self._with_kinds() if kind is BifurcationKind.PERIOD_DOUBLING]
         return np.array(doubled or [self.branches[0].period])
 
@@ -65,13 +65,13 @@ class Cascade:
 
     @property
     def ratios(self) -> NDArray[np.float64]:
-        """Ratios of neighbouring gaps, which tend to Feigenbaum's delta = 4.669201609."""
+        """Ratios of successive parameter intervals, which converge to Feigenbaum's delta = 4.669201609."""
         gaps = np.diff(self.values)
         return gaps[:-1] / gaps[1:]
 
     @property
     def accumulation(self) -> float:
-        """Value at which the doublings accumulate, from the last three (Aitken); NaN with fewer."""
+        """Accumulation point of the doublings, extrapolated from the last three (Aitken); NaN with fewer."""
         if len(self.values) < 3:
             return float("nan")
         return float(self.values[-1] + (self.values[-1] - self.values[-2]) / (self.ratios[-1] - 1.0))
@@ -81,31 +81,31 @@ class Cascade:
 def period_doubling_cascade(
     point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str, limit: float, doublings: int = 6
 ) -> Cascade:
-    """Follow a stable orbit to its period doubling, the doubled orbit to the next one, and so on.
+    """Compute the period-doubling cascade of a stable periodic orbit.
 
     Parameters
     ----------
     point_map : PointMap
-        The map at the parameters of the orbit; of an interpolated map the exact map is taken.
+        The map at the parameters of the orbit; for an interpolated map, its exact map is used.
     orbit : PeriodicOrbit or Attractor
         A stable orbit.
     name : str
         Name of the parameter.
     limit : float
-        Value up to which, or down to which, the parameter is followed, in its unit.
+        Parameter value up to, or down to, which orbits are continued, in its unit.
     doublings : int, optional
-        Most period doublings.  Gaps shrink by 4.67 from one to the next, so that 8 to 10 are what double precision
-        resolves.
+        Largest number of period doublings.  Parameter intervals shrink by 4.67 from one to the next, so that double
+        precision resolves 8 to 10.
 
     Returns
     -------
     Cascade
-        Bifurcations, branches and ratios.
+        Period doublings, branches and ratios.
 
     Raises
     ------
     TypeError, ValueError
-        As :func:`continue_orbit`; and for a limit that is the present value, or an orbit that is not stable.
+        As :func:`continue_orbit`; also for a limit equal to the present value, or an orbit that is not stable.
 
     References
     ----------

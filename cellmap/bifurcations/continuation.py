@@ -1,4 +1,4 @@
-"""Branches of periodic orbits by pseudo-arclength, with their bifurcations located on the way."""
+"""Pseudo-arclength continuation of periodic orbits with detection of bifurcations."""
 
 from __future__ import annotations
 
@@ -32,46 +32,46 @@ def continue_orbit(
     sizes: ArrayLike | None = None,
     progress: bool = False,
 ) -> Branch:
-    """Follow a periodic orbit through a parameter, around folds, and find its bifurcations.
+    """Continue a periodic orbit in a parameter, around folds, and detect its bifurcations.
 
-    Pseudo-arclength continuation (Keller 1977) with derivatives by state and parameter from the variational equation.
-    Test functions are watched from step to step: the tangent's component along the parameter (folds), the bordered
-    determinant (branches that cross), det(M + I) (period doublings) and the product of all mu_i mu_j - 1
-    (Neimark-Sacker); their zeros are located by Brent's method on the branch itself.  A step in which the number of
-    unstable multipliers changes more than these explain is repeated with half its length.
+    The method is pseudo-arclength continuation (Keller 1977) with derivatives by state and parameter from the
+    variational equation.  Test functions are monitored along the branch: the tangent's component along the parameter
+    (folds), the bordered determinant (branch points), det(M + I) (period doublings) and the product of all mu_i mu_j -
+    1 (Neimark-Sacker); their zeros are located on the branch by Brent's method.  A step is repeated with half its
+    length if the detected bifurcations do not explain the change in the number of unstable multipliers.
 
     Parameters
     ----------
     point_map : PointMap
-        The map at the parameters of the orbit; of an interpolated map the exact map is taken.
+        The map at the parameters of the orbit; for an interpolated map, its exact map is used.
     orbit : PeriodicOrbit or Attractor
-        The orbit to begin with, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`.
+        Initial orbit, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`.
     name : str
         Name of the parameter.
     lower, upper : float
-        Interval of its values, in its unit, that holds the present one.
+        Interval of parameter values, in its unit, which contains the present one.
     step : float, optional
-        Longest step, where the interval has the length 1 and a coordinate its natural size, or the size that it has
-        come to on the branch.
+        Longest step, in units in which the interval has length 1 and each coordinate its natural size, or the size that
+        it has reached on the branch.
     points : int, optional
-        Most points to either side; `ends` of the branch says where they did not suffice.
+        Largest number of points on either side; `ends` of the branch shows where they did not suffice.
     sizes : array_like, shape (dimension,), optional
-        Natural sizes of displacements, in units of the coordinates.  By default a radian for an angle, and for others
-        what goes with it, or what the state and its drift with the parameter tell; give them for an equilibrium at 0
-        in unusual units.
+        Natural sizes of displacements, in units of the coordinates.  By default a radian for an angle; for other
+        coordinates an estimate from the angle, from the state and from its drift with the parameter.  Give them for an
+        equilibrium at 0 in unusual units.
     progress : bool, optional
         Show progress on a terminal.
 
     Returns
     -------
     Branch
-        From the end towards `lower` to the one towards `upper`, in the directions in which the branch leaves the orbit.
+        The branch, from its end towards `lower` to that towards `upper`, as seen from the initial orbit.
 
     Raises
     ------
     TypeError, ValueError
         For an orbit that is not periodic or not one of this map, an unknown parameter, an empty interval or one that
-        does not hold the present value.
+        does not contain the present value.
 
     References
     ----------
@@ -132,31 +132,32 @@ def switch_branch(
     side: int = 1,
     progress: bool = False,
 ) -> Branch:
-    """Follow the branch that is born at, or crosses in, a bifurcation.
+    """Continue the branch that bifurcates from a branch at a bifurcation.
 
     Parameters
     ----------
     branch : Branch
         The branch on which the bifurcation was found.
     bifurcation : Bifurcation
-        A period doubling, from which orbits of twice the period are followed, or a pitchfork or transcritical one.
+        A period doubling, from which orbits of twice the period are continued, a pitchfork or a transcritical
+        bifurcation.
     lower, upper : float
         Interval of the parameter.
     step, points, progress
         As for :func:`continue_orbit`.
     side : {1, -1}, optional
-        Which side of the new branch; those of a pitchfork are mirror images, those of a period doubling the same orbit
-        begun half a round later.
+        Side of the new branch.  The two sides of a pitchfork are mirror images; those of a period doubling are the same
+        orbit, shifted by half a period.
 
     Returns
     -------
     Branch
-        From the bifurcation on.
+        The new branch, from the bifurcation on.
 
     Raises
     ------
     ValueError
-        For a bifurcation from which no branch of periodic orbits leaves, or one where it is not found.
+        For a bifurcation from which no branch of periodic orbits emanates, or where it is not found.
 
     Examples
     --------

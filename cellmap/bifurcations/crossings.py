@@ -1,4 +1,4 @@
-"""Where multipliers cross the unit circle, on lines through parameter space."""
+"""Crossings of the unit circle by multipliers, on lines through parameter space."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _LEAVING = 3  # test function: the largest modulus against 1
 
 
 class Crossing(IntEnum):
-    """How a multiplier crosses the unit circle."""
+    """Ways in which a multiplier crosses the unit circle."""
 
     PLUS_ONE = 0
     """Through +1: det(M - I) = 0, a fold or pitchfork."""
     MINUS_ONE = 1
     """Through -1: det(M + I) = 0, a period doubling."""
     NEIMARK_SACKER = 2
-    """As a complex pair; without damping two pairs that collide on the circle (Krein)."""
+    """As a complex pair (Neimark-Sacker); without damping two pairs collide on the circle (Krein)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """Derivatives of one round (n, d, d), their determinants (n), the same less 1 (n), and statuses (n).
+    """Monodromy matrices (n, d, d), their determinants (n), the same less 1 (n), and statuses (n).
 
     A determinant may be far smaller, and its distance from 1 known far better, than the entries of a matrix tell.
     """
@@ -47,7 +47,7 @@ class Matrices:
 
 
 class MultiplierSource(Protocol):
-    """What knows the derivative matrices of one round as functions of parameters."""
+    """Source of the monodromy matrices as functions of parameters."""
 
     def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
         """Return the matrices at parameter points (n, m)."""
@@ -129,8 +129,8 @@ def crossings_on_lines(
 ) -> Found:
     """Refine the critical values on all lines of a scan together.
 
-    `others` (lines, m - 1) are the parameters that rest on a line, `place` is that of the scanned one among all, and
-    `seen` are the test functions line by line.
+    `others` (lines, m - 1) are the parameters that are constant on a line, `place` is that of the scanned one among
+    all, and `seen` are the test functions line by line.
     """
     lines, count = len(others), len(scan)
     functions = np.where((seen.status >= Status.ESCAPED)[:, None], np.nan, seen.tests).reshape(lines, count, 4)

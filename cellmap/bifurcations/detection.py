@@ -1,4 +1,4 @@
-"""Bifurcations between two places of a branch."""
+"""Detection of bifurcations between two solution points of a branch."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TESTS = (
     BifurcationKind.PERIOD_DOUBLING,
     BifurcationKind.NEIMARK_SACKER,
 )
-"""What the test functions are for; a pitchfork's is that of all crossings of branches."""
+"""Bifurcations of the test functions; that of a pitchfork detects all branch points."""
 
 _CHANGES = {BifurcationKind.NEIMARK_SACKER: 2}
 _SIMPLE = {BifurcationKind.FOLD, BifurcationKind.PITCHFORK, BifurcationKind.PERIOD_DOUBLING}
@@ -63,7 +63,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Looks at places of a branch, and for bifurcations between them."""
+    """Bifurcation detector: test functions at solution points, and bifurcations between them."""
 
     problem: OrbitProblem
 
@@ -152,7 +152,7 @@ class Watch:
         return BifurcationKind.NEIMARK_SACKER if collide else BifurcationKind.DEGENERATE
 
     def _is_complex(self, multipliers: NDArray[np.complex128]) -> bool:
-        """Tell whether the multipliers whose product is nearest to 1 are a complex pair."""
+        """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
     def _event(self, kind: BifurcationKind, place: Place, stride: Stride) -> Bifurcation | None:

@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: what orbits end on, against a parameter, with Lyapunov exponents."""
+"""Bifurcation diagrams: attractors against a parameter, with Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -36,34 +36,34 @@ _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none":
 
 @dataclass(frozen=True, eq=False)
 class BifurcationDiagram:
-    """Sampled orbits against a parameter.
+    """Bifurcation diagram: sampled orbits against a parameter.
 
-    A branch is one start followed in one direction: all starts upwards, then all starts downwards.
+    A branch is one initial condition followed in one direction: all of them upwards, then all downwards.
 
     Parameters
     ----------
     system, name : str
         Name of the system and of its parameter.
     values : ndarray, shape (n,)
-        Values of the parameter, increasing, in its unit.
+        Parameter values, increasing, in its unit.
     directions : tuple of str
-        ``"up"``, ``"down"`` or ``"none"`` for each branch.
+        Direction of each branch: ``"up"``, ``"down"`` or ``"none"``.
     starts : ndarray, shape (branches, dimension)
-        The given start of each branch.
+        Given initial condition of each branch.
     points : ndarray, shape (branches, n, periods, dimension)
-        Orbits after the transient, angles in their turn; NaN where `status` is ESCAPED or DIVERGED.
+        Orbits after the transient, angles within their period; NaN where `status` is ESCAPED or DIVERGED.
     status : ndarray of uint8, shape (branches, n)
-        A :class:`Status` for each orbit.
+        A :class:`Status` of each orbit.
     restarted : ndarray of bool, shape (branches, n)
-        Where an orbit that was to be followed begins at the given start, because it had ended.
+        Where a followed orbit is restarted from the given initial condition, because it had terminated.
     period : ndarray of int, shape (branches, n)
         Least number of steps after which the orbit returns within the tolerance; 0 where there is none, or where the
-        orbit has not settled.
+        orbit has not converged.
     rotation_numbers : ndarray, shape (branches, n, dimension)
-        Mean turns of each coordinate in one step.
+        Rotation number (winding number) of each coordinate: mean number of full rotations per step.
     exponents, standard_errors : ndarray, shape (branches, n, dimension)
-        Lyapunov exponents per step of the map, the largest first, and their standard errors: 0 for a periodic orbit,
-        whose exponents come from its multipliers.  NaN where there are no points, or where none were asked for.
+        Lyapunov exponents per step of the map, in decreasing order, and their standard errors: 0 for a periodic orbit,
+        whose exponents follow from its multipliers.  NaN where there are no points, or where they were not requested.
     coordinates : tuple of Coordinate
         State variables.
     params : mapping of str to float
@@ -96,7 +96,7 @@ class BifurcationDiagram:
 
     @property
     def chaotic(self) -> NDArray[np.bool_]:
-        """Orbits without a period whose largest exponent is positive beyond doubt, shape (branches, n)."""
+        """Orbits without a period whose largest exponent is significantly positive, shape (branches, n)."""
         with np.errstate(invalid="ignore"):
             largest, error = self.exponents[..., 0], self.standard_errors[..., 0]
             return (self.period == 0) & (largest > np.maximum(_ERRORS * error, _CHAOTIC))
@@ -117,40 +117,42 @@ def bifurcation_diagram(
     exponents: bool = True,
     progress: bool = False,
 ) -> BifurcationDiagram:
-    """Sample what orbits end on for many values of a parameter.
+    """Compute a bifurcation diagram: orbits after a transient for many values of a parameter.
 
-    With `follow`, the orbit at each value begins where that at the neighbouring value ended, so that attractors that
-    coexist show as a difference between both directions (hysteresis).  An orbit that ends begins again at the given
-    start; if that ends too, its status tells.  All branches, and without following all values, are lanes of one batch.
+    With `follow`, the initial condition at each value is the final state at the neighbouring value, so that coexisting
+    attractors appear as a difference between the two directions (hysteresis).  An orbit that terminates is restarted
+    from the given initial condition; if it terminates again, its status says so.  All branches, and without `follow`
+    all values, are SIMD lanes of one batch.
 
     Parameters
     ----------
     point_map : PointMap
-        The map; of an interpolated map the exact map behind it is taken.
+        The map; for an interpolated map, its exact map is used.
     name : str
         Name of the parameter.
     values : array_like, shape (n,)
-        Its values, increasing or decreasing, in its unit.
+        Parameter values, increasing or decreasing, in its unit.
     start : array_like, shape (dimension,) or (starts, dimension)
-        Where orbits begin.
+        Initial conditions.
     follow : {"both", "up", "down", "none"}, optional
-        Whether orbits are followed to larger values, to smaller values or both; ``"none"`` begins each at its start.
+        Follow orbits to larger values, to smaller values or both; with ``"none"`` every orbit begins at the given
+        initial condition.
     transient : int, optional
-        Steps of the map that are left out at each value.
+        Steps of the map that are discarded at each value.
     periods : int, optional
         Steps that are recorded after these, at least 20.
     max_period : int, optional
-        Longest period that is looked for, at most half of `periods`.
+        Longest period that is detected, at most half of `periods`.
     tolerance : float, optional
-        Distance at which an orbit has returned, in turns of angles and relative to the largest size that other
-        coordinates have in the diagram, or to `nudge` if that is more.
+        Distance within which an orbit counts as having returned: for angles in units of their period, for other
+        coordinates relative to their largest size in the diagram, or to `nudge` if that is larger.
     nudge : float or array_like, shape (dimension,), optional
-        Shift of orbits that are followed, at each value, in the units of the coordinates: without one, an orbit on an
-        equilibrium stays on it when it has become unstable.
+        Perturbation of followed orbits at each value, in the units of the coordinates: without one, an orbit on an
+        equilibrium stays on it after it has become unstable.
     exponents : bool, optional
         Compute Lyapunov exponents, from exact derivatives along the recorded orbits.
     progress : bool, optional
-        Show a bar on a terminal for work of more than two seconds.
+        Show a progress bar on a terminal if the work takes more than two seconds.
 
     Returns
     -------
@@ -162,12 +164,12 @@ def bifurcation_diagram(
     TypeError, ValueError
         For arguments out of range.
     MemoryError
-        Where the points do not fit into memory.
+        If the points do not fit into memory.
 
     Warns
     -----
     ToleranceWarning
-        Where the integrator missed its tolerance.
+        If the integrator missed its tolerance.
 
     Examples
     --------
@@ -251,7 +253,7 @@ def _periods(
     tolerance: float,
     alive: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """Return after how many steps the second halves of orbits repeat what came before; 0 for none.
+    """Return the numbers of steps after which the second halves of orbits repeat; 0 for none.
 
     An orbit that comes in slowly, turning round or from side to side, seems to have a longer period than what it
     approaches.  The way that it has still to go, by Aitken's extrapolation of its returns, tells that from a cycle.
@@ -282,7 +284,7 @@ def _periods(
 def _rotation_numbers(
     recorded: Recorded, exact: PointMap, period: NDArray[np.int64], alive: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Mean turns a step: over one round of a periodic orbit, else over all that is recorded."""
+    """Mean full rotations per step: over one period of a periodic orbit, else over all recorded steps."""
     turn = turns_of(exact.coordinates)[1]
     steps = np.where(period > 0, period, recorded.points.shape[2] - 1)
     first = (recorded.points.shape[2] - 1 - steps)[..., None, None]

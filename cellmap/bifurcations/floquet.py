@@ -1,4 +1,4 @@
-"""Floquet multipliers of equilibria, over many parameter values at once."""
+"""Floquet multipliers of equilibria, by a vectorised parameter sweep."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..orbits.multipliers import multipliers_of, unstable_count
 from .crossings import Matrices
 
 POINTS = 4096
-"""Parameter points in a slice of work.  Fixed, so that results do not depend on the number of threads."""
+"""Parameter points in a chunk of work.  Fixed, so that results do not depend on the number of threads."""
 
 _MAX_STEPS = 1_000_000
 _TIMES = 16  # looks at the right-hand side, to see that it vanishes
@@ -31,20 +31,20 @@ _RESIDUAL = 1e-9  # displacement from an equilibrium, relative to its size, that
 
 @dataclass(frozen=True, eq=False)
 class FloquetResult:
-    """Multipliers of an equilibrium at many parameter values.
+    """Floquet multipliers of an equilibrium at many parameter values.
 
     Parameters
     ----------
     multipliers : ndarray of complex, shape (..., dimension)
-        Eigenvalues of the monodromy matrices, the largest modulus first and of a pair the one above the real axis; NaN
-        where `status` is DIVERGED.
+        Eigenvalues of the monodromy matrices, by decreasing modulus, of a complex pair the one above the real axis
+        first; NaN where `status` is DIVERGED.
     monodromy : ndarray, shape (..., dimension, dimension)
-        Derivative of the state after one period by the state before, at the equilibrium.
+        Monodromy matrices: derivatives of the state after one period by the initial state, at the equilibrium.
     determinant : ndarray, shape (...)
         Determinant of the monodromy matrix from the trace of the linearised system (Liouville's formula): the product
         of the multipliers, accurate even where it is tiny.
     status : ndarray of uint8, shape (...)
-        A :class:`Status` for each parameter point.
+        A :class:`Status` of each parameter point.
     """
 
     multipliers: NDArray[np.complex128]
@@ -63,14 +63,14 @@ class FloquetResult:
 
     @property
     def unstable(self) -> NDArray[np.int64]:
-        """Number of multipliers outside the unit circle by more than 1e-8, shape (...); -1 where there are none."""
+        """Number of multipliers outside the unit circle by more than 1e-8, shape (...); -1 where they are not known."""
         return unstable_count(self.multipliers)
 
     @property
     def error(self) -> NDArray[np.float64]:
-        """Difference of the two determinants, that of the matrix and Liouville's, over the matrix' size.
+        """Difference of the determinant of the matrix from Liouville's, relative to the size of the matrix.
 
-        A check of the integration: of the order of its tolerance.  Shape (...).
+        It checks the integration and is of the order of its tolerance.  Shape (...).
         """
         size = np.linalg.norm(self.monodromy, axis=(-2, -1)) ** self.monodromy.shape[-1]
         return np.abs(np.linalg.det(self.monodromy) - self.determinant) / size
@@ -83,7 +83,7 @@ def floquet_multipliers(
     parameters: Mapping[str, ArrayLike] | None = None,
     rtol: float = 1e-10,
 ) -> FloquetResult:
-    """Return the multipliers of an equilibrium, the same state at all parameter values.
+    """Compute the Floquet multipliers of an equilibrium that is the same state at all parameter values.
 
     The linearised system is integrated over one period, one SIMD lane for each direction and parameter point, to a
     tolerance.  Its coefficients are exact derivatives of the right-hand side.
@@ -91,7 +91,7 @@ def floquet_multipliers(
     Parameters
     ----------
     system : ForcedSystem
-        System without switches, whose right-hand side can be traced and differentiated.
+        System without switching functions, whose right-hand side can be traced and differentiated.
     equilibrium : array_like, shape (dimension,)
         State at which the right-hand side vanishes at all times, in units of the coordinates.
     parameters : mapping of str to array_like, optional
@@ -108,9 +108,10 @@ def floquet_multipliers(
     Raises
     ------
     TypeError
-        For switches, or a right-hand side whose derivatives are not known.
+        For a discontinuous (Filippov) right-hand side, or one whose derivatives are not known.
     ValueError
-        For a state that is no equilibrium at some parameter point, an unknown parameter, or values that are not finite.
+        For a state that is not an equilibrium at some parameter point, an unknown parameter, or values that are not
+        finite.
     MemoryError
         If the result needs more memory than is free.
 

@@ -1,4 +1,4 @@
-"""The equations of a periodic orbit, in state variables and parameters."""
+"""Equations of a periodic orbit, in state variables and parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's
 
 @dataclass(frozen=True, eq=False)
 class OrbitProblem:
-    """The equations P^period(x; q) = x, up to turns of angles, for unknowns (x, q) in units of `scale`."""
+    """The equations P^period(x; q) = x, up to full rotations of angles, for unknowns (x, q) in units of `scale`."""
 
     point_map: PointMap
     swept: PointMap
@@ -36,12 +36,12 @@ class OrbitProblem:
 
     @property
     def around(self) -> NDArray[np.float64]:
-        """Turns of the state variables, 0 for those on the line."""
+        """Periods of the state variables that are angles, 0 for the others."""
         return turns_of(self.point_map.coordinates)[1]
 
     @property
     def circles(self) -> NDArray[np.float64]:
-        """Turns of the unknowns in their units, 0 for those on the line."""
+        """Periods of the unknowns in their units, 0 for those that are not angles."""
         return np.append(self.around, np.zeros(len(self.scale) - self.dimension)) / self.scale
 
     @property
@@ -68,7 +68,7 @@ class OrbitProblem:
         return residual, slopes
 
     def matrix(self, place: Place) -> NDArray[np.float64]:
-        """Return the derivative of one round by the state, in units of `scale`."""
+        """Return the monodromy matrix, in units of `scale`."""
         return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
 
     def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:

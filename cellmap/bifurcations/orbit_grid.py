@@ -1,4 +1,4 @@
-"""Periodic orbits followed over two parameters at once, in lanes."""
+"""Periodic orbits continued over a grid of two parameters, in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FollowedOrbit:
         return self._grid.states
 
     def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
-        """Return the derivatives of one round at parameter points (n, 2), from the orbit at the nearest point."""
+        """Return the monodromy matrices at parameter points (n, 2), from the orbit at the nearest point."""
         columns, rows = (
             np.searchsorted(0.5 * (axis[1:] + axis[:-1]), values)
             for values, axis in ((points[:, 0], self.x), (points[:, 1], self.y))
@@ -68,7 +68,7 @@ class FollowedOrbit:
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """States (n, d) of orbits, derivatives of one round (n, d, d) and of the states by the parameters (n, d, m).
+    """States (n, d) of orbits, monodromy matrices (n, d, d) and derivatives of the states by the parameters (n, d, m).
 
     NaN where there is no orbit.
     """
@@ -166,7 +166,8 @@ def _walk(
 ) -> _Solved:
     """Return the orbits at parameters `after` (n, m) to which those at `before` lead, in steps that are short enough.
 
-    A step, as a share of the way, is halved where the orbit is not where its derivatives by the parameters foresaw it.
+    A step, as a fraction of the way, is halved where the orbit is not where its derivatives by the parameters foresaw
+    it.
     """
     here = begin[np.arange(len(before))]
     share, step = np.zeros(len(before)), np.full(len(before), longest)

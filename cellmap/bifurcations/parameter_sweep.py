@@ -1,4 +1,4 @@
-"""Orbits at many values of a parameter, each begun at its start or where its neighbour has ended."""
+"""Orbits at many parameter values, from given initial conditions or the final state at the neighbouring value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SLICE = CHUNK // 16
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Orbits at values of a parameter: points and whole turns (branches, n, periods, d), the rest (branches, n)."""
+    """Orbits at values of a parameter: points and full rotations (branches, n, periods, d), the rest (branches, n)."""
 
     points: NDArray[np.float64]
     turns: NDArray[np.int64]
@@ -62,7 +62,7 @@ def record_each(
     recorded: Recorded,
     label: str | None,
 ) -> None:
-    """Run every start at every value."""
+    """Run every initial condition at every parameter value."""
     rows, columns = (index.ravel() for index in np.indices((len(starts), axis.size)))
     states = np.column_stack([starts[rows], axis[columns]])
 

@@ -1,4 +1,4 @@
-"""Where equilibria gain and lose stability: critical parameter values and maps over two parameters."""
+"""Stability of equilibria and periodic orbits: critical parameter values and stability maps of two parameters."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _TOLERANCE = 1e-13  # of the monodromy matrices
 
 @dataclass(frozen=True)
 class CriticalValue:
-    """A parameter value at which the number of unstable multipliers changes.
+    """Parameter value at which the number of unstable multipliers changes.
 
     Parameters
     ----------
     value : float
-        The parameter, in its unit.
+        Critical value of the parameter, in its unit.
     crossing : Crossing
-        How multipliers cross the unit circle there.
+        Way in which multipliers cross the unit circle.
     below, above : int
         Number of multipliers outside the unit circle just below and just above.
     """
@@ -53,14 +53,14 @@ class CriticalValue:
 
 @dataclass(frozen=True, eq=False)
 class Boundary:
-    """Points of boundaries of stability over two parameters; all arrays of shape (n,).
+    """Points of stability boundaries in the plane of two parameters; all arrays have shape (n,).
 
     Parameters
     ----------
     x, y : ndarray
         Parameters, in their units.
     crossing : ndarray of int
-        A :class:`Crossing` for each point.
+        A :class:`Crossing` of each point.
     below, above : ndarray of int
         Number of unstable multipliers just below and above, in the direction of the refined parameter.
     """
@@ -81,7 +81,7 @@ class Boundary:
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Stability of an equilibrium, or of a periodic orbit, over two parameters.
+    """Stability map of an equilibrium or a periodic orbit over two parameters.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ class StabilityMap:
     unstable : ndarray of int, shape (ny, nx)
         Number of multipliers outside the unit circle by more than 1e-8; -1 where they are not known.
     status : ndarray of uint8, shape (ny, nx)
-        A :class:`Status` for each point.
+        A :class:`Status` of each point.
     rows, columns : Boundary
-        Boundaries of stability, refined in x at every value of y, and in y at every value of x.
+        Stability boundaries, refined in x at every value of y, and in y at every value of x.
     """
 
     names: tuple[str, str]
@@ -110,7 +110,7 @@ class StabilityMap:
 
     @property
     def curves(self) -> tuple[BoundaryCurve, ...]:
-        """Boundaries of stability as curves: the points of `rows` and `columns`, linked through the cells."""
+        """Stability boundaries as curves: the points of `rows` and `columns`, connected through the cells."""
         sides = ((b.x, b.y, b.crossing) for b in (self.rows, self.columns))
         return linked(self.x, self.y, *sides)
 
@@ -129,12 +129,12 @@ def critical_values(
     points: int = 512,
     every: bool = False,
 ) -> tuple[CriticalValue, ...]:
-    """Return the values of a parameter at which an equilibrium gains or loses stability, in increasing order.
+    """Compute the parameter values at which an equilibrium gains or loses stability, in increasing order.
 
     Test functions det(M - I), det(M + I) and, from three state variables on, the product of all mu_i mu_j - 1 are
-    scanned, extrema near zero are looked into for pairs of zeros, and zeros refined by inverse quadratic interpolation
-    to rounding.  Those that change the number of unstable multipliers are kept.  Windows narrower than a step of the
-    scan may be missed where the test function gives no sign of them.
+    scanned, extrema near zero are searched for pairs of zeros, and zeros are refined by inverse quadratic interpolation
+    to rounding error.  Those that change the number of unstable multipliers are kept.  Intervals of stability narrower
+    than a step of the scan can be missed if the test functions show no extremum there.
 
     Parameters
     ----------
@@ -145,21 +145,22 @@ def critical_values(
     name : str
         Name of the parameter.
     lower, upper : float
-        Interval of its values, in its unit.
+        Interval of parameter values, in its unit.
     points : int, optional
-        Values at which it is scanned, at least 3.
+        Parameter values of the scan, at least 3.
     every : bool, optional
-        Keep as well the values at which one unstable state becomes another.
+        Also keep values at which the number of unstable multipliers changes without a change of stability.
 
     Returns
     -------
     tuple of CriticalValue
-        Relative error about 1e-12, where multipliers cross the circle at a rate of order 1.
+        The critical values, with a relative error of about 1e-12 where multipliers cross the circle at a rate of order
+        1.
 
     Raises
     ------
     TypeError, ValueError
-        As :func:`floquet_multipliers`; and for an empty interval.
+        As :func:`floquet_multipliers`; also for an empty interval.
 
     References
     ----------
@@ -199,19 +200,20 @@ def stability_map(
     y: tuple[str, ArrayLike],
     progress: bool = False,
 ) -> StabilityMap:
-    """Return the stability of an equilibrium or of a periodic orbit over two parameters, with its boundaries as curves.
+    """Compute the stability of an equilibrium or a periodic orbit over two parameters, with its boundaries.
 
-    Boundaries are refined between neighbouring points of every row and column as :func:`critical_values` does it,
-    to a relative error of 1e-12 where multipliers cross the unit circle at a rate of order 1.
+    Boundaries are refined between neighbouring points of every row and column as in :func:`critical_values`, to a
+    relative error of 1e-12 where multipliers cross the unit circle at a rate of order 1.
 
-    A periodic orbit moves with the parameters: it is followed from its own ones to all points of the grid, those of a
-    wave together in lanes.  The map ends where the orbit does, in folds; :func:`continue_bifurcation` traces these.
+    A periodic orbit depends on the parameters: it is continued from the parameters of the map to all points of the
+    grid, which are treated in SIMD lanes.  The stability map ends where the orbit ceases to exist, at folds;
+    :func:`continue_bifurcation` continues these.
 
     Parameters
     ----------
     system : ForcedSystem or PointMap
-        For an equilibrium, a system without switches whose right-hand side can be traced and differentiated; for a
-        periodic orbit its map, whose tolerance is that of the boundaries.
+        For an equilibrium, a system without switching functions whose right-hand side can be traced and differentiated;
+        for a periodic orbit, its map, whose tolerance determines the accuracy of the boundaries.
     equilibrium : array_like, shape (dimension,), or PeriodicOrbit or Attractor
         State at which the right-hand side vanishes at all times, for all values of the parameters; or a periodic orbit
         at the parameters of the map.
@@ -228,7 +230,7 @@ def stability_map(
     Raises
     ------
     TypeError, ValueError
-        As :func:`floquet_multipliers`; and for values that do not increase.
+        As :func:`floquet_multipliers`; also for values that do not increase.
     MemoryError
         If the map needs more memory than is free.
 

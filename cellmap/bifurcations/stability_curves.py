@@ -1,4 +1,4 @@
-"""Boundaries of stability as curves: points on the lines of a grid, linked through its cells."""
+"""Stability boundaries as curves: points on the lines of a grid, connected through its cells."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .crossings import Crossing
 
 @dataclass(frozen=True, eq=False)
 class BoundaryCurve:
-    """A piece of a boundary of stability over two parameters.
+    """Piece of a stability boundary in the plane of two parameters.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
-        Its points in order, in the units of the parameters; a closed curve ends with its first point.
+        Points in order, in the units of the parameters; a closed curve ends with its first point.
     crossing : Crossing
-        How multipliers cross the unit circle on it.
+        Way in which multipliers cross the unit circle.
     """
 
     x: NDArray[np.float64]

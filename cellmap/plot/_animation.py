@@ -58,22 +58,22 @@ def animate(
     every: int = 1,
     frames_per_second: float = 30.0,
 ) -> FuncAnimation | None:
-    """Show a motion as rods and bobs, with a fading trace of the last tip.
+    """Animate a motion as rods and bobs, with a fading trace of the last tip.
 
     Parameters
     ----------
     trajectory : Trajectory
-        One start or many, which are laid over each other in different colours.
+        One orbit or many, which are superposed in different colours.
     path : path-like, optional
         File to write: a GIF or, where ffmpeg is installed, an MP4, by the suffix.  It is written whole or not at all.
     output : str, optional
-        Output of the system that gives the places of pivot and tips in turn, ``(x0, y0, x1, y1, ...)`` in m.
+        Output of the system with the positions of pivot and tips, ``(x0, y0, x1, y1, ...)`` in m.
     trace : int, optional
-        Samples that the trace goes back; by default those of one period.
+        Length of the trace in samples; by default one period.
     every : int, optional
-        Show every so many samples as a frame.
+        Number of samples from one frame to the next.
     frames_per_second : float, optional
-        Speed of the film.
+        Frame rate of the animation.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def animate(
 
 
 def _joints(trajectory: Trajectory, output: str) -> NDArray[np.float64]:
-    """Places of pivot and tips, shape (n, starts, joints, 2)."""
+    """Return the positions of pivot and tips, shape (n, orbits, joints, 2)."""
     system = trajectory.system
     if not isinstance(output, str) or output not in system.outputs:
         raise ValueError(

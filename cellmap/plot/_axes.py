@@ -1,4 +1,4 @@
-"""Axes of coordinates: names, units, multiples of pi, and curves that go round a circle."""
+"""Axes of coordinates: names, units, multiples of pi, and curves on a circle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axe
 
 
 def picture_axes(basins: Basins) -> tuple[int, int, tuple[float, float, float, float]]:
-    """Return which coordinates of basins run across and up, and the edges of the picture (left, right, bottom, top)."""
+    """Return the horizontal and the vertical coordinate of basins, and the extent (left, right, bottom, top)."""
     grid = basins.grid
     wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
     if grid is None or len(wide) != 2:
@@ -71,7 +71,7 @@ def multiple_of_pi(x: float) -> str:
 
 
 def cut_at_seams(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return an unwrapped curve with its angles in their turns, cut where one of them crosses its seam.
+    """Return an unwrapped curve with its angles within their period, interrupted at their branch cuts.
 
     Parameters
     ----------

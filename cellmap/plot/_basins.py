@@ -1,4 +1,4 @@
-"""Pictures of basins, with matplotlib."""
+"""Figures of basins, with matplotlib."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def basins(
     basins : Basins
         Basins on a grid with two axes of more than one cell; further axes of one cell make it a slice.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     colours : mapping of int to colour, optional
-        Colours of some labels, in the place of the default ones.
+        Colours of some labels; others keep the default ones.
     shade : bool, optional
-        Paint starts that settle late lighter.
+        Draw initial conditions with long settling times in lighter colours.
     points : bool, optional
         Mark the attractors' points.
     legend : bool, optional
-        Name each attractor and its share.
+        Name each attractor with the fraction of its basin.
 
     Returns
     -------
     matplotlib Axes
-        The picture; angles are in multiples of pi.
+        The axes; angles are in multiples of pi.
 
     Raises
     ------

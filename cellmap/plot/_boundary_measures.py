@@ -1,4 +1,4 @@
-"""Pictures of what is measured on basin boundaries, with matplotlib."""
+"""Figures of measures of basin boundaries, with matplotlib."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from ._fits import fit as draw_fit
 
 @checked
 def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None) -> Axes:
-    """Draw the share of uncertain pairs against their distance, with the fit and the distance that accuracy allows.
+    """Draw the fraction of uncertain pairs against their distance, with the fit and the smallest usable distance.
 
     Parameters
     ----------
     result : UncertaintyExponent
-        What is drawn.
+        Result to draw.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture; without a fit, shares with their 95 % intervals.
+        The axes; without a fit, fractions with their 95 % intervals.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
     >>> from cellmap.analysis.fractal import image_uncertainty_exponent
     >>> halves = np.add.outer(np.arange(90), np.arange(90)) > 80
     >>> plot.uncertainty_exponent(image_uncertainty_exponent(halves)).get_ylabel()
-    'share of uncertain pairs'
+    'fraction of uncertain pairs'
     """
     ax = axes_or_new(ax, (6.0, 4.5))
     if result.fit is not None:
@@ -62,19 +62,19 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
 
 @checked
 def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None) -> Axes:
-    """Draw how often boxes or discs on a boundary have which entropy, with the mean and what it is compared with.
+    """Draw a histogram of the entropies of boxes or discs on a boundary, with the mean and its reference value.
 
     Parameters
     ----------
     result : BasinEntropy or FractalTest
-        What is drawn.
+        Result to draw.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Examples
     --------
@@ -113,19 +113,19 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
 
 @checked
 def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
-    """Draw which share of a boundary has how many basins around it: of the grid method for each step.
+    """Draw the fraction of a boundary by the number of basins around it; for the grid method, at each step.
 
     Parameters
     ----------
     result : WadaGrid or MergingTest
-        What is drawn.
+        Result to draw.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pictures of what bounds a basin, with matplotlib."""
+"""Figures of edge states, manifolds and chaotic saddles, with matplotlib."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ def edge_orbit(
     Parameters
     ----------
     edge : EdgeOrbit
-        What :func:`edge_orbit` returns.
+        Result of :func:`edge_orbit`.
     basins : Basins, optional
-        Basins to draw below, on a grid of two axes.
+        Basins to draw underneath, on a grid of two axes.
     coordinates : tuple of int or str, optional
-        What is drawn against what.
+        Coordinates on the horizontal and the vertical axis.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The midpoints, later ones darker; a square marks the edge state.  An orbit of one coordinate is drawn against
-        the step.
+        The axes with the midpoints, later ones darker; a square marks the edge state.  An orbit of one coordinate is
+        drawn against the step.
 
     Examples
     --------
@@ -95,18 +95,18 @@ def manifolds(
     Parameters
     ----------
     manifolds : Manifold or sequence of Manifold
-        What :func:`saddle_manifold` returns.
+        Result of :func:`saddle_manifold`.
     basins : Basins, optional
-        Basins to draw below.
+        Basins to draw underneath.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     width : float, optional
-        Of the lines, in typographic points.
+        Width of the lines, in typographic points.
 
     Returns
     -------
     matplotlib Axes
-        Stable manifolds in black, unstable ones in vermilion.
+        The axes, with stable manifolds in black and unstable ones in vermilion.
 
     Examples
     --------
@@ -144,19 +144,19 @@ def manifolds(
 
 @checked
 def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> Axes:
-    """Draw which share of a boundary is within a distance of curves.
+    """Draw the fraction of a boundary that is within a distance of curves, against the distance.
 
     Parameters
     ----------
     distance : BoundaryDistance
-        What :func:`boundary_distance` returns.
+        Result of :func:`boundary_distance`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The distribution, with the distance that counts as following.
+        The axes with the cumulative distribution and the distance `within`.
 
     Examples
     --------
@@ -184,25 +184,25 @@ def chaotic_saddle(
     saddle: ChaoticSaddle, *, coordinates: tuple[int | str, int | str] = (0, 1), basins: Basins | None = None,
     ax: Axes | None = None, size: float = 1.0,
 ) -> Axes:  # fmt: skip
-    """Draw the points of a chaotic saddle; of a map of one coordinate each against its successor.
+    """Draw the points of a chaotic saddle; for a map of one coordinate, each point against its successor.
 
     Parameters
     ----------
     saddle : ChaoticSaddle
-        What :func:`chaotic_saddle` returns.
+        Result of :func:`chaotic_saddle`.
     coordinates : tuple of int or str, optional
-        What is drawn against what.
+        Coordinates on the horizontal and the vertical axis.
     basins : Basins, optional
-        Basins to draw below.
+        Basins to draw underneath.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     size : float, optional
         Size of a point, in typographic points.
 
     Returns
     -------
     matplotlib Axes
-        The points.
+        The axes with the points.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pictures of branches of periodic orbits, with matplotlib."""
+"""Figures of branches of periodic orbits, with matplotlib."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MARKERS = {
     BifurcationKind.TRANSCRITICAL: "X",
     BifurcationKind.NEIMARK_SACKER: "^",
 }
-"""One marker for each kind of bifurcation."""
+"""Marker of each kind of bifurcation."""
 
 _STABLE, _UNSTABLE = "-", "--"
 _REACH = 0.06  # within which a branch begins beside the bifurcation that it leaves, scaled
@@ -41,19 +41,20 @@ def branches(
     colour: Any = None,
     legend: bool = True,
 ) -> Axes:
-    """Draw branches of periodic orbits over their parameter, with their bifurcations.
+    """Draw branches of periodic orbits against their parameter, with bifurcations.
 
     Parameters
     ----------
     branches : Branch or sequence of Branch
-        One or several branches over one parameter, such as :func:`continue_orbit` and :func:`switch_branch` return
-        them, or the branches of a :class:`Cascade`.
+        One or several branches over one parameter, such as the results of :func:`continue_orbit` and
+        :func:`switch_branch`, or the branches of a :class:`Cascade`.
     coordinate : int or str, optional
         Number or name of the coordinate that is drawn.
     ax : matplotlib Axes, optional
         Where to draw; by default in a new figure.
     every_point : bool, optional
-        Draw all points of each orbit, for which the map is iterated; or else only the first one, which a branch holds.
+        Draw all points of each orbit, for which the map is iterated; otherwise only the first one, which a branch
+        stores.
     colour : colour, optional
         Colour of all branches; by default each has its own.
     legend : bool, optional
@@ -62,9 +63,9 @@ def branches(
     Returns
     -------
     matplotlib Axes
-        Stable parts are solid, unstable ones dashed; they end at the bifurcations between them, and begin at the one
-        that they leave if that is on another of the branches.  An angle is drawn on its circle, and a curve that
-        crosses the seam is cut there.
+        The axes.  Stable parts are solid, unstable ones dashed; they end at the bifurcations between them, and begin at
+        the one from which they bifurcate if that is on another of the branches.  An angle is drawn within one period,
+        and curves are interrupted at the branch cut.
 
     Raises
     ------

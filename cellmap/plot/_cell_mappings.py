@@ -1,4 +1,4 @@
-"""Pictures of cell mappings: groups and steps, chances of absorption, invariant measures, with matplotlib."""
+"""Figures of cell mappings: groups and steps, absorption probabilities, invariant measures, with matplotlib."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
     Parameters
     ----------
     mapping : CellMapping
-        What :func:`simple_cell_mapping` returns, on a grid with two axes of more than one cell.
+        Result of :func:`simple_cell_mapping`, on a grid with two axes of more than one cell.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     steps : bool, optional
-        Draw the number of steps to a group, in steps of the map, in the place of the groups.
+        Draw the number of steps to a group, in steps of the map, instead of the groups.
 
     Returns
     -------
     matplotlib Axes
-        One colour for each group, paler for cells that take long, with periodic cells in black; cells that end outside
-        are grey.
+        The axes.  Each group has its colour, paler for cells with many steps to it; periodic cells are black, and cells
+        that escape are grey.
 
     Raises
     ------
@@ -76,22 +76,22 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
 
 @checked
 def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None = None) -> Axes:
-    """Draw with which probability cells end in a class, or in how many classes they may end.
+    """Draw the absorption probability of cells in a class, or the number of classes that can be reached.
 
     Parameters
     ----------
     chain : CellChain
-        What :func:`generalized_cell_mapping` returns, on a grid with one axis or two of more than one cell.
+        Result of :func:`generalized_cell_mapping`, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     number : int, optional
-        Number of a closed class, -1 for the outside or -2 for divergence; by default the number of classes that are
-        possible is drawn, which is more than 1 along the boundaries of basins.
+        Number of a closed class, -1 for the outside or -2 for divergence; by default the number of classes that can be
+        reached is drawn, which is more than 1 along basin boundaries.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Raises
     ------
@@ -129,16 +129,16 @@ def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int =
     Parameters
     ----------
     chain : CellChain
-        What :func:`generalized_cell_mapping` returns, on a grid with one axis or two of more than one cell.
+        Result of :func:`generalized_cell_mapping`, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     number : int, optional
         Number of the closed class.
 
     Returns
     -------
     matplotlib Axes
-        The picture; over two axes its scale is logarithmic, and cells outside the class are white.
+        The axes; over two axes its scale is logarithmic, and cells outside the class are white.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures of the evidence for labels, with matplotlib."""
+"""Figures of the evidence for labels, with matplotlib."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _NAMES = {
 
 @checked
 def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
-    """Draw why each label of a picture stands.
+    """Draw the evidence for each label of a basin image.
 
     Parameters
     ----------
     certificate : Certificate
-        Of basins on a grid with two axes of more than one cell.
+        Certificate of basins on a grid with two axes of more than one cell.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Colours of attractors, labels and starts."""
+"""Colours of attractors, labels and initial conditions."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ COLOURS = (
     *("#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF"),
     *("#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485"),
 )
-"""The seven colours of Okabe and Ito (2008), then others that lie each as far as possible from those before it and from
+"""The seven colours of Okabe and Ito (2008), then others that are each as far as possible from those before it and from
 white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
 after Machado, Oliveira, Fernandes 2009)."""
 
 CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.24"}
-"""Colours of the labels that are not attractors: left the window, diverged, undecided, did not return."""
+"""Colours of the labels that are not attractors: escaped, diverged, undecided, not returned."""
 
 
 def colour_of(number: int) -> Colour:
-    """Return the colour of an attractor or a start: one of COLOURS, paler in each further round through them."""
+    """Return the colour of an attractor or an orbit: one of COLOURS, paler in each further pass through them."""
     rounds, place = divmod(number, len(COLOURS))
     colour = 1.0 - (1.0 - np.array(to_rgb(COLOURS[place]))) * 0.55**rounds
     return to_rgb(tuple(colour))

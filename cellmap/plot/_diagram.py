@@ -1,4 +1,4 @@
-"""Pictures of bifurcation diagrams, with matplotlib."""
+"""Figures of bifurcation diagrams, with matplotlib."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def bifurcation_diagram(
     Parameters
     ----------
     diagram : BifurcationDiagram
-        What :func:`bifurcation_diagram` returns.
+        Result of :func:`bifurcation_diagram`.
     coordinate : int or str, optional
         Number or name of the coordinate that is drawn.
     ax : matplotlib Axes, optional
@@ -33,8 +33,8 @@ def bifurcation_diagram(
     Returns
     -------
     tuple of matplotlib Axes
-        The points' axes and, in a figure of its own, those of the exponents: per step of the map, in a band of one
-        standard error.  Each branch has its colour; points of later ones lie under those of earlier ones.
+        The axes of the points and, in a new figure, those of the largest Lyapunov exponents per step of the map, with a
+        band of one standard error.  Each branch has its colour; points of later ones lie under those of earlier ones.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _draw_exponents(ax: Axes, diagram: BifurcationDiagram) -> None:
 
 
 def _branch_names(diagram: BifurcationDiagram) -> list[str]:
-    """Name branches by their directions, and by their starts where there are several."""
+    """Name branches by their directions, and by their initial conditions if there are several."""
     rounds = len(diagram.directions) // len(set(diagram.directions))
     names = []
     for branch, way in enumerate(diagram.directions):

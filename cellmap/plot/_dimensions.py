@@ -1,4 +1,4 @@
-"""Pictures of dimensions that are not the slope of one line, with matplotlib."""
+"""Figures of generalized and Kaplan-Yorke dimensions, with matplotlib."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ._colours import COLOURS
 
 @checked
 def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = None) -> Axes:
-    """Draw D_q against q; :func:`fit` draws the line of one order, ``result[q]``.
+    """Draw D_q against q.  :func:`fit` draws the fit of one order, ``result[q]``.
 
     Parameters
     ----------
     result : GeneralizedDimensions
-        What :func:`generalized_dimensions` returns.
+        Result of :func:`generalized_dimensions`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture; bars are one standard error.
+        The axes; bars are one standard error.
 
     Raises
     ------
     TypeError
-        For something else.
+        For another type of result.
     """
     ax = axes_or_new(ax, (6.0, 4.0))
     ax.errorbar(
@@ -43,24 +43,24 @@ def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = N
 
 @checked
 def kaplan_yorke(result: KaplanYorke, *, ax: Axes | None = None) -> Axes:
-    """Draw the sums of the largest exponents against their number; the dimension is where the line passes zero.
+    """Draw sums of the largest Lyapunov exponents against their number; the zero of the line is the dimension.
 
     Parameters
     ----------
     result : KaplanYorke
-        What :func:`kaplan_yorke_dimension` returns.
+        Result of :func:`kaplan_yorke_dimension`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture; bars are one standard error of a sum.
+        The axes; bars are one standard error of a sum.
 
     Raises
     ------
     TypeError
-        For something else.
+        For another type of result.
     """
     ax = axes_or_new(ax, (6.0, 4.0))
     sums = np.concatenate([[0.0], np.cumsum(result.exponents)])

@@ -1,4 +1,4 @@
-"""Pictures of Lyapunov exponents: their convergence, their fields, and tests for chaos, with matplotlib."""
+"""Figures of Lyapunov exponents: their convergence, their fields, and tests for chaos, with matplotlib."""
 
 from __future__ import annotations
 
@@ -35,20 +35,21 @@ def exponent_field(
     Parameters
     ----------
     field : ExponentField
-        What :func:`finite_time_exponents` returns, on a grid with one axis or two of more than one cell.
+        Result of :func:`finite_time_exponents`, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     backward : bool, optional
-        Draw the exponents of the way back, at the images of the starts, in the place of the forward ones.
+        Draw the exponents of the backward iteration, at the images of the initial conditions, instead of the forward
+        ones.
     per_time : bool, optional
-        Per unit of time in the place of per step.
+        Give exponents per unit of time instead of per step.
     colours : str, optional
         Name of a colour map.
 
     Returns
     -------
     matplotlib Axes
-        The picture; starts whose orbit ended stay white.  Over one axis it is a curve.
+        The axes; initial conditions whose orbit terminated are white.  Over one axis it is a curve.
 
     Raises
     ------
@@ -106,21 +107,21 @@ def exponent_field(
 
 @checked
 def lyapunov_spectrum(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, per_time: bool = False) -> Axes:
-    """Draw how Lyapunov exponents converge: their values after ever more periods, for at most 64 orbits.
+    """Draw the convergence of Lyapunov exponents with the number of periods, for at most 64 orbits.
 
     Parameters
     ----------
     spectrum : LyapunovSpectrum
-        What :func:`lyapunov_spectrum` returns.
+        Result of :func:`lyapunov_spectrum`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     per_time : bool, optional
-        Per unit of time in the place of per step.
+        Give exponents per unit of time instead of per step.
 
     Returns
     -------
     matplotlib Axes
-        A curve for each orbit and exponent, and at the end of each its value with two standard errors.
+        The axes with a curve for each orbit and exponent, and its final value with two standard errors.
 
     Raises
     ------
@@ -157,26 +158,26 @@ def lyapunov_spectrum(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, per
 
 @checked
 def covariant_vectors(result: CovariantVectors, *, ax: Axes | None = None, first: int | None = None) -> Axes:
-    """Draw how often which angle lies between the directions that expand and those that contract.
+    """Draw a histogram of the angles between expanding and contracting directions.
 
     Parameters
     ----------
     result : CovariantVectors
-        What :func:`covariant_vectors` returns.
+        Result of :func:`covariant_vectors`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     first : int, optional
-        How many directions come first, see :meth:`CovariantVectors.angles`.
+        Number of leading directions, see :meth:`CovariantVectors.angles`.
 
     Returns
     -------
     matplotlib Axes
-        A histogram; where tangencies are, it begins at 0.
+        The axes; with tangencies, the histogram begins at 0.
 
     Raises
     ------
     TypeError, ValueError
-        For something else, or without directions on either side.
+        For another type of result, or without directions on either side.
 
     Examples
     --------
@@ -199,20 +200,20 @@ def covariant_vectors(result: CovariantVectors, *, ax: Axes | None = None, first
 
 @checked
 def chaos_test(test: ChaosTest, *, ax: Axes | None = None) -> Axes:
-    """Draw what a test for chaos has found, for at most 64 orbits.
+    """Draw the result of a test for chaos, for at most 64 orbits.
 
     Parameters
     ----------
     test : ChaosTest
         What :func:`exponent_test` or :func:`zero_one_test` returns.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        Exponents after ever more periods, or the K of all frequencies in order, in the colour of the verdict; the
-        limits between which there is none are dashed.
+        The axes with exponents against the number of periods, or the K of all frequencies in increasing order, in the
+        colour of the verdict; the limits between which there is none are dashed.
 
     Raises
     ------

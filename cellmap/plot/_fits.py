@@ -1,4 +1,4 @@
-"""Pictures of fitted lines, with matplotlib."""
+"""Figures of fitted lines, with matplotlib."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ._colours import COLOURS, one_colour
 def fit(
     result: Any, *, ax: Axes | None = None, colour: Any = None, label: str | None = None, shade: bool = True
 ) -> Axes:
-    """Draw the points of a fit, its window, and its line with the slope.
+    """Draw the points of a fit, its window, and the line with its slope.
 
     Parameters
     ----------
     result : Fit, or anything that carries one as `fit`
-        What is drawn.  A quantity whose name begins with "ln " is drawn as itself on a logarithmic axis.
+        Result to draw.  A quantity whose name begins with "ln " is drawn as itself on a logarithmic axis.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     colour : colour, optional
-        Of points and line.
+        Colour of points and line.
     label : str, optional
         Name in the legend, before the slope.
     shade : bool, optional
@@ -37,7 +37,7 @@ def fit(
     Returns
     -------
     matplotlib Axes
-        The picture: points in the window are filled, the others open; bars are one standard error.
+        The axes: points in the window are filled, the others open; bars are one standard error.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures of attractors and basins against a parameter, with matplotlib."""
+"""Figures of attractors and basins against a parameter, with matplotlib."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ def basin_continuation(
     colours: Mapping[int, Any] | None = None,
     legend: bool = True,
 ) -> tuple[Axes, ...]:
-    """Draw the fractions of basins against a parameter, stacked, and below them the attractors.
+    """Draw the stacked fractions of basins against a parameter, and the attractors below.
 
     Parameters
     ----------
     continuation : BasinContinuation
-        What :func:`continue_basins` returns.
+        Result of :func:`continue_basins`.
     coordinate : int or str, optional
         Number or name of the coordinate of the attractors that is drawn.
     ax : matplotlib Axes, optional
         Where to draw the fractions, without attractors; by default a new figure with both.
     colours : mapping of int to colour, optional
-        Colours of some labels, in the place of the default ones, which are those of :func:`basins`.
+        Colours of some labels, instead of the default ones, which are those of :func:`basins`.
     legend : bool, optional
         Name each label.
 
     Returns
     -------
     tuple of matplotlib Axes
-        The axes of the fractions and, in a figure of its own, those of the attractors.
+        The axes of the fractions and, in a new figure, those of the attractors.
 
     Raises
     ------

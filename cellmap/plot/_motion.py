@@ -1,4 +1,4 @@
-"""Pictures of motions: time series and phase portraits, angles on their circles."""
+"""Figures of motions: time series and phase portraits, with periodic angles."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def time_series(
     Parameters
     ----------
     trajectory : Trajectory
-        One start or many; each has its colour.
+        One orbit or many; each has its colour.
     names : str or sequence of str, optional
         Coordinates and outputs of the system, a panel for each component; by default all coordinates.
     axes : sequence of matplotlib Axes, optional
-        Where to draw, one for each panel; by default a new figure.
+        Axes to draw on, one for each panel; by default those of a new figure.
     labels : sequence of str, optional
-        Names of the starts, for a legend.
+        Names of the orbits, for a legend.
     strobe : bool, optional
         Mark the points of the stroboscopic map.
 
     Returns
     -------
     tuple of matplotlib Axes
-        The panels.  Angles are in their turn, with a gap where they cross the seam.
+        The panels.  Angles are drawn within one period, with a gap where they cross the branch cut.
 
     Raises
     ------
@@ -104,20 +104,21 @@ def phase_portrait(
     Parameters
     ----------
     trajectory : Trajectory
-        One start or many; each has its colour.
+        One orbit or many; each has its colour.
     x, y : int or str, optional
-        Numbers or names of the coordinates to the right and upwards.
+        Numbers or names of the coordinates on the horizontal and the vertical axis.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
     labels : sequence of str, optional
-        Names of the starts, for a legend.
+        Names of the orbits, for a legend.
     strobe : bool, optional
         Mark the points of the stroboscopic map.
 
     Returns
     -------
     matplotlib Axes
-        The picture.  An angle fills its axis once; a curve that crosses the seam goes on at the other side.
+        The axes.  The axis of an angle covers one period; a curve that crosses the branch cut continues at the other
+        side.
 
     Raises
     ------
@@ -163,12 +164,12 @@ def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
 
 
 def _flat(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put all starts on one axis, shape (n, starts, components)."""
+    """Put all orbits on one axis, shape (n, orbits, components)."""
     return values.reshape(len(values), -1, values.shape[-1])
 
 
 def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[tuple[Coordinate, NDArray[np.float64]]]:
-    """Look up components by name: what each is, and its values, shape (n, starts)."""
+    """Look up components by name: labels, and values of shape (n, orbits)."""
     system = trajectory.system
     known = [c.name for c in system.axes]
     wanted = known if names is None else (names,) if isinstance(names, str) else listed("names", names)
@@ -209,7 +210,7 @@ def _draw(
     labels: Sequence[str] | None,
     strobe: bool,
 ) -> None:
-    """Draw the curves of all starts, each with its stroboscopic points on top."""
+    """Draw the curves of all orbits, each with its stroboscopic points on top."""
     points: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4, "markeredgecolor": "black"}
     for k in range(values[0].shape[1]):
         curve = np.stack([v[:, k] for v in values], axis=-1)

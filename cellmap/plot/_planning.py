@@ -1,4 +1,4 @@
-"""Pictures of what accuracy costs, with matplotlib."""
+"""Figures of accuracy against cost, with matplotlib."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from ._axes import axes_or_new
 
 @checked
 def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw error against seconds for all that a plan has considered, and mark what it has chosen.
+    """Draw the predicted error against the predicted time of all options of a plan, and mark the chosen one.
 
     Parameters
     ----------
     plan : Plan
         From :func:`plan`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture: one line for each method and for each order of the tables, from fast and rough to slow and
-        accurate, hollow where memory does not suffice, with the wanted accuracy and the chosen way.
+        The axes: one line for each integration method and for each order of interpolation, from fast and inaccurate to
+        slow and accurate, with hollow markers where memory does not suffice, the requested accuracy and the chosen
+        option.
 
     Examples
     --------

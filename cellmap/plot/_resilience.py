@@ -1,4 +1,4 @@
-"""Pictures of what a basin withstands, with matplotlib."""
+"""Figures of resilience: basin stability, settling times, fatal shocks, tipping; with matplotlib."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from ._colours import CODE_COLOURS, colour_of
 
 @checked
 def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axes:
-    """Draw the shares of the basins with their intervals.
+    """Draw the fractions of the basins with their intervals.
 
     Parameters
     ----------
     stability : BasinStability
-        What :func:`basin_stability` returns.
+        Result of :func:`basin_stability`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        A bar for each attractor and each other label that occurred.
+        The axes with a bar for each attractor and each other label that occurred.
 
     Examples
     --------
@@ -62,19 +62,19 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
 
 @checked
 def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) -> Axes:
-    """Draw for each basin the share of its starts that have not settled yet, against the step.
+    """Draw for each basin the fraction of initial conditions that have not settled yet, against the step.
 
     Parameters
     ----------
     statistics : SettlingStatistics
-        What :func:`settling_statistics` returns.
+        Result of :func:`settling_statistics`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        A curve for each basin, on a logarithmic axis; starts that never settled are in none.
+        The axes with a curve for each basin, on a logarithmic axis; initial conditions that never settled are in none.
 
     Examples
     --------
@@ -104,21 +104,21 @@ def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) ->
 
 @checked
 def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) -> Axes:
-    """Draw a minimal fatal shock over its basins: the arrow, and the ball that it is the radius of.
+    """Draw a minimal fatal shock over the basins: an arrow, and the ball whose radius it is.
 
     Parameters
     ----------
     shock : FatalShock
-        What :func:`minimal_fatal_shock` returns.
+        Result of :func:`minimal_fatal_shock`.
     basins : Basins
         Basins on a grid of one axis or two.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Examples
     --------
@@ -159,12 +159,12 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
     basins : Basins
         Basins on a grid of one axis or two.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        The picture.
+        The axes.
 
     Examples
     --------
@@ -187,19 +187,19 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
 
 @checked
 def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
-    """Draw tipping probabilities as a table.
+    """Draw tipping probabilities as a matrix.
 
     Parameters
     ----------
     tipping : TippingProbabilities
-        What :func:`tipping_probabilities` returns.
+        Result of :func:`tipping_probabilities`.
     ax : matplotlib Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib Axes
-        Rows are the labels before the change, columns those after it; states in a frame stay with their attractor.
+        The axes.  Rows are labels before the change, columns those after it; framed entries are states that do not tip.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sets of boxes, Morse graphs and transfer operators."""
+"""Figures of sets of boxes, Morse graphs and transfer operators, with matplotlib."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ def boxes(
     Parameters
     ----------
     boxes : BoxSet
-        Boxes; of more than two dimensions their projections are drawn, in one dimension bars of the height of the
+        Boxes; in more than two dimensions their projections are drawn, in one dimension bars whose heights are the
         values.
     values : array_like, shape (n,), optional
         A number for each box, such as a density or a component of an eigenvector, shown as colour.
     coordinates : sequence of str or Coordinate, optional
         Names of the axes, such as ``point_map.coordinates``.
     components : tuple, optional
-        Coordinates across and upwards, by number or name.
+        Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Where to draw.
     **style
-        For the collection of polygons, such as ``facecolor`` or ``cmap``.
+        Style of the collection of polygons, such as ``facecolor`` or ``cmap``.
 
     Returns
     -------
@@ -83,21 +83,21 @@ def boxes(
 
 @checked
 def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None) -> Axes:
-    """Draw Morse sets, each in its colour, with an arrow from each to those that orbits lead to next.
+    """Draw Morse sets, each in its colour, with arrows along the edges of the Morse graph.
 
     Parameters
     ----------
     graph : MorseGraph
         Morse sets and their order.
     components : tuple, optional
-        Coordinates across and upwards, by number or name.
+        Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Where to draw.
 
     Returns
     -------
     matplotlib Axes
-        The axes; sets that attract are named as such in the legend.
+        The axes; attracting sets are marked as such in the legend.
     """
     ax = axes_or_new(ax)
     if not graph.sets:
@@ -132,7 +132,7 @@ def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None
     operator : TransferOperator
         The operator.
     number : int, optional
-        Eigenvalues.
+        Number of eigenvalues.
     ax : matplotlib Axes, optional
         Where to draw.
 
@@ -171,14 +171,14 @@ def eigenvector(
     saturation : float, optional
         Quantile of the modulus at which the colours end, above 0.
     components : tuple, optional
-        Coordinates across and upwards, by number or name.
+        Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Where to draw.
 
     Returns
     -------
     matplotlib Axes
-        The axes, with a bar of colours.
+        The axes, with a colour bar.
     """
     ax = axes_or_new(ax)
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)

@@ -1,4 +1,4 @@
-"""Pictures of maps of stability, with matplotlib."""
+"""Figures of stability maps, with matplotlib."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ._axes import axes_or_new
 from ._colours import COLOURS, chosen_colours
 
 CROSSING_COLOURS = dict(zip(Crossing, COLOURS, strict=False))
-"""One colour for each way in which multipliers cross the unit circle."""
+"""Colour of each way in which multipliers cross the unit circle."""
 
 CROSSING_NAMES = {
     Crossing.PLUS_ONE: "multiplier +1",
@@ -44,29 +44,29 @@ def stability_map(
     legend: bool = True,
     measured: ArrayLike | None = None,
 ) -> Axes:
-    """Draw where an equilibrium or a periodic orbit is stable, with the boundaries in between.
+    """Draw the stability map of an equilibrium or a periodic orbit, with the stability boundaries.
 
     Parameters
     ----------
     stability : StabilityMap
-        What :func:`stability_map` returns.
+        Result of :func:`stability_map`.
     ax : matplotlib Axes, optional
         Where to draw; by default in a new figure.
     colours : mapping of Crossing to colour, optional
-        Colours of some boundaries, in the place of the default ones.
+        Colours of some boundaries; others keep the default ones.
     background : bool, optional
-        Shade the classes; or else draw boundaries alone, to lay several maps over each other.
+        Shade the classes; otherwise only boundaries are drawn, so that several maps can be superposed.
     legend : bool, optional
         Name the classes and the boundaries that occur.
     measured : array_like, shape (n, 2) or (n, 3), optional
-        Measured points of a boundary, drawn over it as white dots: places along both axes, in the units of the map,
-        then standard errors of the second, if they are known.  The legend counts those outside of the map.
+        Measured points of a boundary, drawn over it as white dots: values along both axes, in the units of the map,
+        then standard errors of the second, if known.  The legend counts those outside the map.
 
     Returns
     -------
     matplotlib Axes
-        White where all multipliers are inside the unit circle, the greyer the more of them are outside, and hatched
-        where the orbit does not exist or its multipliers are not known.
+        The axes: white where all multipliers are inside the unit circle, darker grey the more of them are outside, and
+        hatched where the orbit does not exist or its multipliers are not known.
 
     Raises
     ------

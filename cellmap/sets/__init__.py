@@ -1,4 +1,4 @@
-"""Cell mapping (Hsu 1980, 1981) and set-oriented methods (Dellnitz, Junge): a map as a Markov chain on boxes."""
+"""Cell mapping (Hsu 1980, 1981) and set-oriented methods (Dellnitz, Junge): maps as Markov chains on boxes."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""Images of boxes, by the images of points in them."""
+"""Images of boxes under a map, from the images of sample points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..maps.point_map import PointMap
 from .box_set import BoxSet, Locator, finer
 
 Samples = int | Literal["adaptive"]
-"""How boxes are sampled: a number of points along each axis, or as many as their images ask for."""
+"""Sampling of boxes: a number of points along each axis, or adaptive."""
 
 _BATCH = 1024  # boxes in a slice of adaptive work
 _FEWEST = 3  # points along an axis of an adaptive lattice: the middle tells a fold that the ends cannot
@@ -42,7 +42,7 @@ class Hits:
 
 @checked
 def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> BoxSet:
-    """Return the boxes of the window that the image of a set meets.
+    """Return the boxes that the image of a set of boxes intersects.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
     point_map : PointMap
         The map.
     samples : int or "adaptive", optional
-        A number n: the image of a box is what the n**dimension middles of its equal parts hit; boxes that it meets
-        at an edge only may be missed.  "adaptive": the lattice of middles is refined until neighbours land closer
-        together than boxes are wide, and each covers what lies halfway to its neighbours.  That misses nothing but
-        what folds between points of the lattice, and takes in some boxes that are only near.
+        A number n: a box is sampled by the n**dimension centres of its equal parts; boxes that its image intersects
+        only at an edge may be missed.  "adaptive": the lattice of centres is refined until the images of neighbours are
+        closer than the width of a box, and each image covers half the distance to its neighbours.  This misses only
+        folds of the map between lattice points, and includes some boxes that are near the image.
     steps : int, optional
         Steps of the map.
 
@@ -86,7 +86,7 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
 
 @checked
 def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> csr_array:
-    """Return which boxes of a set the images of its boxes meet: the graph on which set-oriented methods work.
+    """Return the transition graph of a set of boxes, on which set-oriented methods are based.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adap
     Returns
     -------
     csr_array of int64, shape (n, n)
-        In row i and column j, how many points of box i have landed in box j; what leaves the set is left out.
+        Number of sample points of box i (row) that are mapped into box j (column); points that leave the set are not
+        counted.
 
     Examples
     --------

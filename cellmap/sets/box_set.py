@@ -1,4 +1,4 @@
-"""Sets of boxes: some cells of a grid that is too fine to be stored as a whole."""
+"""Sets of boxes: cells of a grid that is too fine to be stored as a whole."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
 
 MOST_CELLS = 2**62
-"""Cells of a grid that can be numbered."""
+"""Largest number of cells of a grid."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoxSet:
-    """Some of the cells of a grid, by their numbers.
+    """Set of cells of a grid, stored by their numbers.
 
     Only the boxes that belong to the set take memory.  They are half-open, as cells are: a box owns its lower edges,
-    not its upper ones; along an axis that wraps the last box has the first one for a neighbour.
+    not its upper ones; along a periodic axis the last box is a neighbour of the first.
 
     Parameters
     ----------
     grid : CellGrid
-        Window and fineness: the cells to choose from.
+        Window and resolution.
     keys : ndarray of int64, shape (n,)
         Flat numbers (row-major) of the cells that belong to the set; sorted and made unique.
 
     Raises
     ------
     ValueError
-        For numbers outside of the grid, or a grid of more than 2**62 cells.
+        For numbers outside the grid, or a grid of more than 2**62 cells.
 
     Examples
     --------
@@ -67,14 +67,14 @@ class BoxSet:
     @classmethod
     @checked
     def full(cls, grid: CellGrid) -> BoxSet:
-        """Return all cells of a grid."""
+        """Return the set of all cells of a grid."""
         claim_memory(f"the numbers of {grid.size:,} boxes", 8 * grid.size, "begin with fewer cells")
         return cls(grid, np.arange(grid.size))
 
     @classmethod
     @checked
     def of_points(cls, grid: CellGrid, points: ArrayLike) -> BoxSet:
-        """Return the boxes that hold points (..., dimension); those outside of the window are left out."""
+        """Return the boxes that contain points (..., dimension); points outside the window are ignored."""
         keys = grid.locate(points).ravel()
         return cls(grid, keys[keys >= 0])
 
@@ -98,16 +98,16 @@ class BoxSet:
 
     @property
     def places(self) -> NDArray[np.int64]:
-        """Whole-number places of the boxes along the axes, shape (n, dimension)."""
+        """Integer indices of the boxes along the axes, shape (n, dimension)."""
         return np.stack(np.unravel_index(self.keys, self.grid.shape), axis=-1).astype(np.int64)
 
     @property
     def volume(self) -> float:
-        """Sum of the volumes of the boxes."""
+        """Total volume of the boxes."""
         return len(self) * float(np.prod(self.grid.widths))
 
     def lower_corners(self) -> NDArray[np.float64]:
-        """Return the corners of lowest coordinates, shape (n, dimension)."""
+        """Return the lower corners, shape (n, dimension)."""
         return self.grid.places(self.places)
 
     def centres(self) -> NDArray[np.float64]:
@@ -120,11 +120,11 @@ class BoxSet:
         return self.grid.places(self.places[:, None, :] + ends)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points (..., dimension) lie in a box of the set."""
+        """Return a mask of the points (..., dimension) that lie in the set."""
         return self.indices(self.grid.locate(points)) >= 0
 
     def indices(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the places of numbers of cells in `keys`, -1 for cells that are not in the set."""
+        """Return the indices of cell numbers in `keys`, -1 for cells that are not in the set."""
         keys = whole_array("keys", keys, "numbers of cells")
         if not len(self):
             return np.full(keys.shape, -1)
@@ -132,7 +132,7 @@ class BoxSet:
         return np.where(self.keys[places] == keys, places, -1)
 
     def chosen(self, which: NDArray[np.bool_]) -> BoxSet:
-        """Return the boxes that a mask of shape (n,) marks."""
+        """Return the subset given by a mask of shape (n,)."""
         mask = np.asarray(which) if is_sequence(which) else np.array(which)
         if mask.shape != self.keys.shape or mask.dtype != bool:
             raise ValueError(f"which={shown(which)}: give True or False for each of {len(self)} boxes")
@@ -140,7 +140,7 @@ class BoxSet:
 
     @checked
     def subdivided(self, axes: int | Sequence[int] | None = None) -> BoxSet:
-        """Return the same region in boxes that are bisected along an axis, along several, or along all."""
+        """Return the same region with the boxes bisected along one axis, several or all."""
         chosen = range(self.grid.dimension) if axes is None else [axes] if isinstance(axes, int) else axes
         shape, places = list(self.grid.shape), self.places
         for j in chosen:
@@ -153,12 +153,12 @@ class BoxSet:
         return BoxSet(finer(self.grid, shape), _numbers(places, shape))
 
     def neighbours(self) -> BoxSet:
-        """Return the boxes that touch the set, at a corner too, and do not belong to it."""
+        """Return the boxes outside the set that share a face, an edge or a corner with it."""
         around = self._around()
         return BoxSet(self.grid, around[around >= 0]) - self
 
     def touching(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return all pairs of boxes of the set that touch, at a corner too, as their places in `keys`."""
+        """Return all pairs of boxes of the set that share at least a corner, as indices into `keys`."""
         others = self.indices(self._around())
         which, _ = pairs = np.nonzero(others >= 0)
         touched = others[pairs]

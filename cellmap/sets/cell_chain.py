@@ -1,4 +1,4 @@
-"""The Markov chain of a map on cells: classes, measures, ways into them (Hsu 1981)."""
+"""Markov chain of a map on cells: classes, invariant measures, absorption (Hsu 1981)."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ from .markov import Components, Sparse, invariant_measure, periods_of, solve_tra
 from .recurrent_sets import adjacent_sets, basins_from_cells, polished_sets
 
 _POSSIBLE = 1e-9
-"""Probability above which a cell counts as one that can come to a class."""
+"""Probability above which a cell counts as one from which a class can be reached."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellClass:
-    """Cells that lead to one another.
+    """Communicating class of cells of a Markov chain.
 
     Parameters
     ----------
     cells : ndarray of int64, shape (n,)
-        Their flat numbers, sorted.
+        Flat numbers of the cells, sorted.
     period : int
-        Steps of the chain by multiples of which a cell comes back to itself: the greatest common divisor of all ways.
+        Period of the class: the greatest common divisor of the numbers of steps after which a cell can return to
+        itself.
     closed : bool
-        Whether no step leaves them: then they hold attractors, otherwise saddles and what else is transient.
+        Whether no transition leaves the class: closed classes contain attractors, others saddles and transients.
     """
 
     cells: NDArray[np.int64]
@@ -50,20 +51,19 @@ class CellClass:
 
 @dataclass(frozen=True, eq=False)
 class CellChain:
-    """The Markov chain of a map on cells.
+    """Markov chain of a map on cells.
 
     Parameters
     ----------
     matrix : scipy.sparse.csr_array, shape (cells + 2, cells + 2)
-        Probability to go from the cell of the row to that of the column.  The last two states are sinks: ``-1`` is
-        outside the window, ``-2`` is where orbits diverge, or do not come back to the
-        section of a map.
+        Transition probabilities from the cell of the row to that of the column.  The last two states are sinks: ``-1``
+        for outside the window, ``-2`` for orbits that diverge or do not return to the Poincaré section of a map.
     grid : CellGrid
         The cells.
     point_map : PointMap
         The map.
     samples : tuple of int or int
-        Points in each cell: regular, so many along each axis, or so many at random.
+        Sample points in each cell: numbers along each axis of a regular lattice, or a number of random points.
     periods : int
         Steps of the map in one step of the chain.
     noisy : bool
@@ -71,7 +71,7 @@ class CellChain:
     components : Components
         Strongly connected components of the chain.
     inaccurate : int
-        Samples on whose way the integrator missed its tolerance.
+        Samples for which the integrator missed its tolerance.
     cost : Cost
         Wall time and number of steps of the map.
     """
@@ -94,12 +94,12 @@ class CellChain:
 
     @cached_property
     def closed(self) -> tuple[CellClass, ...]:
-        """Classes of cells that no step leaves, in the order of their first cells: they hold the attractors."""
+        """Closed classes, in the order of their first cells: they contain the attractors."""
         return self._classes(self.components.closed)
 
     @cached_property
     def transient(self) -> tuple[CellClass, ...]:
-        """Classes of cells that come back but leave in the end, in the order of their first cells: saddles."""
+        """Transient classes, in the order of their first cells: saddles."""
         return self._classes(~self.components.closed & self.components.recurs)
 
     @property
@@ -120,7 +120,7 @@ class CellChain:
 
     @cached_property
     def measures(self) -> tuple[NDArray[np.float64], ...]:
-        """Invariant probabilities of the cells of each closed class."""
+        """Invariant measure of each closed class: probabilities of its cells."""
         return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
 
     @checked
@@ -135,23 +135,23 @@ class CellChain:
 
     @cached_property
     def absorption(self) -> NDArray[np.float64]:
-        """Probability with which each cell ends in each closed class, shape ``(*grid, classes + 2)``.
+        """Absorption probability of each cell in each closed class, shape ``(*grid, classes + 2)``.
 
-        The last two columns are -2, where orbits diverge, and -1, outside the window.
+        The last two columns are -2, diverged, and -1, outside the window.
         """
         return self._probabilities(np.arange(len(self.closed)), len(self.closed))
 
     @cached_property
     def domiciles(self) -> NDArray[np.int64]:
-        """Number of closed classes in which each cell may end, the outside among them, shape of the grid.
+        """Number of closed classes that can be reached from each cell, the outside included, shape of the grid.
 
-        Cells with 1 are of single domicile (Hsu); those with more lie along the boundaries of basins.
+        Cells with 1 have a single domicile (Hsu); those with more lie along basin boundaries.
         """
         return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
 
     @cached_property
     def expected_times(self) -> NDArray[np.float64]:
-        """Expected steps of the map until a cell is in a closed class or outside, shape of the grid."""
+        """Expected number of steps of the map until absorption in a closed class or outside, shape of the grid."""
         values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
         return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
 
@@ -163,16 +163,16 @@ class CellChain:
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
     ) -> tuple[tuple[Attractor, ...], NDArray[np.float64]]:
-        """Return attractors, and the probability with which each cell ends on each of them.
+        """Compute the attractors and the probability with which each cell converges to each of them.
 
         Parameters
         ----------
         polish : bool, optional
-            Follow each closed class by the exact map and label it with the attractor that it comes to, so that classes
-            that stand for one attractor are merged.  Otherwise classes are attractors, and those with cells side by
-            side are one; so it is by default where noise acts.
+            Iterate the exact map from each closed class and label the class with the attractor that is found, so that
+            classes of one attractor are merged.  Otherwise classes are attractors, and adjacent classes are merged;
+            this is the default with noise.
         max_periods, max_period, attractors : optional
-            As in :func:`find_basins`, for this following.
+            As in :func:`find_basins`, for these iterations.
 
         Returns
         -------
@@ -183,7 +183,7 @@ class CellChain:
         Raises
         ------
         ValueError
-            For `polish` where noise acts.
+            For `polish` with noise.
         """
         if polish and self.noisy:
             raise ValueError(f"polish={polish!r}: orbits with noise settle on no point; leave polish out")
@@ -212,19 +212,19 @@ class CellChain:
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
     ) -> Basins:
-        """Return basins: each cell has the label of the attractor on which it ends most likely.
+        """Return basins in which each cell has the label of its most probable attractor.
 
         Parameters
         ----------
         polish, max_periods, max_period, attractors : optional
             As in :meth:`probabilities`.
         at_least : float, optional
-            Cells whose largest probability is smaller are undecided.
+            Smallest probability; cells whose largest probability is below it are undecided.
 
         Returns
         -------
         Basins
-            With settling times as expected steps to a closed class, rounded.
+            Basins whose settling times are the expected numbers of steps to a closed class, rounded.
         """
         at_least = finite_number("at_least", at_least, at_least=0.0, at_most=1.0)
         began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Cells to which a map carries points: what all cell mappings begin with."""
+"""Image cells of points under a map, from which all cell mappings are built."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap, ToleranceWarning
 
 LEFT, DIVERGED = -1, -2
-"""Cells in the place of an image outside the window, and of one that does not exist; they are sinks.
+"""Sink cells for images outside the window, and for images that do not exist.
 
-An image does not exist where the orbit diverges, or does not come back to the section of a map.
+An image does not exist where the orbit diverges or does not return to the Poincaré section of a map.
 """
 
 Kick = Callable[[int], NDArray[np.float64]]
-"""Returns what noise adds to a number of points in one period, shape (n, dimension)."""
+"""Returns the noise that is added to n points in one period, shape (n, dimension)."""
 
 
 def check_map_and_grid(point_map: PointMap, grid: CellGrid) -> CellGrid:
@@ -57,7 +57,7 @@ def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.
 
 
 def label_of_no_image(point_map: PointMap) -> int:
-    """Return the label of starts whose orbits come to the sink DIVERGED."""
+    """Return the label of initial conditions whose orbits reach the sink DIVERGED."""
     exact = point_map.exact or point_map
     ends = Status.NO_RETURN if exact.recipe.get("kind") == "section" else Status.DIVERGED
     return int(label_of(ends))
@@ -76,7 +76,7 @@ def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64
 
 
 def warn_of_inaccurate(missed: int, total: int) -> None:
-    """Warn where the integrator missed its tolerance on the way of some points."""
+    """Warn where the integrator missed its tolerance for some points."""
     if missed:
         warn_caller(
             f"the integrator missed its tolerance on the way of {missed} of {total} points; loosen rtol and atol, or "

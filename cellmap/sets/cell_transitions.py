@@ -1,4 +1,4 @@
-"""Probabilities to go from cell to cell, by sample points and by noise."""
+"""Transition probabilities between cells, from sample points and noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of
 from .markov import Sparse
 
 Noise = Callable[[np.random.Generator, int], NDArray[np.float64]]
-"""Returns what is added to a number of points, shape (n, dimension), drawn from a generator."""
+"""Returns the noise that is added to n points, shape (n, dimension), drawn from a generator."""
 
 
 def checked_samples(samples: Sequence[int] | int, grid: CellGrid) -> tuple[int, ...] | int:

@@ -1,4 +1,4 @@
-"""Finite-time Lyapunov exponents box by box."""
+"""Finite-time Lyapunov exponents of boxes."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .box_set import BoxSet
 
 @checked
 def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> NDArray[np.float64]:
-    """Return the finite-time Lyapunov exponent of the centre of each box.
+    """Compute the finite-time Lyapunov exponent of the centre of each box.
 
     It is the logarithm of the largest singular value of the derivative of `periods` steps, divided by their number, as
-    :func:`finite_time_exponents` has it for whole grids; here only the boxes of the set are looked at.
+    in :func:`finite_time_exponents` for whole grids; here only the boxes of the set are evaluated.
 
     Parameters
     ----------
     boxes : BoxSet
-        The boxes.
+        Boxes at whose centres the exponent is computed.
     point_map : PointMap
-        Stroboscopic or discrete map, in any dimension; of an interpolated map the exact map behind it is taken.
+        Stroboscopic or discrete map, in any dimension; for an interpolated map, its exact map is used.
     periods : int, optional
         Steps of the map, at least 1.
 
     Returns
     -------
     ndarray, shape (n,)
-        Exponents per step of the map; NaN where the orbit ended.
+        Exponents per step of the map; NaN where the orbit terminated.
 
     References
     ----------

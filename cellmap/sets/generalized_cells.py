@@ -1,4 +1,4 @@
-"""Generalized cell mapping: each cell goes to several cells, with probabilities (Hsu 1981)."""
+"""Generalized cell mapping: transition probabilities from each cell to several cells (Hsu 1981)."""
 
 from __future__ import annotations
 
@@ -26,48 +26,49 @@ def generalized_cell_mapping(
     seed: int = 0,
     progress: bool = False,
 ) -> CellChain:
-    """Map cells to cells with probabilities: the shares of sample points of a cell that come to each other cell.
+    """Compute a generalized cell mapping: a Markov chain whose states are the cells of a window.
 
-    The cells of a window become the states of a Markov chain.  Its closed classes hold the attractors, other classes
-    the saddles; cells that can end in several closed classes lie along the boundaries of basins, and the probabilities
-    with which they do tell how near.  The chain knows more than a simple cell mapping and blurs more: a step spreads
-    every cell over others, so that small attractors are lost unless a step takes several periods.
+    The transition probabilities are the fractions of the sample points of a cell that are mapped into each other cell.
+    Closed classes of the chain contain the attractors, other classes the saddles; cells from which several closed
+    classes can be reached lie along basin boundaries, and their absorption probabilities show how near.  The chain
+    contains more information than a simple cell mapping but diffuses more: a step spreads every cell over others, so
+    that small attractors are lost unless a step takes several periods.
 
     Parameters
     ----------
     point_map : PointMap
         Exact, interpolated or discrete map.
     grid : CellGrid
-        Cells of a window.  An axis that covers one turn of an angle wraps.
+        Cells of a window.  An axis that covers one period of an angle is periodic.
     samples : sequence of int, or int, optional
-        Points in each cell: regular ones, as many along each axis as the sequence says, or a number of random ones.  By
+        Sample points in each cell: the numbers along each axis of a regular lattice, or a number of random points.  By
         default 5 along each axis.
     periods : int, optional
         Steps of the map in one step of the chain.
     noise : float, sequence of float, or callable, optional
-        What acts after each step of the map: normal numbers of this standard deviation, one for all coordinates or one
-        for each; or what ``noise(rng, n)`` returns, of the shape (n, dimension).
+        Noise that is added after each step of the map: normally distributed with this standard deviation, one for all
+        coordinates or one for each; or the values that ``noise(rng, n)`` returns, of shape (n, dimension).
     seed : int, optional
         Seed of random samples and noise.
     progress : bool, optional
-        Show a bar on a terminal for work of more than two seconds.
+        Show a progress bar on a terminal if the work takes more than two seconds.
 
     Returns
     -------
     CellChain
-        The chain; its classes, measures, probabilities, times and basins are computed when they are asked for.
+        The chain; its classes, measures, probabilities, times and basins are computed on demand.
 
     Raises
     ------
     TypeError, ValueError
         For arguments out of range.
     MemoryError
-        Where the chain does not fit into memory.
+        If the chain does not fit into memory.
 
     Warns
     -----
     ToleranceWarning
-        Where the integrator missed its tolerance on the way of some samples.
+        If the integrator missed its tolerance for some samples.
 
     References
     ----------

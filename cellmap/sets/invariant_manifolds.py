@@ -1,4 +1,4 @@
-"""Stable and unstable manifolds as sets of boxes."""
+"""Coverings of stable and unstable manifolds by boxes."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def unstable_set(
     steps: int = 1,
     max_rounds: int | None = None,
 ) -> BoxSet:
-    """Cover the unstable manifold of an invariant set by continuation, in any dimension.
+    """Compute a covering of the unstable manifold of an invariant set by continuation, in any dimension.
 
-    The boxes around the set are mapped, the boxes that are met are mapped in their turn, and so on.  Only boxes that
-    are met take memory, however fine the grid is.
+    The boxes around the set are mapped, then the boxes that their images intersect, and so on.  Only these boxes take
+    memory, however fine the grid.
 
     Parameters
     ----------
@@ -39,25 +39,24 @@ def unstable_set(
     points : array_like, shape (..., dimension)
         Points of the set: a saddle, all points of a periodic orbit, an orbit on a chaotic saddle.
     grid : CellGrid
-        Window and fineness.
+        Window and resolution.
     samples : int or "adaptive", optional
-        Points in a box, as for :func:`box_image`.
+        Sample points in a box, as for :func:`box_image`.
     steps : int, optional
-        Steps of the map at a time; for the points of one orbit that is not a fixed point, its period may serve.
+        Number of iterates of the map that are taken as one step; for a periodic orbit, its period is a good choice.
     max_rounds : int, optional
-        Images after which to stop; by default, when no image brings a new box.
+        Largest number of images; by default, iteration ends when an image adds no new box.
 
     Returns
     -------
     BoxSet
-        Boxes that hold the part of the manifold within the window that orbits reach without leaving it, and the
-        attractors at its ends.  Boxes have a width: the cover is thicker than the manifold where the map contracts
-        little.
+        Boxes that cover the part of the manifold that orbits reach without leaving the window, and the attractors at
+        its ends.  Where the map contracts weakly, the covering is thicker than the manifold by the width of boxes.
 
     Raises
     ------
     TypeError, ValueError
-        For points outside of the window, or arguments out of range.
+        For points outside the window, or arguments out of range.
 
     References
     ----------
@@ -84,9 +83,9 @@ def stable_set(
     samples: Samples = "adaptive",
     steps: int = 1,
 ) -> BoxSet:
-    """Cover the stable manifold of an invariant set by subdivision, without the inverse of the map.
+    """Compute a covering of the stable manifold of an invariant set by subdivision, without the inverse of the map.
 
-    Boxes are bisected, one axis after the other, and those from which no chain of boxes leads to the set are dropped.
+    Boxes are bisected, one axis after the other, and those from which no chain of boxes leads to the set are discarded.
 
     Parameters
     ----------
@@ -95,24 +94,24 @@ def stable_set(
     points : array_like, shape (..., dimension)
         Points of the set, as for :func:`unstable_set`.
     window : CellGrid or BoxSet
-        The window in the cells, or the boxes, to begin with.
+        Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
-        Bisections of each axis.
+        Number of bisections of each axis.
     samples : int or "adaptive", optional
-        Points in a box, as for :func:`box_image`.
+        Sample points in a box, as for :func:`box_image`.
     steps : int, optional
-        Steps of the map at a time.
+        Number of iterates of the map that are taken as one step.
 
     Returns
     -------
     BoxSet
-        Boxes that hold the starts in the window whose orbits come to the set without leaving the window; of an
+        Boxes that cover the initial conditions whose orbits converge to the set without leaving the window; for an
         attractor, its basin.
 
     Raises
     ------
     TypeError, ValueError
-        For points outside of the window, or arguments out of range.
+        For points outside the window, or arguments out of range.
 
     Examples
     --------

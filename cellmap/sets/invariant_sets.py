@@ -1,4 +1,4 @@
-"""Invariant sets by subdivision: boxes are bisected, and those that cannot hold a part of the set are dropped."""
+"""Coverings of invariant sets by subdivision: boxes are bisected, and those that cannot intersect the set discarded."""
 
 from __future__ import annotations
 
@@ -16,43 +16,44 @@ from .box_images import Samples, bisections, box_transitions
 from .box_set import BoxSet
 
 Depth = int | Sequence[int]
-"""Bisections of each axis: one number for all, or one for each."""
+"""Number of bisections of each axis: one for all, or one for each."""
 
 
 @checked
 def relative_attractor(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
-    """Cover the relative global attractor: all that orbits which have been in the window for ever can reach.
+    """Compute a covering of the relative global attractor of a window (Dellnitz and Hohmann 1997).
 
-    It holds every attractor in the window and the unstable manifolds of all invariant sets there.  Boxes are bisected,
-    one axis after the other, and those to which no chain of boxes leads that goes back for ever are dropped.
+    It consists of all points with a backward orbit that stays in the window, and contains every attractor in the window
+    and the unstable manifolds of all invariant sets there.  Boxes are bisected, one axis after the other, and those
+    without an infinite backward chain of boxes are discarded.
 
     Parameters
     ----------
     point_map : PointMap
         The map.
     window : CellGrid or BoxSet
-        The window in the cells, or the boxes, to begin with.  They should be so many that folds of the map are seen by
-        a few points in each.
+        Initial covering: the cells of a window, or boxes.  They should be so small that a few points in each resolve
+        the folds of the map.
     depth : int or sequence of int
-        Bisections of each axis: a cell becomes ``2**depth`` boxes along it.
+        Number of bisections of each axis: a cell becomes ``2**depth`` boxes along it.
     samples : int or "adaptive", optional
-        Points in a box, as for :func:`box_image`.
+        Sample points in a box, as for :func:`box_image`.
     steps : int, optional
-        Steps of the map at a time.
+        Number of iterates of the map that are taken as one step.
 
     Returns
     -------
     BoxSet
-        The cover.
+        Boxes of the covering.
 
     Raises
     ------
     TypeError, ValueError
         For a window that does not fit the map, or arguments out of range.
     MemoryError
-        Where the boxes need more memory than is free.
+        If the boxes need more memory than is free.
 
     References
     ----------
@@ -76,7 +77,7 @@ def relative_attractor(
 def maximal_invariant_set(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
-    """Cover the maximal invariant set: all orbits that stay in the window for ever, forwards and backwards.
+    """Compute a covering of the maximal invariant set: all orbits that stay in the window in forward and backward time.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def maximal_invariant_set(
     Returns
     -------
     BoxSet
-        Boxes through which a chain of boxes goes on for ever in both directions.
+        Boxes on chains of boxes that are infinite in both directions.
 
     References
     ----------
@@ -111,9 +112,9 @@ def maximal_invariant_set(
 def chain_recurrent_set(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> BoxSet:
-    """Cover the chain recurrent set: all points to which orbits with arbitrarily small errors come back.
+    """Compute a covering of the chain recurrent set: all points to which orbits with arbitrarily small errors return.
 
-    Attractors and saddles, periodic or chaotic, are all there is in it; what only passes is left out.
+    It contains attractors and saddles, periodic or chaotic, but no transient points.
 
     Parameters
     ----------

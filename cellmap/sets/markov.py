@@ -165,7 +165,7 @@ def _solved(
 
 
 def _banded(inner: Sparse) -> tuple[NDArray[np.int64], NDArray[np.float64] | None]:
-    """Return an order of states in which most of them lead to close ones, and their shares; None for a wide band."""
+    """Return an order of states in which most of them lead to close ones, and their fractions; None for a wide band."""
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     n = inner.shape[0]
@@ -222,12 +222,12 @@ def _by_gmres(
 
 
 def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the probabilities with which a chain is found in the states of a closed component, in the long run.
+    """Compute the invariant measure of a closed component: the stationary probabilities of its states.
 
     Warns
     -----
     RuntimeWarning
-        Where the measure is left with a residual above 1e-5.
+        If the residual of the measure is above 1e-5.
     """
     if len(states) == 1:
         return np.ones(1)

@@ -1,4 +1,4 @@
-"""Morse graphs: the parts of the chain recurrent set, and which of them orbits lead from one to another."""
+"""Morse graphs: components of the chain recurrent set, and the connections between them."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from .invariant_sets import Depth, chain_recurrent_set, recurrent_parts
 
 @dataclass(frozen=True, eq=False)
 class MorseGraph:
-    """Morse sets and the order that orbits give them.
+    """Morse graph: Morse sets and their partial order.
 
     Parameters
     ----------
     sets : tuple of BoxSet
-        Morse sets: boxes between any two of which chains of boxes that meet or touch lead both ways.  Each is before
-        those that chains from it lead to.
+        Morse sets: boxes that are connected in both directions by chains of boxes that intersect or touch.  Each set
+        precedes those that can be reached from it.
     reaches : ndarray of bool, shape (m, m)
-        Whether a chain of boxes leads from one set to another.
+        Whether a chain of boxes leads from one set (row) to another (column).
     coordinates : tuple of Coordinate
         State variables.
     """
@@ -43,13 +43,13 @@ class MorseGraph:
 
     @property
     def edges(self) -> NDArray[np.int64]:
-        """Pairs of sets with a chain from the first to the second that need not pass through a third, shape (n, 2)."""
+        """Edges of the transitive reduction, shape (n, 2): pairs with a direct connection from first to second."""
         paths = self.reaches.astype(np.int64)
         return np.argwhere(self.reaches & ~(paths @ paths > 0))
 
     @property
     def sinks(self) -> tuple[int, ...]:
-        """Sets that no chain leaves for another set: each holds an attractor, or orbits leave the window from it."""
+        """Sets from which no other set can be reached: each contains an attractor, or orbits escape from it."""
         return tuple(np.flatnonzero(~self.reaches.any(axis=1)).tolist())
 
 
@@ -57,29 +57,29 @@ class MorseGraph:
 def morse_graph(
     point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
 ) -> MorseGraph:
-    """Return the Morse graph of a map in a window, at the resolution of the boxes.
+    """Compute the Morse graph of a map in a window, at the resolution of the boxes.
 
-    The chain recurrent set is found by subdivision; from it images are followed until they bring no new boxes, and the
-    strongly connected parts of these boxes are the Morse sets.  Parts that touch count as one: beside a fixed point
-    that repels by a factor below two, a box meets its own image although no orbit comes back to it.
+    The chain recurrent set is found by subdivision; it is mapped until its images add no new boxes, and the strongly
+    connected components of these boxes are the Morse sets.  Components that touch count as one: beside a fixed point
+    that repels by a factor below two, a box intersects its own image although no orbit returns to it.
 
     Parameters
     ----------
     point_map : PointMap
         The map.
     window : CellGrid or BoxSet
-        The window in the cells, or the boxes, to begin with.
+        Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
-        Bisections of each axis.
+        Number of bisections of each axis.
     samples : int or "adaptive", optional
-        Points in a box, as for :func:`box_image`.
+        Sample points in a box, as for :func:`box_image`.
     steps : int, optional
-        Steps of the map at a time.
+        Number of iterates of the map that are taken as one step.
 
     Returns
     -------
     MorseGraph
-        The sets and their order.  Boxes too large merge sets; finer ones part them.
+        The sets and their order.  Boxes that are too large merge sets; smaller ones separate them.
 
     References
     ----------

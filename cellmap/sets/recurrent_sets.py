@@ -1,4 +1,4 @@
-"""Sets of recurrent cells to attractors: followed by the exact map, or taken as they are."""
+"""Attractors from sets of recurrent cells: iterated with the exact map, or taken as they are."""
 
 from __future__ import annotations
 

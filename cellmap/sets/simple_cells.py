@@ -1,4 +1,4 @@
-"""Simple cell mapping: each cell goes where its centre goes (Hsu 1980)."""
+"""Simple cell mapping: each cell is mapped to the cell of the image of its centre (Hsu 1980)."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ _UNKNOWN = -3
 
 @dataclass(frozen=True, eq=False)
 class CellMapping:
-    """Cells of a window, the cells to which they go, and what becomes of them in the end.
+    """Simple cell mapping of a window: image cells, periodic groups and steps to them.
 
     Parameters
     ----------
     images : ndarray of int64, shape of the grid
-        Flat number of the cell to which each cell goes; -1 for outside the window, -2 where the centre diverges,
-        or does not come back to the section of a map.
+        Flat number of the image of each cell; -1 for outside the window, -2 where the orbit of the centre diverges or
+        does not return to the Poincaré section of a map.
     groups : ndarray of int, shape of the grid
-        Number of the periodic group in which each cell ends; -1 or -2 for those that end outside.
+        Number of the periodic group that each cell reaches; -1 or -2 for cells that escape.
     steps : ndarray of int, shape of the grid
-        Steps of the mapping to the first cell of that group, or to the outside; 0 for periodic cells.
+        Number of steps of the mapping to the first cell of that group, or to the outside; 0 for periodic cells.
     group_periods : ndarray of int, shape (groups,)
-        Cells of each group: steps of the mapping after which it is back.
+        Number of cells of each group: its period in steps of the mapping.
     grid : CellGrid
         The cells.
     periods : int
-        Steps of the map that one step of the mapping takes.
+        Steps of the map in one step of the mapping.
     point_map : PointMap
         The map.
     stray_cells, stray_images : ndarray of int64, shape (n,), and ndarray, shape (n, dimension)
-        Cells with an image outside the window, and these images, which are inside a wider one perhaps.
+        Cells with an image outside the window, and these images, which may lie in a wider one.
     inaccurate : int
-        Cells on whose way the integrator missed its tolerance.
+        Cells for which the integrator missed its tolerance.
     cost : Cost
         Wall time and number of steps of the map.
     """
@@ -76,13 +76,13 @@ class CellMapping:
 
     @property
     def cell_periods(self) -> NDArray[np.integer[Any]]:
-        """Period of the group in which each cell ends, shape of the grid; 1 for the outside, which is a sink."""
+        """Period of the group that each cell reaches, shape of the grid; 1 for the outside, which is a sink."""
         sinks = np.ones(2, self.group_periods.dtype)
         return np.asarray(np.append(self.group_periods, sinks)[self.groups])
 
     @property
     def periodic_cells(self) -> NDArray[np.int64]:
-        """Flat numbers of all cells of periodic groups."""
+        """Flat numbers of all periodic cells."""
         return np.flatnonzero((self.steps.ravel() == 0) & (self.groups.ravel() >= 0))
 
     @checked
@@ -93,24 +93,25 @@ class CellMapping:
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
     ) -> Basins:
-        """Return the basins that this mapping finds.
+        """Return the basins of attraction of this mapping.
 
         Parameters
         ----------
         polish : bool, optional
-            Follow each group by the exact map and label it with the attractor that it comes to, so that groups that
-            stand for one attractor are merged, and groups that are none are seen through.  Otherwise groups are
-            attractors; those with cells side by side are one, and so are those between which orbits change, both ways,
-            when they are moved by one cell.  Groups whose orbits end in another one, once these are not rounded to
-            centres, are none.  A quasi-periodic attractor is listed as periodic.
+            Iterate the exact map from each group and label the group with the attractor that is found, so that groups
+            of one attractor are merged, and spurious groups are recognised.  Otherwise groups are attractors; adjacent
+            groups are merged, and so are those that are connected in both directions by perturbations of one cell.
+            Groups whose orbits converge to another one, if images are not rounded to centres, are spurious.  A
+            quasi-periodic attractor is listed as periodic.
         max_periods, max_period, attractors : optional
-            As in :func:`find_basins`, for this following.
+            As in :func:`find_basins`, for these iterations.
 
         Returns
         -------
         Basins
-            With settling times as the steps to a group, in steps of the map.  Attractors that are not polished have no
-            multipliers and no neighbourhoods, and their basins no map by which they could be verified.
+            Basins whose settling times are the numbers of steps to a group, in steps of the map.  Attractors that are
+            found without `polish` have no multipliers and no neighbourhoods, and their basins no map with which they
+            could be verified.
         """
         began = time.perf_counter()
         limits = {"max_periods": max_periods, "max_period": max_period}
@@ -141,32 +142,32 @@ class CellMapping:
 
     @checked
     def extend(self, grid: CellGrid, progress: bool = False) -> CellMapping:
-        """Return the mapping of a wider window; only the cells that are new are mapped.
+        """Return the mapping of a wider window; only the new cells are mapped.
 
         Parameters
         ----------
         grid : CellGrid
-            A window that holds this one, with cells of the same widths and edges.
+            A window that contains this one, with cells of the same widths and edges.
         progress : bool, optional
-            Show a bar on a terminal for work of more than two seconds.
+            Show a progress bar on a terminal if the work takes more than two seconds.
 
         Raises
         ------
         ValueError
-            For a window that does not hold this one, or cells that do not continue its cells.
+            For a window that does not contain this one, or cells that do not continue its cells.
         """
         return _assembled([self], grid.on(self.point_map.coordinates), progress)
 
     @checked
     def join(self, other: CellMapping) -> CellMapping:
-        """Return the mapping of two windows side by side, or overlapping; none of their cells is mapped again.
+        """Return the mapping of the union of two adjacent or overlapping windows, without mapping any cell again.
 
-        Cells of one window that go to the other one find their way; so do whole groups (Gyebroszki, Csernák 2017).
+        Cells and groups with images in the other window are connected to them (Gyebroszki, Csernák 2017).
 
         Parameters
         ----------
         other : CellMapping
-            Of the same map, with cells of the same widths, whose window makes a box with this one.
+            A mapping of the same map, with cells of the same widths, whose window forms a box together with this one.
 
         Raises
         ------
@@ -191,39 +192,39 @@ class CellMapping:
 
 @checked
 def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, progress: bool = False) -> CellMapping:
-    """Map cells to cells: the image of a cell is the cell that holds the image of its centre.
+    """Compute a simple cell mapping: the image of a cell is the cell that contains the image of its centre.
 
-    A cell ends in a group of cells that go round for ever, or outside the window.  All groups, the steps to them, and
-    with them basins of attraction, follow from one look at each cell.  What is lost by rounding images to centres stays
-    small where a step moves points by many cells; several periods in one step serve to this end.
+    Every cell reaches a periodic group of cells, or the outside of the window.  All groups, the numbers of steps to
+    them, and the basins of attraction follow from one pass over the cells.  The error from rounding images to centres
+    is small if a step moves points by many cells; for this reason, take several periods in one step.
 
     Parameters
     ----------
     point_map : PointMap
         Exact, interpolated or discrete map.
     grid : CellGrid
-        Cells of a window.  An axis that covers one turn of an angle wraps.
+        Cells of a window.  An axis that covers one period of an angle is periodic.
     periods : int, optional
         Steps of the map in one step of the mapping.
     progress : bool, optional
-        Show a bar on a terminal for work of more than two seconds.
+        Show a progress bar on a terminal if the work takes more than two seconds.
 
     Returns
     -------
     CellMapping
-        Images, groups, periods and steps; `basins` makes labels of them.
+        Images, groups, periods and steps; its method `basins` returns labels.
 
     Raises
     ------
     TypeError, ValueError
         For arguments out of range.
     MemoryError
-        Where the cells do not fit into memory.
+        If the cells do not fit into memory.
 
     Warns
     -----
     ToleranceWarning
-        Where the integrator missed its tolerance on the way of some centres.
+        If the integrator missed its tolerance for some centres.
 
     References
     ----------

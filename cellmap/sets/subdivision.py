@@ -1,4 +1,4 @@
-"""Attractors by subdivision: boxes tell what exists, exact orbits from them say what it is."""
+"""Attractors by subdivision: boxes cover the recurrent sets, exact orbits from them identify attractors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .morse_graphs import MorseGraph, morse_graph
 
 @dataclass(frozen=True, eq=False)
 class SubdivisionSearch:
-    """What subdivision has found in a window.
+    """Attractors and Morse sets in a window, found by subdivision.
 
     Parameters
     ----------
     attractors : tuple of Attractor
         Attractors, for :func:`find_basins`.
     graph : MorseGraph
-        The Morse sets, which bound all that exists.
+        The Morse sets, which cover all recurrent dynamics.
     holders : tuple of tuple of int
-        For each Morse set, the attractors that have points in it.
+        For each Morse set, the attractors with points in it.
     """
 
     attractors: tuple[Attractor, ...]
@@ -42,7 +42,7 @@ class SubdivisionSearch:
 
     @property
     def saddles(self) -> tuple[BoxSet, ...]:
-        """Morse sets that hold no attractor: saddles, repellers, chaotic or not."""
+        """Morse sets without an attractor: saddles and repellers, chaotic or not."""
         return tuple(boxes for boxes, held in zip(self.graph.sets, self.holders, strict=True) if not held)
 
 
@@ -57,35 +57,34 @@ def find_attractors_by_subdivision(
     max_period: int = 32,
     max_starts: int = 4096,
 ) -> SubdivisionSearch:
-    """Find the attractors in a window from the boxes that can hold one.
+    """Find the attractors in a window from a covering of its recurrent sets by boxes.
 
-    The Morse graph is found by subdivision, so that boxes are fine where something exists and nowhere else; orbits from
-    the boxes of each Morse set are then followed by :func:`find_attractors`.  Attractors whose basins are too small for
-    the starts of a grid are found so, in three and four dimensions too, unless the map varies so much in a box that its
-    points miss them.  Pictures of the basins come from
-    ``find_basins(interpolated, grid, attractors=found.attractors)``.
+    The Morse graph is computed by subdivision, which refines boxes only around recurrent sets; orbits from the boxes of
+    each Morse set are then passed to :func:`find_attractors`.  This finds attractors whose basins are too small for a
+    grid of initial conditions, in three and four dimensions too, unless the map varies so much in a box that its sample
+    points miss them.  A basin image follows from ``find_basins(interpolated, grid, attractors=found.attractors)``.
 
     Parameters
     ----------
     point_map : PointMap
         The map.
     window : CellGrid or BoxSet
-        The window in the cells, or the boxes, to begin with.
+        Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
-        Bisections of each axis.
+        Number of bisections of each axis.
     samples : int or "adaptive", optional
-        Points in a box, as for :func:`box_image`.
+        Sample points in a box, as for :func:`box_image`.
     steps : int, optional
-        Steps of the map at a time, for the boxes.
+        Number of iterates of the map that are taken as one step of the boxes.
     max_periods, max_period : int, optional
         Longest orbit, and longest period of an attractor, as for :func:`find_attractors`.
     max_starts : int, optional
-        Starts in a Morse set, evenly spread over its boxes.
+        Largest number of initial conditions in a Morse set, evenly distributed over its boxes.
 
     Returns
     -------
     SubdivisionSearch
-        Attractors, Morse sets, and which holds which.
+        Attractors, Morse sets, and the attractors in each Morse set.
 
     References
     ----------

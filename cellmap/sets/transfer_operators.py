@@ -1,4 +1,4 @@
-"""Transfer operators by Ulam's method: shares of boxes that are mapped into each other, and their eigenvectors."""
+"""Transfer operators by Ulam's method: transition probabilities between boxes, and eigenvectors."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _KRYLOV = 40  # least size of the space in which some are sought
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """Sets of boxes that are mapped one onto the next, and the last onto the first.
+    """Cycle of sets of boxes, each of which is mapped onto the next.
 
     Parameters
     ----------
     order : int
         Number of the sets.
     eigenvalues : ndarray of complex, shape (order,)
-        Eigenvalues of the operator nearest to the roots of unity, in their order; how far they are from the circle
-        tells what share leaves the cycle in a step.
+        Eigenvalues of the operator nearest to the roots of unity, in their order; their distance from the unit circle
+        measures the fraction that leaves the cycle in a step.
     sets : tuple of BoxSet
         The sets, in the order in which they are visited.
     """
@@ -49,16 +49,16 @@ class Cycle:
 
 @dataclass(frozen=True, eq=False)
 class AlmostInvariant:
-    """Sets of boxes that orbits seldom leave.
+    """Almost invariant sets: sets of boxes that orbits seldom leave.
 
     Parameters
     ----------
     sets : tuple of BoxSet
-        The sets, which part the boxes that carry the invariant measure.
+        The sets, a partition of the boxes that carry the invariant measure.
     kept : tuple of float
-        Share of the measure of each set that is in it one step later.
+        Fraction of the measure of each set that remains in it after one step.
     eigenvalues : ndarray, shape (number of sets,)
-        Largest eigenvalues of the operator made symmetric in time; 1 means that nothing is exchanged.
+        Largest eigenvalues of the time-symmetrised operator; 1 means that nothing is exchanged.
     """
 
     sets: tuple[BoxSet, ...]
@@ -71,18 +71,18 @@ class AlmostInvariant:
 
 @dataclass(frozen=True, eq=False)
 class TransferOperator:
-    """The transfer operator of a map on measures that are uniform in each box (Ulam 1960).
+    """Transfer operator of a map on measures that are uniform in each box (Ulam 1960).
 
     Parameters
     ----------
     boxes : BoxSet
         The boxes.
     matrix : csr_array, shape (n, n)
-        Share of each box (row) that is mapped into each box (column).
+        Fraction of each box (row) that is mapped into each box (column).
     lost : ndarray, shape (n,)
-        Share of each box that is mapped out of the set.
+        Fraction of each box that is mapped out of the set.
     samples : int
-        Points in each box.
+        Number of sample points in each box.
     coordinates : tuple of Coordinate
         State variables.
     """
@@ -98,7 +98,7 @@ class TransferOperator:
 
     @functools.cached_property
     def invariant_measures(self) -> tuple[NDArray[np.float64], ...]:
-        """Shares (n,) of the boxes in the invariant measures, one for each part of the set that nothing leaves."""
+        """Invariant measures as probabilities (n,) of the boxes, one for each closed component."""
         count, parts = connected_components(self.matrix, directed=True, connection="strong")
         rows, columns = self.matrix.nonzero()
         open_ = np.zeros(count, bool)
@@ -115,14 +115,14 @@ class TransferOperator:
 
     @functools.cached_property
     def invariant_measure(self) -> NDArray[np.float64]:
-        """Shares (n,) of the boxes in the invariant measure; they sum up to 1.
+        """Invariant measure as probabilities (n,) of the boxes, which sum to 1.
 
-        Where mass leaks out of every part of the set, the measure is quasi-stationary: conditioned on what stays.
+        Where mass escapes from every component, the measure is quasi-stationary: conditioned on survival.
 
         Raises
         ------
         ValueError
-            Where there are several, as with several attractors, or none, as no box leads back to itself.
+            If there are several, as with several attractors, or none, as no box returns to itself.
         """
         if len(self.invariant_measures) > 1:
             raise ValueError(
@@ -137,12 +137,12 @@ class TransferOperator:
 
     @property
     def density(self) -> NDArray[np.float64]:
-        """Invariant measure per volume, shape (n,)."""
+        """Invariant density: measure per volume, shape (n,)."""
         return self.invariant_measure / float(np.prod(self.boxes.grid.widths))
 
     @property
     def escape_rate(self) -> float:
-        """Minus the logarithm of the largest eigenvalue: the rate, per step, at which mass leaks out of the set."""
+        """Escape rate per step: minus the logarithm of the largest eigenvalue."""
         if self.invariant_measures:
             return 0.0
         return float(-np.log(self._leading[0])) if self._recurs else np.inf
@@ -158,21 +158,21 @@ class TransferOperator:
 
     @checked
     def eigenvalues(self, number: int | None = None) -> NDArray[np.complex128]:
-        """Return the largest eigenvalues, by default six, by modulus; of a conjugate pair the upper one first."""
+        """Compute the eigenvalues of largest modulus, by default six; of a conjugate pair the upper one first."""
         return self.eigenvectors(number)[0]
 
     @checked
     def eigenvectors(self, number: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return the largest eigenvalues (m,) and the measures (n, m) that the map multiplies by them."""
+        """Compute the eigenvalues of largest modulus (m,) and their eigenmeasures (n, m)."""
         most = len(self.boxes)
         number = min(6, most) if number is None else whole_number("number", number, at_least=1, at_most=most)
         return _eigen(csr_array(self.matrix.T), number)
 
     @checked
     def cycle(self, order: int) -> Cycle:
-        """Return the sets that are visited in a cycle of some order.
+        """Compute the sets that are visited in a cycle of the given order.
 
-        The eigenvectors at the roots of unity are put together: set k is where their sum, each turned by k times its
+        The eigenvectors at the roots of unity are combined: set k is where their sum, each rotated by k times its
         angle, is largest.
 
         Parameters
@@ -183,7 +183,7 @@ class TransferOperator:
         Raises
         ------
         ValueError
-            Where not all roots of unity of that order are close to eigenvalues.
+            If not all roots of unity of that order are close to eigenvalues.
 
         References
         ----------
@@ -208,16 +208,16 @@ class TransferOperator:
 
     @checked
     def almost_invariant_sets(self, number: int = 2) -> AlmostInvariant:
-        """Return a partition into sets that keep as much of the invariant measure as can be.
+        """Compute a partition into sets that retain as much of the invariant measure as possible.
 
-        The operator is made symmetric in time; its leading eigenvectors are nearly constant on the sets.  The boxes
-        that lie farthest apart in the space of these vectors stand for the sets, and each box goes to the one to which
-        it belongs the most.
+        The operator is symmetrised in time; its leading eigenvectors are nearly constant on the sets.  The boxes that
+        lie farthest apart in the space of these vectors represent the sets, and each box is assigned to the set with
+        its largest membership.
 
         Parameters
         ----------
         number : int, optional
-            Sets, at least 2.
+            Number of sets, at least 2.
 
         References
         ----------
@@ -253,30 +253,30 @@ class TransferOperator:
 
 @checked
 def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, steps: int = 1) -> TransferOperator:
-    """Return the transfer operator of a map on a set of boxes.
+    """Compute the transfer operator of a map on a set of boxes.
 
     Parameters
     ----------
     boxes : BoxSet
-        The boxes, such as :func:`relative_attractor` returns them.
+        The boxes, for example from :func:`relative_attractor`.
     point_map : PointMap
         The map.
     samples : int, optional
-        Points along each axis of a box: the shares have an error of the order of their inverse.
+        Sample points along each axis of a box: transition probabilities have an error of the order of 1/samples.
     steps : int, optional
-        Steps of the map at a time.
+        Number of iterates of the map that are taken as one step.
 
     Returns
     -------
     TransferOperator
-        With its invariant measures, eigenvalues, cycles and almost invariant sets.
+        The operator, with invariant measures, eigenvalues, cycles and almost invariant sets.
 
     Raises
     ------
     TypeError, ValueError
         For arguments out of range, or an empty set.
     MemoryError
-        Where the matrix needs more memory than is free.
+        If the matrix needs more memory than is free.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Windows whose cells continue one another."""
+"""Windows with matching cells."""
 
 from __future__ import annotations
 

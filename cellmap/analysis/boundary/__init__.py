@@ -1,4 +1,4 @@
-"""What bounds basins: edge states, saddles, their manifolds, distances, escape."""
+"""Basin boundaries: edge states, saddles, stable and unstable manifolds, chaotic saddles, escape rates."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""Growth of a curve under a map: images of a fundamental segment, refined where they bend or stretch (Hobson 1993)."""
+"""Growth of manifolds: images of a fundamental segment, refined where they bend or stretch (Hobson 1993)."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ Images = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class ManifoldBranch:
-    """One of the two halves of a manifold at one point of a saddle.
+    """Branch of a manifold: one of the two halves at one point of a saddle.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        The curve from the saddle outwards, with unwrapped angles; a row of NaN where it is interrupted, because it
+        The curve from the saddle outwards, with unwrapped angles; a row of NaN marks an interruption, where the curve
         leaves the window or has no image.
     arclength : ndarray, shape (n,)
-        Length along the curve from the saddle, in units of `scale` of the manifold.
+        Arc length along the curve from the saddle, in units of `scale` of the manifold.
     ended : str
-        Why it ends: "length" (as long as asked for), "window" (all that follows lies outside), "no image" (the map or
-        its inverse has none), or "resolution" (neighbouring numbers on the first piece are too far apart).
+        Reason why it ends: "length" (the requested length is reached), "window" (the rest lies outside), "no image"
+        (the map or its inverse has none), or "resolution" (the spacing of floating-point numbers on the first segment
+        is too coarse).
     """
 
     points: NDArray[np.float64]
@@ -48,7 +49,7 @@ class ManifoldBranch:
 
     @property
     def length(self) -> float:
-        """Length of the curve."""
+        """Arc length of the curve."""
         return float(np.nanmax(self.arclength, initial=0.0))
 
 

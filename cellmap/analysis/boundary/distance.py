@@ -1,4 +1,4 @@
-"""Whether the boundary of basins follows curves, such as the stable manifolds of the saddles on it."""
+"""Distances of basin boundaries from curves, such as the stable manifolds of the saddles on them."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _FINE = 0.1  # cells between points on the curves
 
 @dataclass(frozen=True, eq=False)
 class BoundaryDistance:
-    """Distances from the boundary of basins to curves.
+    """Distances of a basin boundary from curves.
 
     Parameters
     ----------
     places : ndarray, shape (n, 2)
-        Middles between neighbouring cells whose labels differ.
+        Midpoints between neighbouring cells with different labels.
     distances : ndarray, shape (n,)
-        From each to the nearest curve, in cell widths; infinite without a curve.
+        Distance of each point from the nearest curve, in cell widths; infinite without a curve.
     between : ndarray of int16, shape (n, 2)
-        The two labels, the smaller one first.
+        Labels of the two cells, the smaller one first.
     within : float
-        Distance that counts as following.
+        Distance up to which a point counts as lying on a curve.
     share : float
-        Share of the places that are so close.
+        Fraction of the points that are so close.
     """
 
     places: NDArray[np.float64]
@@ -55,7 +55,7 @@ def boundary_distance(
     labels: tuple[int, int] | None = None,
     within: float = 1.0,
 ) -> BoundaryDistance:
-    """Measure how far the boundary of basins is from manifolds.
+    """Compute the distances of a basin boundary from manifolds.
 
     Parameters
     ----------
@@ -64,20 +64,20 @@ def boundary_distance(
     basins : Basins
         Labels on a grid of two axes.
     labels : tuple of int, optional
-        Two labels between which the boundary is looked at, by default all boundaries; cells that are undecided, or on
-        whose side the orbit left the window, bound nothing by themselves and are left out by default.
+        Two labels whose common boundary is measured, by default all boundaries.  By default, cells that are undecided
+        or whose orbits escaped form no boundary.
     within : float, optional
-        Distance, in cells, that counts as following.
+        Distance, in cells, up to which a point counts as lying on a curve.
 
     Returns
     -------
     BoundaryDistance
-        The distances.  They tell nothing of curves that no boundary follows.
+        The distances.  They contain no information on curves that lie on no boundary.
 
     Raises
     ------
     ValueError
-        For basins without a grid of two axes, or without such a boundary.
+        For basins that are not on a grid of two axes, or without such a boundary.
 
     Examples
     --------

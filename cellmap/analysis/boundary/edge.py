@@ -1,4 +1,4 @@
-"""Edge states: what separates two basins, followed by straddle orbits."""
+"""Edge states on basin boundaries, computed with straddle orbits."""
 
 from __future__ import annotations
 
@@ -27,24 +27,25 @@ _SAME = 1e-2  # scaled distance of a saddle from the straddle orbit that led to 
 
 @dataclass(frozen=True, eq=False)
 class EdgeOrbit:
-    """A straddle orbit: pairs of states close together on the two sides of a basin boundary.
+    """Straddle orbit: pairs of close states on the two sides of a basin boundary.
 
     Parameters
     ----------
     points : ndarray, shape (n, dimension)
-        Midpoints of the pairs, one for each step of the map, angles in their turn.
+        Midpoints of the pairs at each step of the map, angles within their period.
     widths : ndarray, shape (n,)
         Distances of the pairs, in units of `scale`.
     sides : ndarray of int16, shape (n, 2)
-        Labels of the two sides: first that of the basin which is followed, then what is beside it.
+        Labels of the two states: first that of the basin whose boundary is followed, then the one beyond it.
     orbit : PeriodicOrbit or None
-        Periodic orbit to which the straddle orbit leads, found by Newton's method from its end; None where the end is
-        not periodic (a chaotic edge state, or an orbit too short to have settled).
+        Periodic orbit to which the straddle orbit converges, found by Newton's method from its end; None if the end is
+        not periodic (a chaotic edge state, or an orbit too short to have converged).
     returns : int
-        Steps after which the end of the orbit comes back, 0 where it does not.
+        Number of steps after which the end of the orbit returns, 0 if it does not.
     growth : Fit
-        Logarithm of how much pairs have separated against the step, fitted over the second half; its slope is the
-        largest exponent of the edge state: of a saddle that across the boundary, of a chaotic one perhaps another.
+        Fit of the logarithm of the separation of pairs against the step, over the second half; its slope is the largest
+        Lyapunov exponent of the edge state: for a saddle that across the boundary, for a chaotic edge state possibly
+        another.
     scale : ndarray, shape (dimension,)
         Unit of length along each coordinate.
     coordinates : tuple of Coordinate
@@ -78,43 +79,43 @@ def edge_orbit(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> EdgeOrbit:
-    """Follow the boundary of a basin to the edge state by bisection and iteration in turn.
+    """Compute the edge state of a basin boundary by alternating bisection and iteration (edge tracking).
 
-    A segment between a state in the basin and one outside of it is cut until it is shorter than `narrow`; both ends
-    are iterated until they are more than `wide` apart; and so on.  The pairs stay within `wide` of an orbit in the
-    boundary, and approach what attracts within the boundary: often a saddle, whose unstable direction leads to the two
-    sides.
+    A segment between a state in the basin and one outside it is bisected until it is shorter than `narrow`; both ends
+    are iterated until they are more than `wide` apart; and so on.  The pairs stay within `wide` of an orbit on the
+    boundary, and approach an attractor of the dynamics restricted to the boundary: often a saddle, whose unstable
+    direction leads to the two sides.
 
     Parameters
     ----------
     basins : Basins
         Basins with their map.
     inside, outside : int or array_like, shape (dimension,)
-        A label and another one, of which two neighbouring starts are taken, or two states.  All that has another label
-        than the first is outside; the label on that side may change on the way, and `sides` tells.
+        Two labels, of which two neighbouring initial conditions are taken, or two states.  Every other label than the
+        first counts as outside; the label on that side may change along the orbit, see `sides`.
     steps : int, optional
         Steps of the map.
     narrow, wide : float, optional
-        Distances of a pair after bisection, and at which it is bisected again, in units of `scale`.
+        Distance of a pair after bisection, and distance at which it is bisected again, in units of `scale`.
     max_period : int, optional
-        Longest period of an edge state that is looked for.
+        Longest period of an edge state that is detected.
     scale : array_like, optional
         Unit of length along each coordinate, by default the sizes of the window.
     point_map : PointMap, optional
-        Map to use in the place of the exact one.
+        Map to use instead of the exact one.
     max_periods : int, optional
         Periods after which a state is undecided.
 
     Returns
     -------
     EdgeOrbit
-        The orbit with the periodic orbit at its end, if there is one.
+        The straddle orbit, with the periodic orbit at its end if there is one.
 
     Raises
     ------
     ValueError
-        Where the two states are not on different sides, no two starts with these labels are neighbours, a state on the
-        way is undecided, or both ends have ended.
+        If the two states are not on different sides, if no two initial conditions with these labels are neighbours, if
+        a state along the orbit is undecided, or if the orbits of both ends have terminated.
 
     References
     ----------
@@ -193,7 +194,7 @@ def _first_pair(
 def _neighbours(
     basins: Basins, label: Labeller, side: int, other: int, unit: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return two starts of different labels that are closest together, as the map confirms.
+    """Return the two closest initial conditions of different labels, confirmed by the map.
 
     The second one is moved a little, in all coordinates: of two mirror images in a system with that symmetry the
     separation would never leave one direction.

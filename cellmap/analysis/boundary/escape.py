@@ -1,4 +1,4 @@
-"""Escape from a region without an attractor: lifetimes and the escape rate."""
+"""Escape from a region without an attractor: lifetimes and escape rates."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Restraint:
         return f"Restraint({self.point_map.name}, {self.window}, {len(self.attractors)} attractors left out)"
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points (n, dimension), with angles in their turn, are in the region."""
+        """Tell which points (n, dimension), with angles within their period, are in the region."""
         lower, upper, wraps = self._edges
         with np.errstate(invalid="ignore"):
             within = (points >= lower) & (points <= upper)
@@ -110,20 +110,20 @@ def restraint(point_map: PointMap, window: CellGrid, attractors: Sequence[Attrac
 
 @dataclass(frozen=True, eq=False)
 class EscapeRate:
-    """Exponential decay of the number of orbits that are still in a region.
+    """Escape rate: exponential decay of the number of orbits in a region.
 
     Parameters
     ----------
     fit : Fit
-        Logarithm of the share of survivors against the step, from step 0 on.
+        Fit of the logarithm of the surviving fraction against the step, from step 0 on.
     rate : float
         Escape rate per step: minus the slope.
     standard_error : float
-        Of the rate: by drawing the starts anew, or by the fit, whichever is larger.
+        Standard error of the rate: that from resampling the initial conditions or that of the fit, whichever is larger.
     survivors : ndarray of int, shape (n,)
-        Orbits in the region after 0, 1, ... steps.
+        Number of orbits in the region after 0, 1, ... steps.
     window : CellGrid
-        Where the starts were drawn.
+        Window of the initial conditions.
     coordinates : tuple of Coordinate
         State variables.
     """
@@ -155,10 +155,11 @@ def escape_rate(
     fit_window: tuple[int, int] | None = None,
     tolerance: float = 0.05,
 ) -> EscapeRate:
-    """Measure how fast orbits leave a region.
+    """Compute the escape rate from a region.
 
-    Random starts, uniform in the window, are iterated until they leave.  The line is fitted by :func:`fit_line` in the
-    largest window of steps in which it is straight, among those after which at least 400 orbits are left.
+    Random initial conditions, uniform in the window, are iterated until they leave the region.  The line is fitted by
+    :func:`fit_line` in the largest window of steps in which it is straight, among those that at least 400 orbits
+    survive.
 
     Parameters
     ----------
@@ -167,13 +168,13 @@ def escape_rate(
     window : CellGrid
         The region.
     attractors : sequence of Attractor, optional
-        Attractors in the window, whose neighbourhoods are left out of the region.
+        Attractors in the window, whose neighbourhoods are excluded from the region.
     n : int, optional
-        Starts.
+        Number of initial conditions.
     most : int, optional
-        Steps after which what is left is given up.
+        Largest number of steps; orbits that remain longer are not followed.
     seed : int, optional
-        Seed of the starts, and of drawing them anew.
+        Seed of the initial conditions and of their resampling.
     fit_window : tuple of int, optional
         First and last step of the fit.
     tolerance : float, optional
@@ -182,12 +183,12 @@ def escape_rate(
     Returns
     -------
     EscapeRate
-        The rate with its fit.
+        The escape rate with its fit.
 
     Raises
     ------
     ValueError
-        Where fewer than 3 steps are left by at least 400 orbits, or none leaves.
+        If fewer than 3 steps are survived by at least 400 orbits, or if no orbit leaves.
 
     References
     ----------

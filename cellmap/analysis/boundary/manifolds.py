@@ -28,11 +28,11 @@ class Manifold:
     orbit : PeriodicOrbit
         The saddle.
     multiplier : float
-        Its multiplier on the manifold.
+        Multiplier of the saddle along the manifold.
     branches : tuple of ManifoldBranch
-        Two for each point of the saddle.
+        Branches, two for each point of the saddle.
     spacing : float
-        Largest distance of neighbours on the curves, in units of `scale`.
+        Largest distance of neighbouring points on the curves, in units of `scale`.
     scale : ndarray, shape (2,)
         Unit of length along each coordinate.
     coordinates : tuple of Coordinate
@@ -53,7 +53,7 @@ class Manifold:
 
     @property
     def points(self) -> NDArray[np.float64]:
-        """All points, shape (n, 2), angles in their turn, without order and interruptions."""
+        """All points, shape (n, 2), angles within their period, without order or interruptions."""
         every = np.concatenate([b.points for b in self.branches])
         return wrap(every[np.isfinite(every).all(axis=1)], self.coordinates)
 
@@ -69,12 +69,12 @@ def saddle_manifold(
     inverse: PointMap | None = None,
     reach: float = 0.1,
 ) -> Manifold:
-    """Grow the stable or the unstable manifold of a saddle.
+    """Compute the stable or the unstable manifold of a saddle of a planar map.
 
-    A fundamental segment on the eigenvector, from a place close to the saddle to its image, is iterated.  Where its
-    image is bent or stretched too much, points are put in on the segment itself and iterated from there, so that the
-    curve is nowhere interpolated.  The stable manifold is the unstable one of the inverse map; without `inverse` each
-    preimage is found by Newton's method with the exact derivative, from the one before it on the curve.
+    A fundamental segment on the eigenvector, from a point close to the saddle to its image, is iterated.  Where the
+    image is bent or stretched too much, points are inserted on the segment itself and iterated, so that the curve is
+    nowhere interpolated.  The stable manifold is the unstable one of the inverse map; without `inverse` each preimage
+    is found by Newton's method with the exact derivative, with the previous one on the curve as initial guess.
 
     Parameters
     ----------
@@ -83,25 +83,26 @@ def saddle_manifold(
     orbit : PeriodicOrbit
         A saddle of it, with one multiplier outside and one inside the unit circle.
     kind : {"stable", "unstable"}
-        Which manifold.
+        Kind of the manifold.
     window : CellGrid
-        Where the curves are followed; its sizes are the units of `length` and `spacing`, its cells do not matter.
+        Window of the curves; its sizes are the units of `length` and `spacing`, its cells are not used.
     length : float, optional
-        Length of each branch, as far as it is followed.
+        Arc length up to which each branch is computed.
     spacing : float, optional
-        Largest distance of neighbours; where the curve is bent by more than 0.2 radians from one to the next, they are
-        closer, down to a thousandth of it.
+        Largest distance of neighbouring points; where the direction of the curve changes by more than 0.2 rad from one
+        to the next, they are closer, down to a thousandth of it.
     inverse : PointMap, optional
-        Inverse of the map, such as :func:`inverse_stroboscopic_map` makes; several times faster than Newton's method.
+        Inverse of the map, for example from :func:`inverse_stroboscopic_map`; several times faster than Newton's
+        method.
     reach : float, optional
-        How far outside the window curves are still followed, in sizes of the window.  Take more for a curve that comes
-        back from far away, as those of Henon's map do.
+        Distance outside the window up to which curves are continued, in sizes of the window.  Increase it for curves
+        that return from far away, as those of Hénon's map do.
 
     Returns
     -------
     Manifold
-        Its branches.  What of a curve lies farther outside is left out, and so is a part that comes back between two
-        neighbours out there.
+        The manifold with its branches.  Parts of a curve that lie farther outside are omitted, as is a part that
+        returns between two neighbouring points outside.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def saddle_manifold(
 
 
 def _direction(point_map: PointMap, orbit: PeriodicOrbit, row: int, multiplier: float) -> NDArray[np.float64]:
-    """Eigenvector of a round of the orbit that begins at one of its points, of a fixed sense."""
+    """Return an eigenvector of the monodromy matrix at one point of the orbit, with a fixed orientation."""
     steps = jacobian(point_map, orbit.points)
     matrix = np.eye(2)
     for k in range(orbit.period):

@@ -24,18 +24,19 @@ _SMALLEST = -15.0  # decimal exponent of the smallest stagger
 
 @dataclass(frozen=True, eq=False)
 class ChaoticSaddle:
-    """A long pseudo-orbit that stays in a region which almost all orbits leave.
+    """Chaotic saddle, represented by a long pseudo-orbit that stays in a region which almost all orbits leave.
 
     Parameters
     ----------
     points : ndarray, shape (n, dimension)
-        The pseudo-orbit, angles in their turn.
+        The pseudo-orbit, angles within their period.
     staggers : ndarray, shape (n,)
-        How far the point was moved before it was mapped to the next one, in units of the window; mostly 0.
+        Distance by which each point was perturbed before it was mapped to the next one, in units of the window; mostly
+        0.
     lifetime : int
-        Steps for which the orbit of every point stays in the region.
+        Number of steps for which the orbit of every point stays in the region.
     largest_stagger : float
-        The largest of the staggers.
+        Largest stagger.
     window : CellGrid
         The region.
     coordinates : tuple of Coordinate
@@ -67,43 +68,43 @@ def chaotic_saddle(
     transient: int = 100,
     seed: int = 0,
 ) -> ChaoticSaddle:
-    """Follow a pseudo-orbit on the chaotic saddle in a region.
+    """Compute a pseudo-orbit on the chaotic saddle in a region by the stagger-and-step method.
 
     A point whose orbit stays in the region for more than `lifetime` steps is mapped (a step); another one is first
-    moved by a small random vector to a place whose orbit does (a stagger), with sizes spread evenly over all orders of
-    magnitude up to `largest`.
+    perturbed by a small random vector to a point whose orbit does (a stagger), with sizes that are distributed evenly
+    over all orders of magnitude up to `largest`.
 
     Parameters
     ----------
     point_map : PointMap
         The map.
     window : CellGrid
-        The region; its sizes are the units of staggers, its cells do not matter.
+        The region; its sizes are the units of staggers, its cells are not used.
     attractors : sequence of Attractor, optional
-        Attractors in the window, whose neighbourhoods are left out of the region.
+        Attractors in the window, whose neighbourhoods are excluded from the region.
     n : int, optional
-        Points.
+        Number of points.
     lifetime : int, optional
-        Steps for which the orbit of each point has to stay.  A point whose orbit does is about
+        Number of steps for which the orbit of each point has to stay in the region.  A point whose orbit does is about
         ``exp(-lifetime * exponent)`` away from the saddle, and staggers find it again only if that is below `largest`;
-        the numbers of the machine are too coarse for more than some ``36 / exponent``.
+        in double precision, lifetimes beyond about ``36 / exponent`` cannot be reached.
     largest : float, optional
         Largest stagger.
     transient : int, optional
-        Points that are dropped at the beginning.
+        Number of points that are discarded at the beginning.
     seed : int, optional
         Seed of the first point and of the staggers.
 
     Returns
     -------
     ChaoticSaddle
-        The pseudo-orbit.  Its points are near the saddle: along stable directions of the map they forget where they
-        came from, along unstable ones they stay for `lifetime` steps.  Their density is not the natural measure.
+        The pseudo-orbit.  Its points are near the saddle: perturbations along stable directions of the map decay, and
+        those along unstable ones remain small for `lifetime` steps.  Their density is not the natural measure.
 
     Raises
     ------
     ValueError
-        Where no orbit stays so long, or no stagger of that size finds one again.
+        If no orbit stays so long, or no stagger of that size leads to one.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""How fractal basins and attractors are: dimensions, uncertainty exponents, basin entropy, Wada tests."""
+"""Fractal geometry of basins and attractors: dimensions, uncertainty exponents, basin entropy, Wada tests."""
 
 import lazy_loader as _lazy
 

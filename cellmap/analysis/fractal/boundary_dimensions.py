@@ -1,4 +1,4 @@
-"""Box counting of the boundaries of basins."""
+"""Box-counting dimension of basin boundaries."""
 
 from __future__ import annotations
 
@@ -34,43 +34,46 @@ def boundary_dimension(
     seed: int = 0,
     window: tuple[float, float] | None = None,
 ) -> BoxCount:
-    """Count the boxes that hold boundary between basins, and fit their power law.
+    """Compute the box-counting dimension of a basin boundary.
 
-    A box of s cells a side holds boundary if the cell centres in it, those on its border included, carry more than one
-    label.  So a box is s steps from cell to cell, borders between neighbouring boxes belong to both, and a boundary on
-    the line between two boxes is not lost.  Boxes that the edge of the window cuts count by the share that is inside.
+    A box of s cells a side contains boundary if the cell centres in it, those on its border included, have more than
+    one label.  A box thus spans s steps from cell to cell, the border between neighbouring boxes belongs to both, and a
+    boundary between two boxes is not missed.  Boxes that the edge of the window cuts count by the fraction inside it.
 
-    A size is usable if 10 boxes or more hold boundary, there are four or more along each axis, no more than 95 % of
-    them hold boundary (unless this is so at all sizes), and boxes that the cells miss are 10 % at most.  How many these
-    are follows from the boxes that every other cell along each axis would miss, and the counts are corrected for them
-    before they are fitted.  Among the usable sizes the window is that of :func:`~cellmap._lib.fit.steady_window`.
+    A size is usable if at least 10 boxes contain boundary, there are at least four along each axis, no more than 95 %
+    of them contain boundary (unless this is so at all sizes), and the cells miss at most 10 % of the boxes.  The missed
+    boxes are estimated from those that every other cell along each axis would miss, and the counts are corrected for
+    them before the fit.  Among the usable sizes the scaling window is that of :func:`~cellmap._lib.fit.steady_window`.
 
-    Isolated labels, in specks of at most four cells, come from structure below a cell, or they are wrong.  The former
-    lie next to other boundary, so that the larger the boxes, the fewer hold nothing else; :attr:`BoxCount.isolated` is
-    their share.  Where it grows with the size of boxes and comes above 5 %, the specks are noise and are left out.
-    This holds for up to some percent of wrong labels, as long as there is other boundary.
+    Isolated labels, in groups of at most four cells, result from structure below the size of a cell, or are wrong.  The
+    former lie next to other boundary, so that the larger the boxes, the fewer contain nothing else;
+    :attr:`BoxCount.isolated` is their fraction.  Where it grows with the size of boxes and exceeds 5 %, the isolated
+    labels are noise and are ignored.  This works for up to some percent of wrong labels, as long as there is other
+    boundary.
 
     Parameters
     ----------
     basins : Basins, or ndarray of int
-        Basins on a grid, or labels of the cells of one, of any dimension and shape.  Axes of one cell are left out.
+        Basins on a grid, or labels of the cells of one, of any dimension and shape.  Axes of one cell are ignored.
     sizes : array_like of int, optional
         Sides of boxes in cells; by default 1, 2, 4, ...
     samples : int, optional
-        Look at every box of every size through a lattice of ``samples + 1`` cells along each axis, in place of all of
-        its cells.  The chance to miss a thin strand is then the same at all sizes, and the resolution of the image does
-        not bend the line; use it where the boundary has structure below one cell.  Sizes are multiples of it.
+        Examine every box of every size through a lattice of ``samples + 1`` cells along each axis, instead of all of
+        its cells.  The probability of missing a thin strand is then the same at all sizes, and the resolution of the
+        image does not bend the line; use it where the boundary has structure below one cell.  Sizes are multiples of
+        it.
     codes : sequence of int, optional
         Negative labels that count as a basin, such as -2 (diverged) where infinity attracts.  All other negative labels
-        are no basins: they make no boundary, neither with each other nor with a basin.
+        are not basins: they form no boundary, neither with each other nor with a basin.
     wraps : sequence of bool, optional
-        Which axes are circles; by default as in the grid.
+        Which axes are periodic; by default as in the grid.
     offsets : int, optional
-        Grids over which the counts are averaged: the first begins at the first cell, the others at random places.
+        Number of grids over which the counts are averaged: the first begins at the first cell, the others at random
+        positions.
     seed : int, optional
-        Seed of these places.
+        Seed of these positions.
     window : tuple of float, optional
-        Smallest and largest size for the fit, in the place of the automatic window.
+        Smallest and largest size for the fit; by default they are chosen automatically.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def boundary_dimension(
     Raises
     ------
     TypeError, ValueError
-        For labels that are no whole numbers, without a boundary, or too few cells for three usable sizes.
+        For labels that are not integers, without a boundary, or too few cells for three usable sizes.
 
     References
     ----------
@@ -149,11 +152,11 @@ def _sizes(sizes: ArrayLike | None, most: int, step: int) -> list[int]:
 def _missed(
     image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int], known: dict[int, float]
 ) -> NDArray[np.float64]:
-    """Return the estimated share of boxes with boundary in which the cells do not show it.
+    """Return the estimated fraction of boxes with boundary in which the cells do not show it.
 
-    With every other cell along each axis, a share of the boxes of twice a size is lost.  To a boundary that is similar
-    to itself as many boxes of this size are lost by the cells, as compared with cells of half their width; and so on.
-    The losses at all larger sizes, taken together, are therefore what is missed at one.
+    With every other cell along each axis, a fraction of the boxes of twice a size is lost.  To a boundary that is
+    similar to itself as many boxes of this size are lost by the cells, as compared with cells of half their width; and
+    so on.  The losses at all larger sizes, taken together, are therefore what is missed at one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Box counting: the capacity dimension of sets of points."""
+"""Box-counting (capacity) dimension of sets of points."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ _EDGES = np.linspace(0.0, 4.0, 201)
 
 @dataclass(frozen=True, eq=False)
 class BoxCount:
-    """Numbers of boxes that a set meets, by their size, and the dimension that follows.
+    """Box counts of a set by box size, and the resulting box-counting dimension.
 
     Parameters
     ----------
     sizes : ndarray, shape (n,)
-        Sides of boxes, the largest first: in cells for a boundary, in units of the scales for points.
+        Sides of the boxes in decreasing order: in cells for a boundary, in units of the scales for points.
     counts : ndarray, shape (n,)
-        Boxes that meet the set, mean over the offsets of the grid.
+        Number of boxes that intersect the set, mean over the offsets of the grid.
     errors : ndarray, shape (n,)
         Standard errors of these means; 0 for one grid.
     missed : ndarray, shape (n,)
-        Estimated share of the boxes that meet the set unseen: the set is known at some places only.
+        Estimated fraction of the boxes that intersect the set but are missed, as the set is known at some points only.
     usable : ndarray of bool, shape (n,)
-        Sizes between both ends at which counts saturate.
+        Sizes between the two ends at which counts saturate.
     fit : Fit
-        Of ln counts against ln 1/size; its slope is the dimension, and its error counts the drift of the slope and the
-        choice of the window as well.
+        Fit of ln counts against ln 1/size; its slope is the dimension, and its error includes the drift of the slope
+        and the choice of the window.
     topological : int or None
         Dimension of the set if it is smooth, where that is known: one less than that of the space for a boundary.
     ignored : float
-        Share of the cells that belong to no basin; 0 for points.
+        Fraction of the cells that belong to no basin; 0 for points.
     isolated : ndarray, shape (n,), or None
-        Share of the boxes with boundary that hold that of isolated labels alone, before these are left out; None for
-        points.
+        Fraction of the boxes with boundary that contain only that of isolated labels, before these are ignored; None
+        for points.
     """
 
     sizes: NDArray[np.float64]
@@ -68,7 +68,7 @@ class BoxCount:
 
     @property
     def dimension(self) -> float:
-        """The slope in the window."""
+        """Box-counting dimension: the slope in the window."""
         return self.fit.slope
 
     @property
@@ -78,15 +78,15 @@ class BoxCount:
 
     @property
     def fractal(self) -> bool:
-        """Whether the counts tell the set from a smooth one.
+        """Whether the counts distinguish the set from a smooth one.
 
-        True if the 95 % interval of the dimension lies above that of a smooth boundary, by 0.02 at least; for points,
-        if it is as far from any whole number.  A claim about ever smaller sizes has to bear two more tests.  The
-        interval is widened to the slope that the smallest usable sizes would lead to, two decades on: the counts of a
-        smooth boundary that is wound up tightly come to their law at small sizes only.  And it is widened to the
-        95 % interval for the slope of one more octave, by the scatter of all usable ones: near the onset of a fractal
-        boundary slopes wander, and those of a smooth one are at 1 beyond the picture.  False does not say that a set
-        is smooth.
+        True if the 95 % interval of the dimension lies above that of a smooth boundary by at least 0.02; for points, if
+        it is as far from any integer.  A statement about ever smaller sizes requires two more tests.  The interval is
+        widened to the slope to which the trend at the smallest usable sizes would lead two decades further on: the
+        counts of a smooth boundary that is tightly wound reach their power law at small sizes only.  It is also widened
+        to the 95 % interval for the slope of one more octave, from the scatter of all usable ones: near the onset of a
+        fractal boundary slopes fluctuate, and those of a smooth one reach 1 below the resolution of the image.  False
+        does not mean that a set is smooth.
         """
         low, high = self.fit.interval(0.95)
         beyond = [self._ahead(), *self._next_octave()]
@@ -130,11 +130,11 @@ def box_dimension(
     seed: int = 0,
     window: tuple[float, float] | None = None,
 ) -> BoxCount:
-    """Count the boxes that a set of points meets, and fit their power law.
+    """Compute the box-counting dimension of a set of points.
 
-    All dyadic sizes come from one sort of the points, and each other size from a sort of its own.  A size is usable
-    if the set meets 10 boxes or more, and if the boxes that the points miss, by Chao's estimate from those that hold
-    one and two points, are 2 % of them at most.  Among the usable sizes the window is that of
+    All dyadic sizes are counted with one sort of the points, and each other size with a sort of its own.  A size is
+    usable if the set intersects at least 10 boxes, and if the points miss at most 2 % of the boxes, by Chao's estimate
+    from those that contain one and two points.  Among the usable sizes the scaling window is that of
     :func:`~cellmap._lib.fit.steady_window`.
 
     Parameters
@@ -144,18 +144,19 @@ def box_dimension(
     sizes : array_like, optional
         Sides of boxes in units of the scales; by default the extent of the set and its halves, quarters, ...
     coordinates : sequence of str or Coordinate, optional
-        What the columns are; an angle is a circle, of which whole boxes make up a turn.
+        Coordinates of the columns; the period of an angle is divided into a whole number of boxes.
     scales : array_like, shape (d,), optional
-        Lengths that count as one.  By default 1 for all where all have the same unit and none is an angle; else a turn,
-        or the extent of the set.
+        Lengths that count as one.  By default 1 for all if all have the same unit and none is an angle; else the period
+        of an angle, or the extent of the set.
     origin : array_like, shape (d,), optional
-        A corner of a box, for one grid in a given place (on the line; a circle's boxes begin where it is cut).
+        A corner of a box, for one grid at a given position (for non-periodic coordinates; the boxes of an angle begin
+        at its branch cut).
     offsets : int, optional
-        Grids at random places over which the counts are averaged.
+        Number of grids at random positions over which the counts are averaged.
     seed : int, optional
-        Seed of these places.
+        Seed of these positions.
     window : tuple of float, optional
-        Smallest and largest size for the fit, in the place of the automatic window.
+        Smallest and largest size for the fit; by default they are chosen automatically.
 
     Returns
     -------
@@ -207,7 +208,7 @@ def averaged(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def unseen(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the estimated share of boxes that points miss (Chao 1984), from counts (offset, size, any | 1 | 2)."""
+    """Return the estimated fraction of boxes that points miss (Chao 1984), from counts (offset, size, any | 1 | 2)."""
     boxes, ones, twos = counts.mean(axis=0).T
     lost = ones * np.maximum(ones - 1.0, 0.0) / (2.0 * (twos + 1.0))
     return np.asarray(lost / (boxes + lost))

@@ -1,4 +1,4 @@
-"""The correlation dimension of attractors, by pairs of points."""
+"""Correlation dimension of attractors, from pairs of points."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ _DECADES = 5
 
 @dataclass(frozen=True, eq=False)
 class CorrelationSum:
-    """Shares of pairs of points that are close, by distance, and the dimension that follows.
+    """Correlation sum of an orbit by distance, and the resulting correlation dimension.
 
     Parameters
     ----------
     radii : ndarray, shape (n,)
-        Distances in units of the scales, the largest first.
+        Distances in units of the scales, in decreasing order.
     shares : ndarray, shape (n,)
-        Correlation sums C(r): pairs that are closer than r, among all that are farther apart in time than `theiler`.
+        Correlation sum C(r): fraction of pairs closer than r, among those farther apart in time than `theiler`.
     errors : ndarray, shape (n,)
-        Their standard errors, from the spread over stretches of the orbit.
+        Standard errors of C(r), from the spread over segments of the orbit.
     pairs : int
-        Number of all pairs.
+        Total number of pairs.
     theiler : int
-        Steps in time up to which pairs are left out.
+        Theiler window: pairs up to so many steps apart are excluded.
     usable : ndarray of bool, shape (n,)
-        Distances up to a quarter of the set's extent that 500 pairs or more are below.
+        Distances up to a quarter of the set's extent with at least 500 closer pairs.
     fit : Fit
-        Of -ln C against ln 1/r; its slope is the dimension.  The standard error counts scatter, drift of the slope in
-        the window, the choice of the window, and the spread of the slope over stretches of the orbit.
+        Fit of -ln C against ln 1/r; its slope is the dimension.  The standard error includes scatter, drift of the
+        slope in the window, the choice of the window, and the spread of the slope over segments of the orbit.
     """
 
     radii: NDArray[np.float64]
@@ -63,7 +63,7 @@ class CorrelationSum:
 
     @property
     def dimension(self) -> float:
-        """The correlation dimension."""
+        """Correlation dimension: the slope in the window."""
         return self.fit.slope
 
     @property
@@ -83,10 +83,10 @@ def correlation_dimension(
     scales: ArrayLike | None = None,
     window: tuple[float, float] | None = None,
 ) -> CorrelationSum:
-    """Measure the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
+    """Compute the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
 
-    Pairs are counted with a tree of the points; those that are close because they follow one another in time are left
-    out (Theiler 1986).  The window among usable distances is that of :func:`~cellmap._lib.fit.steady_window`.
+    Pairs are counted with a tree of the points; those that are close because they are close in time are excluded
+    (Theiler 1986).  The window among usable distances is that of :func:`~cellmap._lib.fit.steady_window`.
 
     Parameters
     ----------
@@ -95,18 +95,18 @@ def correlation_dimension(
     radii : array_like, optional
         Distances; by default 25 over up to five decades.
     theiler : int, optional
-        Pairs up to so many steps apart in time do not count; at least the time over which an orbit forgets itself.
+        Theiler window: pairs up to so many steps apart in time do not count; choose at least the correlation time.
     norm : float, optional
-        2 for Euclidean distances, ``inf`` for the largest difference.
+        Norm of distances: 2 for Euclidean, ``inf`` for the maximum norm.
     coordinates, scales : optional
-        As in :func:`box_dimension`; angles are compared the shorter way round.
+        As in :func:`box_dimension`; distances of angles are taken on the circle.
     window : tuple of float, optional
-        Smallest and largest distance for the fit, in the place of the automatic window.
+        Smallest and largest distance for the fit; by default they are chosen automatically.
 
     Returns
     -------
     CorrelationSum
-        Shares of pairs, window, dimension and its error.
+        Correlation sums, window, dimension and its error.
 
     Raises
     ------

@@ -22,24 +22,25 @@ _COMPLETE = 0.5  # of a box's cells that need a basin
 
 @dataclass(frozen=True, eq=False)
 class BasinEntropy:
-    """Entropy of the basins in the boxes of a picture.
+    """Basin entropy and boundary basin entropy of a basin image.
 
     Parameters
     ----------
     entropy, standard_error : float
-        Mean over all boxes, which is the basin entropy, and its standard error over boxes.
+        Basin entropy, the mean over all boxes, and its standard error over boxes.
     boundary_entropy, boundary_error : float
-        Mean over the boxes with more than one basin, which is the boundary basin entropy; NaN without such boxes.
+        Boundary basin entropy, the mean over the boxes with more than one basin, and its standard error; NaN without
+        such boxes.
     box : tuple of int
-        Sides of a box in cells.
+        Sides of the boxes in cells.
     boxes : ndarray, shape (n,) or that of the tiling
-        Entropy of each box, NaN for boxes that were left out.
+        Entropy of each box, NaN for excluded boxes.
     basins : int
-        Number of basins in the picture.
+        Number of basins in the image.
     positions : str
-        "tiling" or "random".
+        Positions of the boxes, "tiling" or "random".
     finest : tuple of float
-        Uncertainty exponent between distances of two cells and of one, and its standard error.
+        Local uncertainty exponent between distances of two cells and one, and its standard error.
     name : str
         Name of the system.
     """
@@ -64,20 +65,20 @@ class BasinEntropy:
 
     @property
     def count(self) -> int:
-        """Boxes that count."""
+        """Number of boxes that count."""
         return int(np.isfinite(self.boxes).sum())
 
     @property
     def boundary_count(self) -> int:
-        """Boxes with more than one basin."""
+        """Number of boxes with more than one basin."""
         return int((self.boxes > 0.0).sum())
 
     @property
     def above_ln2(self) -> bool:
-        """Whether the boundary basin entropy is above ln 2 by two standard errors, in 30 boxes or more.
+        """Whether the boundary basin entropy exceeds ln 2 by two standard errors, in at least 30 boxes.
 
-        A box on a smooth boundary sees two basins, and its entropy is ln 2 at most; only around points where more
-        basins meet it is larger, and there are few of them.  Basins of which there are two never come above ln 2.
+        A box on a smooth boundary contains two basins, and its entropy is at most ln 2; it is larger only around points
+        where more basins meet, and these are few.  With two basins, the entropy never exceeds ln 2.
         """
         return (
             self.boundary_count >= _FEW
@@ -86,11 +87,11 @@ class BasinEntropy:
 
     @property
     def fractal(self) -> bool:
-        """Whether the ln 2 criterion proves the boundary fractal, at the scales of the picture.
+        """Whether the ln 2 criterion proves the boundary fractal, at the scales of the image.
 
-        It does where the entropy is above ln 2 and the cells themselves find no smooth boundary.  (Boxes that are wider
-        than smooth basins see several of them too, but next to such a boundary the share of pairs of cells that differ
-        doubles with their distance.)  The converse does not hold: False says nothing.
+        This requires that the entropy is above ln 2 and that the cells themselves show no smooth boundary.  (Boxes that
+        are wider than smooth basins contain several of them too, but next to such a boundary the fraction of pairs of
+        cells that differ doubles with their distance.)  The converse does not hold: nothing follows from False.
         """
         return self.above_ln2 and is_rough(self.finest)
 
@@ -104,25 +105,26 @@ def basin_entropy(
     wraps: Sequence[bool] = (),
     seed: int = 0,
 ) -> BasinEntropy:
-    """Measure the basin entropy of a picture.
+    """Compute the basin entropy of a basin image.
 
-    In each box the entropy of the shares of the basins is taken, with natural logarithms.  The mean over all boxes is
-    the basin entropy, that over boxes with several basins the boundary basin entropy.
+    In each box, the entropy of the fractions of the basins is computed with natural logarithms.  The mean over all
+    boxes is the basin entropy, that over boxes with several basins the boundary basin entropy.
 
     Parameters
     ----------
     basins : Basins or array_like of int
-        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
-        diverged, undecided), or of a missing one, do not count; a box of which less than half has a basin is left out.
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (escaped, diverged,
+        undecided), or of a missing one, do not count; a box of which less than half has a basin is excluded.
     box : int or sequence of int, optional
-        Side of a box in cells, one for all axes or one for each (axes of one cell are not counted).
+        Side of the boxes in cells, one for all axes or one for each (axes of one cell do not count).
     positions : int, optional
-        Boxes at so many random positions, in the place of a tiling from the first corner on.  (What a tiling leaves
-        over at the other ends does not count.)
+        Number of boxes at random positions, instead of a tiling from the first corner on.  (Cells that a tiling leaves
+        over at the other ends do not count.)
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; for basins the grid knows.  Random boxes reach round them.
+        Which axes of an array are periodic; for basins the grid determines it.  Random boxes extend across their branch
+        cuts.
     seed : int, optional
         Seed of random positions.
 
@@ -134,13 +136,13 @@ def basin_entropy(
     Raises
     ------
     TypeError, ValueError
-        For what is no picture of basins, or boxes that do not fit into it.
+        For something that is not a basin image, or boxes that do not fit into it.
 
     Notes
     -----
     Boxes of random positions overlap, and neighbouring boxes of a tiling share pieces of boundary: standard errors over
-    boxes are too small where there are more random boxes than a tiling has.  They tell nothing of the dependence on the
-    size of the box, which is why only entropies for boxes of equal size should be compared.
+    boxes are too small if there are more random boxes than a tiling has.  They do not include the dependence on the
+    size of the box, so that only entropies for boxes of equal size should be compared.
 
     References
     ----------

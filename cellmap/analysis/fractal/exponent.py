@@ -1,4 +1,4 @@
-"""The uncertainty exponent from counts of uncertain pairs, and what it says of a boundary."""
+"""Uncertainty exponents from counts of uncertain pairs, with a verdict on the boundary."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Attractor
 
 SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "consistent with smooth", "fractal", "undetermined", "no boundary"
-"""What is said of a boundary.  That one is smooth cannot be shown: its dimension may be that little above."""
+"""Verdicts on a boundary.  Smoothness cannot be proved: the dimension may be larger by less than the error."""
 
 _FEWEST = 20  # uncertain pairs at a distance that is used
 _UNDECIDED = 0.1  # as many pairs with undecided starts as this part of the uncertain ones spoil a distance
@@ -28,28 +28,30 @@ _VAGUE = 0.1  # standard error above which nothing is called consistent with smo
 
 @dataclass(frozen=True, eq=False)
 class UncertaintyExponent:
-    """Uncertain pairs of starts at several distances, and the exponent with which their share falls.
+    """Uncertainty exponent, with the counts of uncertain pairs of initial conditions at several distances.
 
     Parameters
     ----------
     fit : Fit or None
-        Line through the logarithms of distances and shares; None where fewer than three distances have uncertain pairs.
+        Fit of the logarithm of the fraction against that of the distance; None if fewer than three distances have
+        uncertain pairs.
     distances : ndarray, shape (n,)
         Distances of the pairs, decreasing.
     pairs, uncertain : ndarray of int, shape (n,)
-        Pairs of which both starts have a basin, and those in which they differ.
+        Number of pairs in which both initial conditions have a basin, and of those in which the basins differ.
     left_out, undecided : ndarray of int, shape (n,)
-        Pairs that were left out since a start has no basin, and those among them with an undecided start.
+        Number of pairs that were excluded because an initial condition has no basin, and of those among them with an
+        undecided one.
     dimension : int
-        Dimension D of the region in which the starts lie.
+        Dimension D of the region of the initial conditions.
     floor : float
-        Smallest distance that the accuracy of the map, or the picture, allows.
+        Smallest distance that the accuracy of the map, or the resolution of the image, allows.
     unit : str
-        Of the distances.
+        Unit of the distances.
     attractors : tuple of Attractor
-        Attractors whose basins were told apart.
+        Attractors whose basins were distinguished.
     cost : Cost
-        Wall time and number of starts.
+        Wall time and number of initial conditions.
     name : str
         Name of the system.
     """
@@ -79,7 +81,7 @@ class UncertaintyExponent:
 
     @property
     def exponent(self) -> float:
-        """Slope of the fit, NaN without one."""
+        """Uncertainty exponent: slope of the fit, NaN without one."""
         return self.fit.slope if self.fit is not None else np.nan
 
     @property
@@ -94,30 +96,29 @@ class UncertaintyExponent:
 
     @property
     def shares(self) -> NDArray[np.float64]:
-        """Share of uncertain pairs at each distance."""
+        """Fraction of uncertain pairs at each distance."""
         return np.asarray(self.uncertain / np.maximum(self.pairs, 1))
 
     @property
     def intervals(self) -> NDArray[np.float64]:
-        """95 % confidence interval of each share (Wilson 1927), shape (n, 2); pairs count as independent."""
+        """95 % confidence interval of each fraction (Wilson 1927), shape (n, 2); pairs are taken as independent."""
         return np.stack(binomial_interval(self.uncertain, self.pairs, method="Wilson"), axis=-1)
 
     @property
     def decades(self) -> float:
-        """Powers of ten between the largest and the smallest distance of the fit."""
+        """Number of decades between the largest and the smallest distance of the fit."""
         return 0.0 if self.fit is None else float(np.ptp(self.fit.x[self.fit.inside]) / np.log(10.0))
 
     @property
     def verdict(self) -> str:
-        """Whether it is "fractal", "consistent with smooth", "undetermined", or there is "no boundary".
+        """Verdict on the boundary: "fractal", "consistent with smooth", "undetermined" or "no boundary".
 
-        Consistent with smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  A fractal
-        boundary whose dimension is as close to that of a smooth one, as those of many Julia sets are, is that too.
-        Fractal: the exponent is more
-        than three standard errors below 1, over at least a decade; and so is that of the finer half of the distances,
-        should it go on to rise by twice as much as it has risen from the coarser half, as it does where smooth pieces
-        lie side by side and begin to be resolved.  What the numbers of pairs leave open of that rise counts as error.
-        Anything else is undetermined.
+        Consistent with smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  This includes
+        fractal boundaries whose dimension is as close to that of a smooth one, such as many Julia sets.  Fractal: the
+        exponent is more than three standard errors below 1, over at least a decade; and so is that of the finer half of
+        the distances, even if it continued to rise by twice as much as it has risen from the coarser half, as it does
+        where adjacent smooth pieces begin to be resolved.  The statistical uncertainty of that rise counts as error.
+        Everything else is undetermined.
         """
         if self.fit is None:
             return UNDETERMINED if self.uncertain.any() or not self.pairs.any() else NO_BOUNDARY

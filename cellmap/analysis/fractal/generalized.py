@@ -1,4 +1,4 @@
-"""Generalized dimensions of measures: how the weights of boxes scale."""
+"""Generalized dimensions of measures, from the scaling of the weights of boxes."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ _FEWEST_POINTS = 20  # in a box, on average: a sum over fewer is biased by their
 
 @dataclass(frozen=True, eq=False)
 class GeneralizedDimensions:
-    """Dimensions D_q of a measure, for several orders q.
+    """Generalized dimensions D_q of a measure, for several orders q.
 
     Parameters
     ----------
     orders : ndarray, shape (k,)
-        Orders q, rising.
+        Orders q, increasing.
     sizes : ndarray, shape (n,)
-        Sides of boxes in units of the scales, the largest first.
+        Sides of the boxes in units of the scales, in decreasing order.
     informations : ndarray, shape (k, n)
-        Renyi's informations ``ln(sum p**q) / (1 - q)`` of the boxes' weights p, ``-sum p ln p`` for q = 1; of the sums'
-        means over the offsets of the grid.
+        Rényi informations ``ln(sum p**q) / (1 - q)`` of the boxes' weights p, ``-sum p ln p`` for q = 1, with sums
+        averaged over the offsets of the grid.
     usable : ndarray of bool, shape (n,)
-        Sizes between both ends at which the sums saturate.
+        Sizes between the two ends at which the sums saturate.
     fits : tuple of Fit
-        For each order, of its information against ln 1/size: the slope is D_q.
+        For each order, the fit of its information against ln 1/size; the slope is D_q.
     """
 
     orders: NDArray[np.float64]
@@ -62,12 +62,12 @@ class GeneralizedDimensions:
 
     @property
     def dimensions(self) -> NDArray[np.float64]:
-        """D_q for each order."""
+        """Dimension D_q of each order."""
         return np.array([f.slope for f in self.fits])
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
-        """Standard errors of D_q: scatter and drift of the slopes in their windows, and the choice of these."""
+        """Standard errors of D_q: scatter and drift of the slopes in their windows, and the choice of the windows."""
         return np.array([f.standard_error for f in self.fits])
 
 
@@ -85,17 +85,17 @@ def generalized_dimensions(
     seed: int = 0,
     window: tuple[float, float] | None = None,
 ) -> GeneralizedDimensions:
-    """Measure the dimensions D_q of the measure that points sample, or that their weights state.
+    """Compute the generalized dimensions D_q of a measure, from sample points or weights.
 
-    D_0 is the dimension of box counting, D_1 that of information, D_2 that of correlation; with growing q dense regions
-    count more.  A size is usable as in :func:`box_dimension`, and for a sample if its boxes hold 20 points or more on
-    average.  For negative q boxes that are touched by few points decide, and with them chance and the place of the
-    grid; weights on a grid aligned with the measure are needed there.
+    D_0 is the box-counting dimension, D_1 the information dimension, D_2 the correlation dimension; with increasing q,
+    dense regions count more.  A size is usable as in :func:`box_dimension`, and for a sample if its boxes contain at
+    least 20 points on average.  Negative orders are dominated by boxes with few points, and thus by chance and the
+    position of the grid; they require weights on a grid aligned with the measure.
 
     Parameters
     ----------
     points : array_like, shape (n, d)
-        Orbit on an attractor, or places of weights.
+        Orbit on an attractor, or positions of the weights.
     orders : array_like, optional
         Orders q, any real numbers.
     sizes : array_like, optional
@@ -105,12 +105,12 @@ def generalized_dimensions(
     coordinates, scales, origin, offsets, seed : optional
         As in :func:`box_dimension`.
     window : tuple of float, optional
-        Smallest and largest size for all fits, in the place of an automatic window for each.
+        Smallest and largest size for all fits; by default they are chosen automatically for each.
 
     Returns
     -------
     GeneralizedDimensions
-        Dimensions with their fits.
+        Generalized dimensions with their fits.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def _shares(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
 
 
 def _informations(orders: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Renyi's informations from the sums over boxes, shape (orders, sizes)."""
+    """Rényi informations from the sums over boxes, shape (orders, sizes)."""
     rows = []
     for q, total in zip(orders, sums, strict=True):
         rows.append(-total if q == 1.0 else np.log(total) / (1.0 - q))

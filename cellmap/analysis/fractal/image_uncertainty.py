@@ -1,4 +1,4 @@
-"""Uncertainty exponent of a basin boundary, from a label image."""
+"""Uncertainty exponent of a basin boundary, from a basin image."""
 
 from __future__ import annotations
 
@@ -30,38 +30,38 @@ def image_uncertainty_exponent(
     wraps: Sequence[bool] = (),
     window: tuple[int, int] | None = None,
 ) -> UncertaintyExponent:
-    """Measure the uncertainty exponent of a basin boundary from a picture of the basins.
+    """Compute the uncertainty exponent of a basin boundary from a basin image.
 
-    All pairs of cells that are k cells apart along an axis are compared, for all axes together; round a circle the last
-    cells meet the first.  What the exponent means, see :func:`uncertainty_exponent`.  Neighbouring pairs are not
-    independent: standard errors come from the scatter between blocks of the picture, 8 along each axis, left out one at
-    a time (jackknife; Tukey 1958).
+    All pairs of cells that are k cells apart along an axis are compared, for all axes together, across the branch cut
+    of periodic axes too.  For the meaning of the exponent see :func:`uncertainty_exponent`.  Neighbouring pairs are not
+    independent: standard errors are computed by leaving out each of 8 blocks of the image along each axis (jackknife;
+    Tukey 1958).
 
     Parameters
     ----------
     basins : Basins or array_like of int
-        Basins on a grid, or labels of cells in any number of dimensions.  Pairs with a cell of a negative label (left
-        the table, diverged, undecided), or of a missing one, are left out.
+        Basins on a grid, or labels of cells in any number of dimensions.  Pairs with a cell of a negative label
+        (escaped, diverged, undecided), or of a missing one, are excluded.
     steps : array_like of int, optional
         Distances k in cells, decreasing; by default about four in an octave, from a sixteenth of the shorter side.
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; for basins the grid knows.
+        Which axes of an array are periodic; for basins the grid determines it.
     window : tuple of int, optional
-        Numbers of the first and last distance of the fit.  By default it ends at the smallest distance, and begins
-        at the largest one for which the slopes of both halves of the window differ from that of the line by no more
-        than 0.05: shares saturate at large distances.
+        Numbers of the first and last distance of the fit.  By default it ends at the smallest distance, and begins at
+        the largest one for which the slopes of both halves of the window differ from that of the line by no more than
+        0.05: fractions saturate at large distances.
 
     Returns
     -------
     UncertaintyExponent
-        Counts at each distance, the fitted exponent and what it says of the boundary at the scales of the picture.
+        Counts at each distance, the fitted exponent and a verdict on the boundary at the scales of the image.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no picture of basins, or distances beyond half of it.
+        For something that is not a basin image, or distances beyond half of it.
 
     References
     ----------
@@ -175,13 +175,13 @@ def _compare(image: LabelImage, step: int) -> NDArray[np.int64]:
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
-    """Cut a picture into blocks, as many along each axis."""
+    """Divide an image into blocks, as many along each axis."""
     for place in np.ndindex(*(_BLOCKS,) * len(shape)):
         yield tuple(slice(k * n // _BLOCKS, (k + 1) * n // _BLOCKS) for k, n in zip(place, shape, strict=True))
 
 
 def _jackknife(blocks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the logarithms of shares without one block each, shape (blocks, distances)."""
+    """Return the logarithms of fractions without one block each, shape (blocks, distances)."""
     rest = blocks.sum(axis=1)[:, None] - blocks
     pairs, hits = rest[..., 0] - rest[..., 2], rest[..., 1]
     # Half a pair where the only uncertain ones are in one block: the error is then as large as it has to be.

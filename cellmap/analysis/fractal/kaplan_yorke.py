@@ -1,4 +1,4 @@
-"""Kaplan and Yorke's dimension of an attractor, from its Lyapunov exponents."""
+"""Kaplan-Yorke dimension of an attractor, from its Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...orbits.lyapunov import LyapunovSpectrum
 
 @dataclass(frozen=True, eq=False)
 class KaplanYorke:
-    """Kaplan and Yorke's dimension with the exponents that it rests on.
+    """Kaplan-Yorke dimension, with the Lyapunov exponents from which it is computed.
 
     Parameters
     ----------
@@ -22,11 +22,12 @@ class KaplanYorke:
     standard_error : float
         Propagated from the errors of the exponents, taken as independent; NaN without these.
     exponents, errors : ndarray, shape (d,)
-        Lyapunov exponents, the largest first, and their standard errors (NaN if they are not known).
+        Lyapunov exponents in decreasing order, and their standard errors (NaN if they are not known).
     whole : int
         The number j.
     bounded : bool
-        Whether volumes shrink; if not, the dimension is that of the space and says nothing about the attractor.
+        Whether volumes contract; if not, the dimension is that of the space and contains no information on the
+        attractor.
     """
 
     dimension: float
@@ -41,7 +42,7 @@ class KaplanYorke:
 
 
 def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: ArrayLike | None = None) -> KaplanYorke:
-    """Return the dimension that Lyapunov exponents let one expect.
+    """Compute the Kaplan-Yorke (Lyapunov) dimension from Lyapunov exponents.
 
     By the conjecture of Kaplan and Yorke it is the information dimension D_1 of typical chaotic attractors; it is an
     upper bound of D_1 for any smooth map (Ledrappier 1981).  For two-dimensional smooth maps the two are equal (Young
@@ -50,7 +51,7 @@ def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: Arra
     Parameters
     ----------
     exponents : array_like, shape (d,), or LyapunovSpectrum
-        All Lyapunov exponents, in any order, per step or per time; of a spectrum the mean over its orbits.
+        All Lyapunov exponents, in any order, per step or per time; for a spectrum, the mean over its orbits is used.
     errors : array_like, shape (d,), optional
         Their standard errors.
 
@@ -62,7 +63,7 @@ def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: Arra
     Raises
     ------
     ValueError
-        For exponents that are no numbers.
+        For exponents that are not numbers.
 
     References
     ----------

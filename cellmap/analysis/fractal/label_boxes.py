@@ -1,4 +1,4 @@
-"""Boxes of an image of labels that hold the boundary between basins, by their size."""
+"""Boxes of a basin image that contain basin boundary, by box size."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class LabelImage:
 
     @property
     def ignored(self) -> float:
-        """Share of the cells that belong to no basin."""
+        """Fraction of the cells that belong to no basin."""
         return float(np.count_nonzero(self.labels == NO_BASIN) / self.labels.size)
 
     def every(self, step: int, first: Sequence[int]) -> LabelImage:
@@ -105,7 +105,7 @@ def count_boxes(
 ) -> NDArray[np.float64]:
     """Return the numbers of boxes of some sizes that hold boundary, on a grid with a given offset.
 
-    Boxes that the edge of the image cuts count by the share of them that is inside.
+    Boxes that the edge of the image cuts count by the fraction of them that is inside.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def _joined(bits: NDArray[np.uint8], size: int, shifts: Sequence[int]) -> NDArra
 
 
 def _weighted(boxes: NDArray[np.uint8], shape: tuple[int, ...], size: int, shifts: Sequence[int]) -> float:
-    """Sum of boxes, those at the edges weighted by the share that is inside."""
+    """Sum of boxes, those at the edges weighted by the fraction inside."""
     pieces = []
     for m, n, shift in zip(boxes.shape, shape, shifts, strict=True):
         before = shift % size

@@ -1,4 +1,4 @@
-"""Label images: which cells belong to which basin, and which belong to none."""
+"""Label images: basins of cells, and cells without a basin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The basins in and around the boxes of a picture."""
+"""Basins in and around the boxes of a basin image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points sorted into the boxes of grids: all dyadic sizes by one sort, any other size by a sort of its own."""
+"""Box partitions of points: all dyadic sizes by one sort, any other size by a sort of its own."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = 
 
 
 def partition(space: Space, size: float, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
-    """Sort points into boxes of one size; a circle is cut into the nearest whole number of them.
+    """Sort points into boxes of one size; the period of an angle is divided into the nearest whole number of them.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def over_offsets(
     sizes : ndarray or None
         Sides of boxes; None for :func:`dyadic_sizes`.
     origin : array_like or None
-        A corner of a box, in the place of random offsets; circles are cut where they are.
+        A corner of a box, instead of random offsets; circles are cut where they are.
     offsets : int
         Number of offsets, drawn at random.
     seed : int

@@ -1,4 +1,4 @@
-"""Is a basin boundary fractal at some scale?  A test by the entropy of random discs (Puy et al. 2021)."""
+"""Test for fractal basin boundaries at a given scale, by the entropy of random discs (Puy et al. 2021)."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ _SIGNIFICANT = 3.0  # standard errors
 
 @dataclass(frozen=True, eq=False)
 class FractalTest:
-    """Entropy of random discs on a boundary, beside that of a smooth one.
+    """Entropy of random discs on a basin boundary, compared with that of a smooth boundary.
 
     Parameters
     ----------
     entropy, standard_error : float
-        Mean over discs with several basins.  The standard error counts discs in one part of the picture, a sixteenth of
-        each side, as dependent.
+        Mean over discs with several basins, and its standard error.  Discs in one part of the image, a sixteenth of
+        each side, count as dependent.
     smooth : float
-        What a straight boundary gives in discs of the same cells, mean over its directions.
+        Entropy of a straight boundary in discs of the same cells, mean over its directions.
     smooth_range : tuple of float
-        Least and most over the directions, which the cells make differ.
+        Smallest and largest entropy of a straight boundary over its directions, which differ because of the cells.
     radius : float
-        Of the discs, in cells.
+        Radius of the discs, in cells.
     cells : int
-        Cells in a disc.
+        Number of cells in a disc.
     discs, drawn : int
-        Discs on the boundary, and discs drawn.
+        Number of discs on the boundary, and of all discs drawn.
     entropies : ndarray, shape (discs,)
         Entropy of each disc on the boundary.
     finest : tuple of float
-        Uncertainty exponent between distances of two cells and of one, and its standard error.
+        Local uncertainty exponent between distances of two cells and one, and its standard error.
     name : str
         Name of the system.
     """
@@ -72,14 +72,15 @@ class FractalTest:
 
     @property
     def verdict(self) -> str:
-        """Whether it is "fractal" at this scale, "consistent with smooth", "undetermined", or there is "no boundary".
+        """Verdict at this scale: "fractal", "consistent with smooth", "undetermined" or "no boundary".
 
         Fractal: the mean is more than three standard errors above the range of a straight boundary, and the cells
-        themselves find no smooth one: next to a smooth boundary the share of pairs of cells that differ doubles with
+        themselves show no smooth one: next to a smooth boundary the fraction of pairs of cells that differ doubles with
         their distance, even where it is too curved for the discs or its basins are narrower than these.  Consistent
         with smooth: the mean is within the range, or no more than two standard errors away.  In between, and with fewer
-        than 100 discs on the boundary, it is undetermined; and so it is far below the range, where discs see little of
-        a second basin: thin strands of a fractal do that, and so do a few wrong labels beside a smooth boundary.
+        than 100 discs on the boundary, it is undetermined; so is a mean far below the range, where discs contain little
+        of a second basin: this results from thin strands of a fractal as well as from a few wrong labels beside a
+        smooth boundary.
         """
         if not self.discs:
             return NO_BOUNDARY
@@ -101,26 +102,26 @@ def fractal_boundary_test(
     wraps: Sequence[bool] = (),
     seed: int = 0,
 ) -> FractalTest:
-    """Test whether a basin boundary looks smooth in discs of some radius.
+    """Test whether a basin boundary is smooth in discs of a given radius.
 
-    Discs (balls) around random cells are drawn, and the entropy of the basins in those that see more than one is
+    Discs (balls) around random cells are drawn, and the entropy of the basins in those that contain more than one is
     compared with that of discs cut by a straight boundary, see
     :func:`~cellmap.analysis.fractal.smooth_boundary_entropy`.
 
     Parameters
     ----------
     basins : Basins or array_like of int
-        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
-        diverged, undecided), or of a missing one, do not count; a disc of which less than half has a basin is left out.
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (escaped, diverged,
+        undecided), or of a missing one, do not count; a disc of which less than half has a basin is excluded.
     radius : float, optional
-        In cells, by default a fiftieth of the shorter side, and 4 at least.
+        Radius in cells, by default a fiftieth of the shorter side, and at least 4.
     discs : int, optional
-        Discs wanted on the boundary.
+        Number of discs on the boundary to draw.
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; for basins the grid knows.  Discs reach round them, and nowhere else beyond
-        the picture.
+        Which axes of an array are periodic; for basins the grid determines it.  Discs extend across their branch cuts,
+        and nowhere else beyond the image.
     seed : int, optional
         Seed of the discs.
 
@@ -132,13 +133,13 @@ def fractal_boundary_test(
     Raises
     ------
     TypeError, ValueError
-        For what is no picture of basins, or discs that do not fit into it.
+        For something that is not a basin image, or discs that do not fit into it.
 
     Notes
     -----
-    The verdict is one on the scale of the disc: a fractal boundary whose structure is sparse there looks smooth.  A
-    corner or a point where three basins meet changes
-    the entropy of the few discs around it.  Take the largest picture there is, and several radii.
+    The verdict applies to the scale of the disc: a fractal boundary whose structure is sparse at that scale appears
+    smooth.  A corner or a point where three basins meet changes the entropy of the few discs around it.  Use the
+    largest image that is available, and several radii.
 
     References
     ----------
@@ -204,7 +205,7 @@ def _draw(
 def _clustered_error(
     places: NDArray[np.int64], values: NDArray[np.float64], shape: tuple[int, ...], radius: float
 ) -> float:
-    """Return the standard error of a mean of values that depend on each other within a part of the picture.
+    """Return the standard error of a mean of values that depend on each other within a part of the image.
 
     Parts are wider than discs.  The error is that of a ratio of sums over parts, none smaller than that of independent
     values.

@@ -1,4 +1,4 @@
-"""The entropy of discs that a straight boundary cuts, which tells smooth boundaries from others (Puy et al. 2021)."""
+"""Entropy of discs cut by a straight boundary, the reference value of smooth boundaries (Puy et al. 2021)."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _DIRECTIONS = 720
 
 @checked
 def smooth_boundary_entropy(dimension: int, cells: ArrayLike | None = None) -> float:
-    """Return the mean entropy of balls that are cut by a plane, at distances from the centre that are equally likely.
+    """Compute the mean entropy of balls cut by a plane at uniformly distributed distances from the centre.
 
     Parameters
     ----------
     dimension : int
         Dimension of the space.
     cells : array_like of int, shape (n, dimension), optional
-        Places of the cells of which the "ball" consists, of any shape, such as those of a square box; then the mean is
-        over all directions of the plane as well.  By default a ball of very many cells.
+        Positions of the cells of the "ball", in any shape, such as those of a square box; the mean is then also over
+        all directions of the plane.  By default a ball in the limit of many cells.
 
     Returns
     -------
     float
-        Entropy, for balls 1/2, 0.4395, 0.3961, 0.3632, 0.3372 in one to five dimensions.
+        Mean entropy; for balls 1/2, 0.4395, 0.3961, 0.3632, 0.3372 in one to five dimensions.
 
     References
     ----------
@@ -58,13 +58,13 @@ def ball(dimension: int, radius: float) -> NDArray[np.int64]:
 
 
 def _two(share: ArrayLike) -> NDArray[np.float64]:
-    """Return the entropy of two basins of which one has this share."""
+    """Return the entropy of two basins of which one has this fraction."""
     p = np.asarray(share, dtype=float)
     return np.asarray(-xlogy(p, p) - xlogy(1.0 - p, 1.0 - p))
 
 
 def straight_cuts(offsets: NDArray[np.int64]) -> tuple[float, float, float]:
-    """Return the mean entropy of cells that are cut by a plane, and its least and largest value over directions.
+    """Return the mean entropy of cells that are cut by a plane, and its smallest and largest value over directions.
 
     A plane cuts wherever its distance lies between those of two cells next to each other in its direction; all these
     distances are equally likely.

@@ -1,4 +1,4 @@
-"""Isolated labels of an image: specks of a few cells inside another basin."""
+"""Isolated labels of a basin image: groups of a few cells inside another basin."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def _pieces_of_few_cells(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def isolated_shares(
     boundary: NDArray[np.uint8], rest: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Return the share of the boxes with boundary of each size that hold none of the rest, which specks leave."""
+    """Return the fraction of the boxes with boundary of each size that hold none of the rest, which specks leave."""
     found, left = (count_boxes(bits, wraps, sizes, [0] * bits.ndim) for bits in (boundary, rest))
     return np.asarray(np.clip(1.0 - left / np.maximum(found, 1e-300), 0.0, 1.0))
 
 
 def are_noise(isolated: NDArray[np.float64]) -> bool:
-    """Tell whether specks lie away from other boundary, by the share of boxes that hold them alone.
+    """Tell whether specks lie away from other boundary, by the fraction of boxes that hold them alone.
 
     Shares begin at the smallest size.  They fall with the size where specks are what cells show of finer structure.
     """

@@ -47,53 +47,53 @@ def uncertainty_exponent(
     seed: int = 0,
     progress: bool = False,
 ) -> UncertaintyExponent:
-    """Measure the uncertainty exponent of a basin boundary with the map itself.
+    """Compute the uncertainty exponent of a basin boundary by Monte Carlo sampling with the map.
 
-    Two starts at a small distance are an uncertain pair if they end on different attractors.  The share of uncertain
-    pairs falls as distance^exponent; with the dimension D of the region the box-counting dimension of the boundary is
-    D - exponent.  An exponent of 1 means a smooth boundary, 0 one that is everywhere.
+    Two initial conditions at a small distance are an uncertain pair if they converge to different attractors.  The
+    fraction of uncertain pairs decreases as distance^exponent; in a region of dimension D, the box-counting dimension
+    of the boundary is D - exponent.  An exponent of 1 means a smooth boundary, 0 a boundary that fills the region.
 
-    Starts are uniform in the region, their partners lie in random directions; distances are shares of the region along
-    each axis.  They are halved, from 1/64 on, until they come within ten times the error of the map (its tolerance, and
-    for an interpolated map the 99th percentile of its measured error), or until the pairs are used up.  At each
-    distance as many pairs are drawn as give the number of uncertain ones that is asked for, or fewer of them where the
-    boundary is so short that the budget would not do for five distances.
+    Initial conditions are uniform in the region, and their partners lie in random directions; distances are fractions
+    of the size of the region along each axis.  They are halved, from 1/64 on, down to ten times the error of the map
+    (its tolerance, and for an interpolated map the 99th percentile of its measured error), or until the budget of pairs
+    is spent.  At each distance pairs are drawn until the requested number of uncertain ones is reached, or fewer of
+    them if the boundary is so short that the budget would not suffice for five distances.
 
     Parameters
     ----------
     source : Basins or PointMap
-        Basins, with whose map, grid and attractors pairs are drawn and labelled; or a map.
+        Basins, whose map, grid and attractors are used to draw and label pairs; or a map.
     region : CellGrid, optional
-        Window of the starts; the number of its cells does not matter, but an axis of one cell is held at its centre, so
-        that lines and slices can be examined.  By default the grid of the basins.
+        Window of the initial conditions; the number of its cells is not used, but an axis of one cell is fixed at its
+        centre, so that lines and slices can be examined.  By default the grid of the basins.
     attractors : sequence of Attractor, optional
-        Known attractors; those of the basins by default, else they are searched for first.
+        Known attractors; by default those of the basins, otherwise they are searched for first.
     outcome : callable, optional
-        Final states in the place of attractors: ``outcome(points)`` returns for each of the points (n, d) the number of
-        the final state in which it is, or -1 as long as it is in none.
+        Classification of final states instead of attractors: ``outcome(points)`` returns for each of the points (n, d)
+        the number of its final state, or -1 as long as it has reached none.
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.  Pairs with a start of any other negative
-        label (left the table, diverged, undecided, did not return) are left out.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.  Pairs with an initial
+        condition of any other negative label (escaped, diverged, undecided, not returned) are excluded.
     distances : array_like, optional
-        Distances in the place of the rule above, as shares of the region, decreasing.
+        Distances instead of those above, as fractions of the size of the region, decreasing.
     pairs : int, optional
         Budget of pairs for all distances together.
     uncertain : int, optional
-        Uncertain pairs wanted at each distance.
+        Requested number of uncertain pairs at each distance.
     max_periods : int, optional
-        Periods after which a start is undecided.
+        Number of periods after which an initial condition is undecided.
     window : tuple of int, optional
         Numbers of the first and last distance of the fit; by default see
         :func:`~cellmap.analysis.fractal.exponent.fit_window`.
     seed : int, optional
         Seed of the pairs; the same seed gives the same result for any number of threads.
     progress : bool, optional
-        Show a bar on a terminal for work of more than two seconds.
+        Show a progress bar on a terminal if the work takes more than two seconds.
 
     Returns
     -------
     UncertaintyExponent
-        Counts at each distance, the fitted exponent and what it says of the boundary.
+        Counts at each distance, the fitted exponent and a verdict on the boundary.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def uncertainty_exponent(
 
 
 def smallest_distance(states: FinalStates) -> float:
-    """Return the smallest distance that the accuracy of a map allows, as a share of the region.
+    """Return the smallest distance that the accuracy of a map allows, as a fraction of the region.
 
     An error in the first period moves a start by as much, later ones by less, since what lies across a boundary is
     stretched from period to period; ten times the error of one period is therefore safe.
@@ -204,7 +204,7 @@ def _expected(rows: list[NDArray[np.int64]], scales: NDArray[np.float64], uncert
 def _count(
     states: FinalStates, distance: float, number: int, counted: tuple[int, ...], seed: tuple[int, int, int]
 ) -> NDArray[np.int64]:
-    """Draw pairs; return how many there are, are uncertain, are left out, and hold an undecided start."""
+    """Draw pairs; return how many there are, are uncertain, are left out, and hold an undecided initial condition."""
     parts = slices(number, _HALF)
     counts = np.zeros((len(parts), 4), np.int64)
 
@@ -220,7 +220,7 @@ def _count(
 
 
 def _pairs(region: CellGrid, distance: float, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return n starts and after them their partners, shape (2 n, d)."""
+    """Return n initial conditions followed by their partners, shape (2 n, d)."""
     wide = np.flatnonzero(np.array(region.shape) > 1)
     first = rng.random((n, len(wide)))
     direction = rng.standard_normal((n, len(wide)))

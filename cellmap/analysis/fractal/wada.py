@@ -1,4 +1,4 @@
-"""Wada basins in a picture: merging basins leaves the boundary as it is (Daza et al. 2018)."""
+"""Merging test for Wada basins in a basin image (Daza et al. 2018)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ...basins.record import Basins
 from .labels import NO_BASIN, LabelImage, label_image
 
 WADA, PARTIALLY, NOT = "Wada", "partially", "not"
-"""What is said of basins."""
+"""Verdicts on basins."""
 
 PART = 0.1
-"""Share of the boundary next to three basins from which basins are called partially Wada.
+"""Smallest fraction of the boundary next to three basins for which basins are called partially Wada.
 
-Points where smooth basins meet make some of any picture's boundary look as if it had three sides."""
+Around points where smooth basins meet, a part of the boundary of any image is next to three basins."""
 
 
 @dataclass(frozen=True, eq=False)
 class MergingTest:
-    """Distances between the boundaries that remain when all basins but one are merged.
+    """Merging test: distances between the boundaries that remain when all basins but one are merged.
 
     Parameters
     ----------
@@ -34,17 +34,17 @@ class MergingTest:
     radius : float
         Distance in cells within which boundaries count as one.
     tolerance : float
-        Share of a boundary that may lie farther away.
+        Fraction of a boundary that may lie farther away.
     largest : ndarray, shape (k, k)
         Largest distance of the boundary of basin i (row) from that of basin j, in cells; inf where j has none.
     median : ndarray, shape (k, k)
         Median of that distance.
     apart : ndarray, shape (k, k)
-        Share of the boundary of basin i that is farther than `radius` from that of basin j.
+        Fraction of the boundary of basin i that is farther than `radius` from that of basin j.
     sides : ndarray, shape (k + 1,)
-        Share of the whole boundary that is within `radius` of the boundaries of so many basins.
+        Fraction of the whole boundary that is within `radius` of the boundaries of so many basins.
     cells : int
-        Cells on the boundary.
+        Number of cells on the boundary.
     name : str
         Name of the system.
     """
@@ -67,11 +67,11 @@ class MergingTest:
 
     @property
     def verdict(self) -> str:
-        """Whether the basins are "Wada", "partially" so, or "not".
+        """Verdict on the basins: "Wada", "partially" Wada or "not" Wada.
 
         Wada: three basins or more, and no more of any boundary than the tolerance is farther than `radius` from any
-        other.  Partially: at least a tenth of the whole boundary is that of three basins or more.  Two basins have one
-        boundary always, and are not Wada.
+        other.  Partially: at least a tenth of the whole boundary is that of three basins or more.  Two basins always
+        have one common boundary, and are not Wada.
         """
         if len(self.basins) < 3 or not self.cells:
             return NOT
@@ -88,40 +88,41 @@ def wada_merging(
     also: Sequence[int] = (),
     wraps: Sequence[bool] = (),
 ) -> MergingTest:
-    """Test by merging basins whether all of them share one boundary.
+    """Test basins for the Wada property by merging them.
 
-    For each basin all others are merged, and the cells next to the boundary between the two are collected.  Wada basins
-    give the same boundary whichever one is left out; in a picture, the same up to the distance between cells on it.
+    For each basin all others are merged, and the cells next to the boundary between the two are collected.  For Wada
+    basins the boundary is the same whichever basin is left out; in an image, it is the same up to the distance between
+    cells on it.
 
     Parameters
     ----------
     basins : Basins or array_like of int
-        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (left the table,
-        diverged, undecided), or of a missing one, belong to no basin, and bound none.
+        Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (escaped, diverged,
+        undecided), or of a missing one, belong to no basin and form no boundary.
     radius : float, optional
-        Distance in cells within which boundaries count as one, by default a hundredth of the shorter side, and 2 at
-        least; in pictures of fewer than 16 cells along a side, an eighth of these, and 1 at least.
+        Distance in cells within which boundaries count as one, by default a hundredth of the shorter side, and at least
+        2; in images of fewer than 16 cells along a side, an eighth of these, and at least 1.
     tolerance : float, optional
-        Share of a boundary that may lie farther away all the same, for labels that are wrong.
+        Fraction of a boundary that may lie farther away, to allow for wrong labels.
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; for basins the grid knows.
+        Which axes of an array are periodic; for basins the grid determines it.
 
     Returns
     -------
     MergingTest
-        Distances between all pairs of boundaries, and what they say.
+        Distances between all pairs of boundaries, and a verdict.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no picture of basins, or a radius above an eighth of its shorter side, within which any picture is
-        Wada.
+        For something that is not a basin image, or a radius above an eighth of its shorter side, for which any image
+        would be Wada.
 
     Notes
     -----
-    The verdict is one on the scale of the radius: basins that alternate in stripes narrower than it are Wada to it.
+    The verdict applies to the scale of the radius: basins that alternate in stripes narrower than it are called Wada.
 
     References
     ----------

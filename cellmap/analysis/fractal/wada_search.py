@@ -1,4 +1,4 @@
-"""Wada basins by the grid method: whether there is a third colour between two others (Daza et al. 2015)."""
+"""Grid method for Wada basins: search for further basins between any two neighbouring ones (Daza et al. 2015)."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ _AGREEING = 0.9  # share of these that have to find all basins again
 
 @dataclass(frozen=True, eq=False)
 class WadaGrid:
-    """Boxes on the boundary by the number of basins that were found around them, step by step.
+    """Grid method for Wada basins: boundary boxes by the number of basins found around them, step by step.
 
     Parameters
     ----------
     basins : tuple of int
         Labels of the basins.
     boxes : ndarray of int, shape (steps + 1, k + 1)
-        Boxes with m basins in column m, before the first step and after each.
+        Number of boxes with m basins in column m, before the first step and after each.
     points : ndarray of int, shape (steps + 1,)
-        Starts that each step has labelled.
+        Number of initial conditions labelled in each step.
     colours : ndarray of int8, shape of the grid
         Number of basins found around each box; 1 inside a basin, 0 for boxes without one.
     closer : ndarray of int, shape (k + 1,)
-        Boxes with m basins in column m, of a sample that was looked at again on segments 256 times shorter.
+        Number of boxes with m basins in column m, of a sample that was examined again on segments 256 times shorter.
     tolerance : float
-        Share of the boundary that may lack a basin.
+        Fraction of the boundary boxes that may lack a basin.
     region : CellGrid
         The boxes.
     attractors : tuple of Attractor
-        Attractors whose basins were told apart.
+        Attractors whose basins were distinguished.
     cost : Cost
-        Wall time and number of starts.
+        Wall time and number of initial conditions.
     name : str
         Name of the system.
     """
@@ -77,24 +77,24 @@ class WadaGrid:
 
     @property
     def boundary(self) -> int:
-        """Boxes on the boundary."""
+        """Number of boundary boxes."""
         return int(self.boxes[-1, 2:].sum())
 
     @property
     def shares(self) -> NDArray[np.float64]:
-        """Share of the boundary's boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
+        """Fraction of the boundary boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
         shares = self.boxes / max(self.boundary, 1)
         shares[:, :2] = 0.0
         return np.asarray(shares)
 
     @property
     def verdict(self) -> str:
-        """Whether the basins are "Wada", "partially" so, or "not".
+        """Verdict on the basins: "Wada", "partially" Wada or "not" Wada.
 
         Wada: three basins or more, and all of them were found around each box on the boundary, but for the tolerance;
-        with fewer than 50 such boxes nothing is called Wada.  Partially: at least a tenth of these boxes have three
-        basins or more.  Both have to hold also for what is seen on segments that are 256 times shorter (of all basins,
-        for nine in ten): smooth basins as narrow as the boxes lie around each of them, but not there.  Two basins are
+        with fewer than 50 such boxes the verdict is never Wada.  Partially: at least a tenth of these boxes have three
+        basins or more.  Both have to hold also on segments that are 256 times shorter (with all basins, for nine in ten
+        of them): smooth basins as narrow as the boxes lie around each box, but not on such segments.  Two basins are
         not Wada.
         """
         if len(self.basins) < 3 or self.boundary < _FEWEST:
@@ -117,13 +117,13 @@ def wada_grid(
     points: int = 2_000_000,
     max_periods: int = 2000,
 ) -> WadaGrid:
-    """Test with the map whether each box on the boundary of basins has all of them around it.
+    """Test basins for the Wada property by the grid method, with the map.
 
-    The colour of a box is the basin of its centre.  A box on the boundary is one that has a neighbour (sides and
-    corners) of another colour; it knows the colours of all its neighbours.  As long as it lacks some, the segment from
-    its centre to the nearest neighbour of another colour is looked at in ever finer steps: its middle, then its
-    quarters, and so on.  A Wada boundary shows all the other colours there sooner or later.  In the end, a sample of
-    these segments is halved towards the boundary eight times, and looked at in the same way.
+    The colour of a box is the basin of its centre.  A boundary box has a neighbour (across sides and corners) of
+    another colour; the colours of all its neighbours count as found.  As long as some colours are missing, the segment
+    from its centre to the nearest neighbour of another colour is sampled in ever finer steps: its midpoint, then its
+    quarters, and so on.  On a Wada boundary all other colours are found eventually.  At the end, a sample of these
+    segments is halved towards the boundary eight times, and sampled in the same way.
 
     Parameters
     ----------
@@ -132,25 +132,26 @@ def wada_grid(
     region : CellGrid, optional
         Boxes; by default the grid of the basins, whose labels are used.
     attractors : sequence of Attractor, optional
-        Known attractors; those of the basins by default, else they are searched for first.
+        Known attractors; by default those of the basins, otherwise they are searched for first.
     outcome : callable, optional
-        Final states in the place of attractors, see :func:`uncertainty_exponent`.
+        Classification of final states instead of attractors, see :func:`uncertainty_exponent`.
     also : sequence of int, optional
-        Negative labels that count as basins: (-2,) for starts that diverge.  Starts of any other negative label (left
-        the table, diverged, undecided) have no colour, boxes around them are not on the boundary because of them.
+        Negative labels that count as basins: (-2,) for initial conditions that diverge.  Initial conditions of any
+        other negative label (escaped, diverged, undecided) have no colour, and do not make neighbouring boxes boundary
+        boxes.
     steps : int, optional
-        Most steps; the last one looks at 2**(steps - 1) new points for each box that still lacks a colour.
+        Largest number of steps; the last one samples 2**(steps - 1) new points for each box that still lacks a colour.
     tolerance : float, optional
-        Share of the boundary that may lack a basin in the end.
+        Fraction of the boundary boxes that may lack a basin at the end.
     points : int, optional
-        Budget of starts besides the centres, and once more for the closer look.
+        Budget of initial conditions besides the centres, and again for the shorter segments.
     max_periods : int, optional
-        Periods after which a start is undecided.
+        Number of periods after which an initial condition is undecided.
 
     Returns
     -------
     WadaGrid
-        Boxes by number of basins for each step, and what they say.
+        Numbers of boxes by number of basins for each step, and a verdict.
 
     Raises
     ------
@@ -208,7 +209,7 @@ def _centres(
     outcome: Outcome | None,
     max_periods: int,
 ) -> tuple[FinalStates, NDArray[Any]]:
-    """Return what labels starts, and the labels of the centres of all boxes."""
+    """Return the labeller, and the labels of the centres of all boxes."""
     if isinstance(source, Basins) and region is None and outcome is None and source.grid is not None:
         return final_states(source, None, (), None, max_periods), source.labels
     states = final_states(source, region, attractors, outcome, max_periods)
@@ -244,7 +245,7 @@ def _segments(
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What sees the colours of points: what labels starts, and the labels of the basins."""
+    """Colours of points: the labeller, and the labels of the basins."""
 
     states: FinalStates
     names: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""How large and how safe basins are: basin stability, settling times, fatal shocks, integrity, tipping."""
+"""Resilience of attractors: basin stability, settling times, minimal fatal shocks, integrity, tipping."""
 
 import lazy_loader as _lazy
 

@@ -1,4 +1,4 @@
-"""Integrity of basins: the largest balls that fit into them."""
+"""Integrity of basins: the largest balls inside them."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from .shocks import FatalShock, minimal_fatal_shock
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A ball inside a basin.
+    """Ball inside a basin.
 
     Parameters
     ----------
     label : int
-        The basin.
+        Label of the basin.
     centre : ndarray, shape (dimension,)
-        In the units of the coordinates.
+        Centre, in the units of the coordinates.
     radius : float
-        In units of `scale`: from the map where `shock` is given, else `image_radius`.
+        Radius in units of `scale`: computed with the map if `shock` is given, else `image_radius`.
     image_radius : float
-        Distance from the centre to the nearest labelled start that is not in the basin.
+        Distance from the centre to the nearest labelled initial condition outside the basin.
     resolution : float
-        Diagonal of a cell in units of `scale`, by which the image may be wrong even where the boundary is smooth; NaN
-        for starts without a grid.
+        Diagonal of a cell in units of `scale`: the error of the image even for a smooth boundary; NaN for initial
+        conditions without a grid.
     scale : ndarray, shape (dimension,)
         Unit of length along each coordinate.
     meets_window : bool
-        Whether the window ends nearer than the basin does, as far as the labels tell: the basin may then hold a larger
-        ball.
+        Whether, by the labels, the edge of the window is nearer than the basin boundary: the basin may then contain a
+        larger ball.
     shock : FatalShock or None
-        The shortest way out of the basin from the centre, found with the map.
+        Minimal fatal shock from the centre, computed with the map.
     """
 
     label: int
@@ -71,35 +71,35 @@ def local_integrity(
     seed: int = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
-    """Return the local integrity measure: the largest ball about an attractor that lies in its basin.
+    """Compute the local integrity measure: the largest ball about an attractor inside its basin.
 
-    Of a periodic or chaotic attractor it is the smallest of the balls about its points.
+    For a periodic or chaotic attractor, it is the smallest of the balls about its points.
 
     Parameters
     ----------
     basins : Basins
-        Labels on a grid, or of starts.
+        Basins on a grid, or of single initial conditions.
     label : int
-        The attractor.
+        Label of the attractor.
     scale : array_like, optional
         Unit of length along each coordinate, by default the sizes of the window.
     refine : bool, optional
-        Find the radius with the map, by :func:`minimal_fatal_shock`; else by the labels alone.
+        Compute the radius with the map, by :func:`minimal_fatal_shock`; otherwise from the labels alone.
     seed : int, optional
         Seed of the refinement.
     point_map : PointMap, optional
-        Map to use in the place of the exact one.
+        Map to use instead of the exact one.
 
     Returns
     -------
     Ball
-        Its centre is the point of the attractor that is nearest to the end of the basin.  Undecided starts are taken
-        neither for inside nor for outside.
+        The ball; its centre is the point of the attractor that is nearest to the basin boundary.  Undecided initial
+        conditions count neither as inside nor as outside.
 
     Raises
     ------
     ValueError
-        For a label that is no basin, or where no start lies outside the basin.
+        For a label without a basin, or if no initial condition lies outside the basin.
 
     References
     ----------
@@ -139,36 +139,36 @@ def largest_ball(
     seed: int = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
-    """Return the largest ball that fits into a basin within its window, wherever its centre is.
+    """Compute the largest ball, with any centre, that fits into a basin within its window.
 
-    Distances are those of Euclid's transform of the labels, on the circles of angles.
+    Distances are computed by the Euclidean distance transform of the labels, with periodic angles.
 
     Parameters
     ----------
     basins : Basins or array_like of int
-        Labels on a grid; of an array the cells are unit squares, with the corner of the first at the origin.
+        Basins on a grid, or labels; the cells of an array are unit squares, with the corner of the first at the origin.
     label : int
-        The basin.
+        Label of the basin.
     scale : array_like, optional
         Unit of length along each coordinate, by default the sizes of the window; for an array, a cell.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; basins know theirs.
+        Which axes of an array are periodic; for basins the grid determines it.
     refine : bool, optional
-        Find the radius about this centre with the map; else by the labels alone.
+        Compute the radius about this centre with the map; otherwise from the labels alone.
     seed : int, optional
         Seed of the refinement.
     point_map : PointMap, optional
-        Map to use in the place of the exact one.
+        Map to use instead of the exact one.
 
     Returns
     -------
     Ball
-        A ball whose cells all have the label; undecided ones are outside, and so is all beyond the window.
+        A ball whose cells all have the label; undecided cells and everything beyond the window count as outside.
 
     Raises
     ------
     ValueError
-        For basins without a grid, or a label that no cell has.
+        For basins that are not on a grid, or a label that no cell has.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""How long it takes to settle, basin by basin."""
+"""Statistics of settling times by basin."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .stability import BasinStability
 
 @dataclass(frozen=True, eq=False)
 class SettlingTimes:
-    """Settling times of the starts of one basin, in steps of the map.
+    """Settling times of the initial conditions in one basin, in steps of the map.
 
     Parameters
     ----------
     name : str
-        Of the attractor.
+        Name of the attractor.
     count : int
-        Starts.
+        Number of initial conditions.
     mean, standard_error : float
-        Mean and its standard error, as for random starts; NaN for fewer than one and two starts.
+        Mean and its standard error, as for random initial conditions; NaN for fewer than one and two of them.
     levels : tuple of float
         Levels of the quantiles.
     quantiles : ndarray, shape (levels,)
-        Smallest times that at least this share of the starts does not exceed; NaN without a start.
+        Smallest times that at least this fraction of the initial conditions does not exceed; NaN without any.
     longest : int
-        Longest time, -1 without a start.
+        Longest time, -1 without any.
     times : ndarray of int32, shape (longest + 1,)
-        Numbers of starts by their settling times 0, 1, ...
+        Number of initial conditions for each settling time 0, 1, ...
     """
 
     name: str
@@ -55,15 +55,15 @@ class SettlingTimes:
 
 @dataclass(frozen=True, eq=False)
 class SettlingStatistics:
-    """Settling times of all basins, and what has none.
+    """Settling times in all basins, and numbers of initial conditions without one.
 
     Parameters
     ----------
     basins : mapping of int to SettlingTimes
-        By label.
+        Settling times by label.
     others : mapping of str to int
-        Starts that left the window, diverged or are undecided; these last ones would have longer times in some basin,
-        so that with them the times of each basin are those of its starts that have settled.
+        Numbers of initial conditions that escaped, diverged or are undecided.  Undecided ones have longer settling
+        times in some basin, so that the times of each basin are conditional on having settled.
     """
 
     basins: Mapping[int, SettlingTimes]
@@ -76,7 +76,7 @@ class SettlingStatistics:
 
     @property
     def undecided(self) -> int:
-        """Starts that had not settled at the end."""
+        """Number of initial conditions that had not settled at the end."""
         return self.others[LABEL_NAMES[UNDECIDED]]
 
 
@@ -84,22 +84,22 @@ class SettlingStatistics:
 def settling_statistics(
     source: Basins | BasinStability, levels: Sequence[float] = (0.25, 0.5, 0.75, 0.95)
 ) -> SettlingStatistics:
-    """Return mean and quantiles of the settling times in each basin.
+    """Compute mean and quantiles of the settling times in each basin.
 
-    The settling time is the step in which an orbit is first inside the verified neighbourhood of its attractor, so it
-    depends on how wide that is; compare times of one catalogue of attractors only.
+    The settling time is the first step at which an orbit is inside the verified trapping neighbourhood of its
+    attractor. It depends on the width of that neighbourhood; compare only times of the same set of attractors.
 
     Parameters
     ----------
     source : Basins or BasinStability
-        Labels with settling times.
+        Basins, or states, with settling times.
     levels : sequence of float, optional
         Levels of quantiles, between 0 and 1.
 
     Returns
     -------
     SettlingStatistics
-        Of each basin; starts that are undecided, left or diverged are counted apart.
+        Statistics of each basin; initial conditions that are undecided, escaped or diverged are counted separately.
 
     Raises
     ------

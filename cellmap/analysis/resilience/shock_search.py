@@ -1,4 +1,4 @@
-"""The search for short shocks that are fatal: candidates from labels, then rays, random trials and a bracket."""
+"""Search for minimal fatal shocks: candidates from labels, then rays, random trials and a bracket."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def circular_tree(
 def candidates_of(
     basins: Basins, k: int, origins: NDArray[np.float64], unit: NDArray[np.float64], free: NDArray[np.int64]
 ) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return an attractor's points with shocks to labelled starts outside the basin, in different directions."""
+    """Return an attractor's points with shocks to initial conditions outside the basin, in different directions."""
     labels = basins.labels.ravel()
     outside = places_of(basins)[(labels != k) & (labels != UNDECIDED)]
     if not len(outside):

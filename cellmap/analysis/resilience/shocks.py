@@ -1,4 +1,4 @@
-"""Minimal fatal shocks: the smallest displacement after which a system does not come back."""
+"""Minimal fatal shocks: smallest displacements from an attractor that leave its basin."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ _ROUNDS = 12  # of looking for smaller shocks elsewhere
 
 @dataclass(frozen=True, eq=False)
 class FatalShock:
-    """The smallest displacement found after which an attractor is not reached again.
+    """Minimal fatal shock: the smallest displacement found that leaves the basin of an attractor.
 
-    The shock is fatal, so that its size is an upper bound of the least one; that none is smaller is a finding of a
+    The shock is fatal, so that its size is an upper bound of the minimum; that no smaller one exists is the result of a
     search, not a proof.
 
     Parameters
     ----------
     label : int
-        The attractor's.
+        Label of the attractor.
     point : ndarray, shape (dimension,)
-        Point of the attractor at which the shock hits.
+        Point of the attractor to which the shock is applied.
     shock : ndarray, shape (dimension,)
         Displacement, in the units of the coordinates.
     size : float
-        Its length, each coordinate in units of `scale`.
+        Length of the shock, each coordinate in units of `scale`.
     bracket : tuple of float
-        Sizes in its direction between which the basin ends: the shock of the first size comes back, that of the second
-        one does not.
+        Sizes in its direction that enclose the basin boundary: a shock of the first size returns to the attractor, one
+        of the second does not.
     reached : int
         Label after the shock: another attractor, -1 or -2; never -3.
     scale : ndarray, shape (dimension,)
         Unit of length along each coordinate.
     from_image : float
-        Distance from `point` to the nearest labelled start that does not come back.
+        Distance from `point` to the nearest labelled initial condition outside the basin.
     tested, inside_fatal, inside_high : int, int, float
-        Random shocks that were tried inside the ball of this size, how many of these were fatal (0, unless the search
-        ended before it was done), and the upper end of the 95 % interval of their share.  A tongue thinner than that
-        may reach in.
+        Number of random shocks that were tried inside the ball of this size, number of fatal ones among them (0, unless
+        the search ended early), and upper end of the 95 % interval of their fraction.  A thinner tongue of another
+        basin may extend into the ball.
     undecided : int
-        How many of those tried did not settle; these count as harmless.
+        Number of tried shocks whose orbits did not settle; these count as not fatal.
     coordinates : tuple of Coordinate
         State variables.
     """
@@ -77,7 +77,7 @@ class FatalShock:
 
     @property
     def end(self) -> NDArray[np.float64]:
-        """State after the shock, angles in their turn."""
+        """State after the shock, angles within their period."""
         return wrap(self.point + self.shock, self.coordinates)
 
 
@@ -93,44 +93,44 @@ def minimal_fatal_shock(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> FatalShock:
-    """Find the smallest displacement from an attractor that leaves its basin.
+    """Find the minimal fatal shock: the smallest displacement from an attractor that leaves its basin.
 
-    Labelled starts outside the basin give the first candidates, by their distance on the circles of angles.  From the
-    nearest of these that lie in different directions the map itself is used: on rays spread about the best shock so
-    far shorter ones are tried, the spread is halved where none is fatal.  At last random shocks inside the ball are
-    tried; a fatal one begins the search anew.
+    Labelled initial conditions outside the basin are the first candidates, by their distance with periodic angles.
+    From the nearest of these in different directions on, the map is used: shorter shocks are tried on rays around the
+    best shock so far, and the spread of the rays is halved if none is fatal.  Finally random shocks inside the ball are
+    tried; if one is fatal, the search is restarted from it.
 
     Parameters
     ----------
     basins : Basins
-        Labels on a grid, or of starts.
+        Basins on a grid, or of single initial conditions.
     label : int
-        The attractor.
+        Label of the attractor.
     point : array_like, shape (dimension,), optional
-        State at which the shock hits; by default the point of the attractor that is most at risk.
+        State to which the shock is applied; by default the point of the attractor that is most at risk.
     scale : array_like, optional
         Unit of length along each coordinate; the size of a shock is its Euclidean length in these.  By default the
         sizes of the window.
     along : sequence of int or str, optional
         Coordinates that a shock may change, by number or name; by default all.
     trials : int, optional
-        Random shocks inside the ball.
+        Number of random shocks inside the ball.
     seed : int, optional
         Seed of rays and random shocks.
     point_map : PointMap, optional
-        Map to use in the place of the exact one.
+        Map to use instead of the exact one.
     max_periods : int, optional
-        Periods after which a state is undecided, by default those of the basins.
+        Number of periods after which a state is undecided, by default that of the basins.
 
     Returns
     -------
     FatalShock
-        The shock with its bracket.  It is a local minimum: every smaller size is an upper bound of the least one.
+        The shock with its bracket.  It is a local minimum: its size is an upper bound of the global minimum.
 
     Raises
     ------
     TypeError, ValueError
-        For basins without their map, a label that is no basin, or where no start lies outside the basin.
+        For basins without their map, a label without a basin, or if no initial condition lies outside the basin.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Basin stability: the share of perturbations after which a system comes back; and how long it takes."""
+"""Basin stability: the fraction of random states that converge to each attractor."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ Distribution = Callable[[np.random.Generator, int], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """Share of random states that end on one attractor, or that carry one of the other labels.
+    """Fraction of random states that converge to one attractor, or that have one of the other labels.
 
     Parameters
     ----------
     share : float
-        Of all states drawn; those that are undecided count as not in the basin.
+        Fraction of all states drawn; undecided ones count as outside the basin.
     standard_error : float
-        Of the share.
+        Standard error of the fraction.
     low, high : float
-        Interval of the share.  For a basin, `low` takes all undecided states to belong elsewhere and `high` to belong
-        to it, so that the interval covers the basin whatever they do.
+        Confidence interval of the fraction.  For a basin, `low` assumes that no undecided state belongs to it and
+        `high` that all do, so that the interval is valid wherever they converge.
     count : int
-        States.
+        Number of states.
     """
 
     share: float
@@ -52,22 +52,22 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class BasinStability:
-    """Shares of the basins in a distribution of states.
+    """Basin stability: fractions of the basins in a distribution of states.
 
     Parameters
     ----------
     shares : mapping of int to Share
-        For each attractor, then for each of the labels -1, -2, -3 that occurred.
+        Fraction of each attractor, then of each of the labels -1, -2, -3 that occurred.
     names : mapping of int to str
-        What the labels stand for.
+        Meaning of each label.
     states : ndarray, shape (n, dimension)
         States that were drawn.
     labels : ndarray of int16, shape (n,)
-        Their labels.
+        Labels of the states.
     settling_time : ndarray of int32, shape (n,)
-        Their settling times, -1 without one.
+        Settling times of the states, -1 without one.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
     seed : int
         Seed of the draw.
     """
@@ -86,7 +86,7 @@ class BasinStability:
 
     @property
     def undecided(self) -> int:
-        """States that are undecided."""
+        """Number of undecided states."""
         return int(np.count_nonzero(self.labels == UNDECIDED))
 
 
@@ -102,7 +102,7 @@ def basin_stability(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> BasinStability:
-    """Draw random states and return the share of them that ends on each attractor.
+    """Compute basin stability: the fraction of random states that converge to each attractor.
 
     Parameters
     ----------
@@ -112,29 +112,29 @@ def basin_stability(
         A window in which states are uniform, or a function ``distribution(rng, n)`` that draws n states.  By default
         the window of the basins.
     n : int, optional
-        States.
+        Number of states.
     attractors : sequence of Attractor, optional
         Attractors of a map.
     seed : int, optional
         Seed of the draw.
     confidence : float, optional
-        Of the intervals, each of them by itself.
+        Confidence level of each interval separately.
     method : {"exact", "Wilson"}, optional
-        See :func:`binomial_interval`.
+        Method of the interval, see :func:`binomial_interval`.
     point_map : PointMap, optional
-        Map to use in the place of the exact one of the basins, such as a table.
+        Map to use instead of the exact one of the basins, such as an interpolated map.
     max_periods : int, optional
-        Periods after which a state is undecided.
+        Number of periods after which a state is undecided.
 
     Returns
     -------
     BasinStability
-        Shares with their intervals.
+        Fractions with their confidence intervals.
 
     Raises
     ------
     TypeError, ValueError
-        For basins without their map, no attractors, or a distribution that draws something else than n states.
+        For basins without their map, no attractors, or a distribution that does not draw n states.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Overlap of basins between two parameters: where states go when a parameter jumps."""
+"""Tipping probabilities: overlap of the basins before and after a sudden change of a parameter."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ _MATCHES = ("distance", "overlap", "labels")
 
 @dataclass(frozen=True, eq=False)
 class TippingProbabilities:
-    """How the basins before a change lie in those after it.
+    """Tipping probabilities: overlap of the basins before a change with those after it.
 
     Parameters
     ----------
     before, after : tuple of int
         Labels of the rows and of the columns: basins, then those of -1, -2, -3 that occur.
     names : tuple of tuple of str
-        What they stand for.
+        Meanings of these labels.
     counts : ndarray of int, shape (rows, columns)
-        Cells that have one label before and the other after.
+        Number of cells with each pair of labels before and after.
     probabilities : ndarray, shape (rows, columns)
-        ``counts`` by the number of cells of the row; NaN for a basin without cells.
+        ``counts`` divided by the number of cells of the row; NaN for a basin without cells.
     low, high : ndarray, shape (rows, columns)
-        Exact binomial intervals, as if the cells were random states; for the centres of a grid they are too long.
+        Exact binomial intervals, as if the cells were random states; for the centres of a grid they are too wide.
     landing : ndarray, shape (basins before, columns), or None
-        Share of the points of each attractor that has the label of the column after the change; None without a map.
+        Fraction of the points of each attractor that has the label of the column after the change; None without a map.
     continuation : tuple of int or None
         For each basin before the change, the label after it of the attractor that continues its own; None where no
         attractor does.
     match : str
-        How attractors were matched.
+        Method by which attractors were matched.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
     """
 
     before: tuple[int, ...]
@@ -67,9 +67,10 @@ class TippingProbabilities:
 
     @property
     def tipping(self) -> NDArray[np.float64]:
-        """Share of each basin before the change that leaves its attractor, with its interval, shape (basins, 3).
+        """Fraction of each basin before the change that tips, with its interval, shape (basins, 3).
 
-        A state stays where it ends on the attractor that continues its own; of one without a continuation all tip.
+        A state does not tip if it converges to the attractor that continues its own; without a continuation all states
+        tip.
         """
         rows = [
             [1.0, 1.0, 1.0] if label is None else [1.0 - a[i, j] for a in (self.probabilities, self.high, self.low)]
@@ -80,7 +81,7 @@ class TippingProbabilities:
 
     @checked
     def probability(self, before: int, after: int) -> float:
-        """Return the share of a basin before the change with a label after it; 0 for one that does not occur."""
+        """Return the fraction of a basin before the change with a label after it; 0 for one that does not occur."""
         if before not in self.before:
             raise ValueError(f"before={before!r}: the labels before are {self.before}")
         if after not in self.after:
@@ -97,33 +98,33 @@ def tipping_probabilities(
     match: str | None = None,
     farthest: float = 0.5,
 ) -> TippingProbabilities:
-    """Return for each basin before a sudden change of a parameter how its states are shared out after it.
+    """Compute the probabilities with which states of each basin tip to others at a sudden change of a parameter.
 
     Parameters
     ----------
     before, after : Basins or array_like of int
-        Labels of the same starts, before and after the change.
+        Labels of the same initial conditions, before and after the change.
     confidence : float, optional
-        Of the intervals.
+        Confidence level of the intervals.
     point_map : PointMap, optional
         Map after the change, for `landing`; by default the exact one of `after`.
     match : {"distance", "overlap", "labels"}, optional
-        Which attractors after the change continue those before it: the nearest ones, so that the sum of distances is
-        least; those whose basins have most in common with each other; or those with the same label.  By default the
-        nearest ones for basins, and the same labels for arrays, which know of no attractors.
+        Rule by which attractors after the change continue those before it: the nearest ones, such that the sum of
+        distances is minimal; those whose basins overlap most; or those with the same label.  By default the nearest
+        ones for basins, and the same labels for arrays, which have no attractors.
     farthest : float, optional
         Largest distance of an attractor from its continuation, in sizes of the window.
 
     Returns
     -------
     TippingProbabilities
-        The shares, with rows and columns in the order of the labels, and `continuation`, which says what belongs
-        together: attractor 0 after the change need not continue attractor 0.
+        The probabilities, with rows and columns in the order of the labels, and `continuation`, which identifies
+        attractors before and after: attractor 0 after the change need not continue attractor 0.
 
     Raises
     ------
     TypeError, ValueError
-        For labels of different starts, or none.
+        For labels of different initial conditions, or none.
 
     References
     ----------
@@ -226,7 +227,7 @@ def _names_of(given: Any, numbers: tuple[int, ...]) -> tuple[str, ...]:
 def _landing(
     before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None
 ) -> dict[int, NDArray[np.float64]]:
-    """Share of each attractor's points by the label after the change, one array over the attractors for each label."""
+    """Return the fraction of each attractor's points for each label after the change, one array for each label."""
     label = labeller(after, point_map=point_map)
     ends = [label(a.points) for a in before.attractors]
     found = sorted({int(k) for e in ends for k in e} - set(columns), reverse=True)
