@@ -185,15 +185,19 @@ class _Functions:
             raise TypeError(f"system={system!r}: give a ForcedSystem, such as a scene")
         if system.switches is not None:
             raise TypeError(
-                f"system={system!r}: its right-hand side jumps; leave out dry friction and drag, and smooth its waves"
+                f"system={system!r}: its right-hand side is discontinuous; leave out dry friction and drag, and smooth its waves"
             )
         if "energy" not in system.outputs or system.dimension % 2:
-            raise ValueError(f"system={system!r}: give a scene, with the angles and rates of joints, and its energy")
+            raise ValueError(
+                f"system={system!r}: give a scene, with the angles and angular velocities of joints, and its energy"
+            )
         joints = system.dimension // 2
         trial = [0.1 + 0.7 * j for j in range(system.dimension)]
         moved, energies = system.derivative(0.0, trial), system.output("energy", 0.0, trial)
         if list(moved[:joints]) != trial[joints:] or energies.shape != (2,):
-            raise ValueError(f"system={system!r}: give a scene, with the angles and rates of joints, and its energy")
+            raise ValueError(
+                f"system={system!r}: give a scene, with the angles and angular velocities of joints, and its energy"
+            )
         return cls(system, over_arrays(system.rhs), over_arrays(system.outputs["energy"]))
 
     def times(self, samples: int) -> NDArray[np.float64]:

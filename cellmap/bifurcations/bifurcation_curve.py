@@ -118,8 +118,8 @@ def continue_bifurcation(
     """
     if bifurcation.kind is BifurcationKind.TRANSCRITICAL:
         raise ValueError(
-            f"bifurcation={bifurcation!r}: a second parameter destroys it; for an equilibrium that stays where it is "
-            "take stability_map"
+            f"bifurcation={bifurcation!r}: a generic second parameter destroys it; for an equilibrium that is the same "
+            "state at all values use stability_map"
         )
     exact = branch.point_map.with_params(**{branch.name: bifurcation.value})
     names = (branch.name, name)

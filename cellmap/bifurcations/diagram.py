@@ -92,7 +92,9 @@ class BifurcationDiagram:
         branches, n = self.status.shape
         ended = np.count_nonzero(self.status >= Status.ESCAPED)
         text = f"{self.name} from {self.values[0]:g} to {self.values[-1]:g}: {n} values, {branches} branches"
-        return f"BifurcationDiagram({self.system}, {text}, {np.mean(self.chaotic):.3g} chaotic, {ended} orbits ended)"
+        return (
+            f"BifurcationDiagram({self.system}, {text}, {np.mean(self.chaotic):.3g} chaotic, {ended} orbits terminated)"
+        )
 
     @property
     def chaotic(self) -> NDArray[np.bool_]:
@@ -185,14 +187,16 @@ def bifurcation_diagram(
     axis = np.sort(monotone_values("values", values))
     given = state_points("start", start, point_map.coordinates)
     if not 1 <= given.ndim <= 2 or not given.size:
-        raise ValueError(f"start has shape {given.shape}: give one start, or several in an array (starts, {d})")
+        raise ValueError(
+            f"start has shape {given.shape}: give one initial condition, or several in an array of shape (n, {d})"
+        )
     one_of("follow", follow, tuple(_DIRECTIONS))
     transient = whole_number("transient", transient)
     periods = whole_number("periods", periods, at_least=20)
     max_period = whole_number("max_period", max_period, at_least=1)
     if 2 * max_period > periods:
         raise ValueError(
-            f"max_period={max_period!r}: a period shows in twice as many steps; give periods={2 * max_period}"
+            f"max_period={max_period!r}: a period is detected within twice as many steps; give periods={2 * max_period}"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("nudge", nudge)

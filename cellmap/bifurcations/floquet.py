@@ -248,7 +248,7 @@ class Linearised:
                 j, i = np.unravel_index(int(np.argmax(found[:, :, k])), found.shape[:2])
                 at = "".join(f", {name}={value:g}" for name, value in zip(self.swept, points[part][k], strict=True))
                 raise ValueError(
-                    f"equilibrium={self.equilibrium.tolist()}: {self.system.axes[j].name} does not rest there but "
+                    f"equilibrium={self.equilibrium.tolist()}: {self.system.axes[j].name} is not constant there but "
                     f"changes by {found[j, i, k]:g} a period (at {times[i, 0]:g} of a period{at}); give a state at "
                     "which the right-hand side vanishes at all times and for all these parameters"
                 )
@@ -273,8 +273,8 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
         raise TypeError(f"system={system!r}: give a ForcedSystem")
     if system.switches is not None:
         raise TypeError(
-            f"system={system.name}: its right-hand side jumps, and where it does an equilibrium has no linearisation; "
-            "give a system without switches (no dry friction)"
+            f"system={system.name}: its right-hand side is discontinuous and has no linearisation there; "
+            "give a system without switching functions (no dry friction)"
         )
     tolerance = finite_number("rtol", rtol, at_least=1e-14, at_most=1e-2)
     state = state_points("equilibrium", equilibrium, system.axes)

@@ -28,7 +28,7 @@ def picture_axes(basins: Basins) -> tuple[int, int, tuple[float, float, float, f
     grid = basins.grid
     wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
     if grid is None or len(wide) != 2:
-        raise ValueError(f"basins of {basins.name}: a picture needs a grid with two axes of more than one cell")
+        raise ValueError(f"basins of {basins.name}: a figure needs a grid with two axes of more than one cell")
     columns, rows = wide
     return columns, rows, (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
 

@@ -54,7 +54,7 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
         ax.errorbar(result.distances, result.shares, bars, linestyle="none", marker="o", color=COLOURS[0])
         ax.set_xscale("log")
         ax.set_xlabel(f"distance ({result.unit})")
-        ax.set_ylabel("share of uncertain pairs")
+        ax.set_ylabel("fraction of uncertain pairs")
     ax.axvline(result.floor, color="0.4", linestyle=":")
     ax.set_title(_title(result.name, result.verdict))
     return ax
@@ -142,14 +142,14 @@ def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
             colour = COLOURS[m % len(COLOURS)]
             ax.plot(result.shares[:, m], marker="o", markersize=4, color=colour, label=f"{m} basins")
         ax.set_xlabel("step")
-        ax.set_ylabel("share of boxes on the boundary")
+        ax.set_ylabel("fraction of boundary boxes")
         ax.legend(frameon=False)
     else:
         numbers = np.arange(1, len(result.sides))
         ax.bar(numbers, result.sides[1:], color=COLOURS[0])
         ax.set_xticks(numbers)
         ax.set_xlabel(f"basins within {result.radius:g} cells")
-        ax.set_ylabel("share of the boundary")
+        ax.set_ylabel("fraction of the boundary")
     ax.set_title(_title(result.name, result.verdict))
     return ax
 

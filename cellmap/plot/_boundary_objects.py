@@ -173,7 +173,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     ax.step(finite, np.arange(1, len(finite) + 1) / len(distance.distances), where="post", color="black")
     ax.axvline(distance.within, linestyle="--", color="0.5", label=f"{100 * distance.share:.4g} % within")
     ax.set_xlabel("distance (cells)")
-    ax.set_ylabel("share of the boundary")
+    ax.set_ylabel("fraction of the boundary")
     ax.set_ylim(0.0, 1.02)
     ax.legend(frameon=False)
     return ax

@@ -113,9 +113,9 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None =
     coordinates = chain.point_map.coordinates
     if number is None:
         values = chain.domiciles.astype(float)
-        return _picture(ax, chain.grid, coordinates, values, chain.point_map.name, "classes in which a cell may end")
+        return _picture(ax, chain.grid, coordinates, values, chain.point_map.name, "number of reachable classes")
     number = whole_number("number", number, at_least=-2, at_most=len(chain.closed) - 1)
-    name = {-1: "to end outside", -2: "to diverge"}.get(number, f"to end in class {number}")
+    name = {-1: "of escape", -2: "of divergence"}.get(number, f"of absorption in class {number}")
     values = chain.absorption[..., number]
     return _picture(
         ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=Normalize(0.0, 1.0)
@@ -182,7 +182,7 @@ def _picture(
     """Draw colours of cells, or with a `measure` their values: over two axes in colours, over one as a line."""
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
     if len(wide) != 2 and (len(wide) != 1 or measure is None):
-        raise ValueError(f"{title} on {grid.shape}: a picture needs a grid with two axes of more than one cell")
+        raise ValueError(f"{title} on {grid.shape}: a figure needs a grid with two axes of more than one cell")
     ax = axes_or_new(ax, (7.0, 5.0))
     ax.set_title(title)
     label_axis(ax.xaxis, coordinates[wide[0]], grid.upper[wide[0]] - grid.lower[wide[0]])

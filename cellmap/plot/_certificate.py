@@ -17,10 +17,10 @@ _COLOURS = {
     Evidence.OPEN: (0.75, 0.15, 0.15),
 }
 _NAMES = {
-    Evidence.CELL: "by the cell of the table",
+    Evidence.CELL: "by the cell of the interpolation grid",
     Evidence.ORBIT: "by the orbit and its error",
-    Evidence.EXACT: "redone exactly",
-    Evidence.OPEN: "redone, open",
+    Evidence.EXACT: "recomputed exactly",
+    Evidence.OPEN: "recomputed, undecided",
 }
 
 
@@ -76,5 +76,5 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
         fontsize="small",
         frameon=False,
     )
-    ax.set_title(f"{basins.name}: why labels stand")
+    ax.set_title(f"{basins.name}: evidence for labels")
     return ax

@@ -71,7 +71,7 @@ def exponent_field(
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
     if len(wide) not in (1, 2):
         raise ValueError(
-            f"field of {field.name} on {grid.shape}: a picture needs two axes of more than one cell, or one"
+            f"field of {field.name} on {grid.shape}: a figure needs two axes of more than one cell, or one"
         )
     if not isinstance(colours, Colormap):
         one_of("colours", colours, tuple(colormaps))
@@ -240,6 +240,6 @@ def chaos_test(test: ChaosTest, *, ax: Axes | None = None) -> Axes:
             ax.plot([], [], color=colour, label=f"{verdict}: {np.count_nonzero(verdicts == verdict)}")
     for limit in (test.below, test.above):
         ax.axhline(limit, color="0.4", linewidth=0.8, linestyle="--")
-    ax.set(xlabel="share of the frequencies" if test.quantity == "K" else "periods", ylabel=test.quantity)
+    ax.set(xlabel="fraction of the frequencies" if test.quantity == "K" else "periods", ylabel=test.quantity)
     ax.legend(fontsize="small", frameon=False)
     return ax

@@ -65,7 +65,7 @@ def basin_continuation(
     >>> sweep = continue_basins(wells, "a", [0.5, 0.9, 1.5], CellGrid((-1,), (1,), (100,)))
     >>> upper, lower = plot.basin_continuation(sweep)
     >>> upper.get_ylabel(), lower.get_ylabel()
-    ('fraction of the starts', 'x')
+    ('fraction of initial conditions', 'x')
     """
     if not len(continuation.values):
         raise ValueError(f"continuation={continuation!r} has no values: there is nothing to draw")
@@ -79,7 +79,7 @@ def basin_continuation(
     upper = drawn[0]
     upper.stackplot(continuation.values, continuation.fractions.T, colors=list(palette.values()), linewidth=0.0)
     upper.set_ylim(0.0, 1.0)
-    upper.set_ylabel("fraction of the starts")
+    upper.set_ylabel("fraction of initial conditions")
     upper.margins(x=0.0)
     upper.set_title(continuation.system)
     drawn[-1].set_xlabel(continuation.name)

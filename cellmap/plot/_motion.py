@@ -160,7 +160,7 @@ def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
         return
     own = is_sequence(labels) and all(isinstance(label, str) for label in labels)
     if not own or len(labels) != trajectory.status.size:
-        raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each start")
+        raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each orbit")
 
 
 def _flat(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -47,16 +47,16 @@ def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
         colour = f"C{number}"
         possible = [o for o in members if not o.obstacle]
         closed = [o for o in members if o.obstacle]
-        name = family if members[0].kind == "direct" else f"table of {family}"
+        name = family if members[0].kind == "direct" else f"interpolated map of {family}"
         ax.plot(*_points(possible), marker + "-", color=colour, markersize=4, linewidth=1.0, label=name)
         ax.plot(*_points(closed), marker, color=colour, markersize=4, markerfacecolor="none")
     chosen = plan.chosen
     ax.plot(*_points([chosen]), "*", color="black", markersize=14, zorder=3, label=f"chosen: {chosen}")
-    ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"wanted: {plan.accuracy:.1e}")
+    ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"requested: {plan.accuracy:.1e}")
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel("predicted time (s)")
-    ax.set_ylabel("predicted error of a period (99th percentile)")
+    ax.set_ylabel("predicted error of one period (99th percentile)")
     ax.legend(fontsize="small")
     ax.set_title(f"{plan.job.reference.name}: {plan.measurements.starts:,} initial conditions")
     return ax

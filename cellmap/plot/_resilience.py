@@ -56,7 +56,7 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     ax.bar(places, shares, color=[_colour(k) for k in stability.shares], yerr=bars, capsize=4.0, ecolor="0.2")
     ax.set_xticks(places, [stability.names[k] for k in stability.shares], rotation=20, ha="right")
     ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
-    ax.set_ylabel("share of states")
+    ax.set_ylabel("fraction of states")
     return ax
 
 
@@ -96,7 +96,7 @@ def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) ->
             ax.step(np.arange(len(left)), np.where(left > 0, left, np.nan), where="post", color=_colour(k), label=label)
     ax.set_yscale("log")
     ax.set_xlabel("step")
-    ax.set_ylabel("share not settled")
+    ax.set_ylabel("fraction not settled")
     if any(basin.count for basin in statistics.basins.values()):
         ax.legend(frameon=False, fontsize="small")
     return ax
@@ -235,7 +235,7 @@ def _colour(label: int) -> object:
 def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
     """Draw basins in a plane, or those of one coordinate as a strip."""
     if not isinstance(basins, Basins) or basins.grid is None or len(basins.coordinates) > 2:
-        raise ValueError(f"basins={basins!r}: a picture needs basins on a grid of one axis or two axes")
+        raise ValueError(f"basins={basins!r}: a figure needs basins on a grid of one axis or two axes")
     if len(basins.coordinates) == 2:
         return draw_basins(basins, ax=ax)
     ax = axes_or_new(ax, (7.0, 2.5))

@@ -254,7 +254,7 @@ class CellChain:
         claim_memory(
             f"probabilities of {n:,} cells to end in {count:,} classes",
             8 * (n + 2) * (count + 2),
-            "take fewer cells, or polish, so that classes are merged",
+            "take fewer cells, or set polish=True, so that classes are merged",
         )
         values = np.zeros((n + 2, count + 2))
         for one, column in zip(self.closed, columns, strict=True):

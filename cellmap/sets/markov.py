@@ -212,7 +212,7 @@ def _by_gmres(
     if not error <= _ACCEPTED:
         warn_caller(
             f"probabilities of a transient class of {len(right):,} states sum up to 1 with an error of {error:.1g} "
-            "only: chance leaves it too late; take several periods at a time, or finer cells",
+            "only: the class is left too slowly; take several periods at a time, or finer cells",
             RuntimeWarning,
         )
     solution = guess.copy()
@@ -245,7 +245,7 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
     measure, residual = _by_arnoldi(forward, measure)
     if residual > _ACCEPTED:
         warn_caller(
-            f"the invariant measure of a class of {len(states):,} states is left with a residual of {residual:.1g}: "
+            f"the invariant measure of a class of {len(states):,} states has a residual of {residual:.1g}: "
             "it mixes too slowly; take several periods at a time, or coarser cells",
             RuntimeWarning,
         )

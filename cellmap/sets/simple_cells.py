@@ -71,7 +71,7 @@ class CellMapping:
         lost = 100.0 * float((self.groups < 0).mean())
         return (
             f"CellMapping({self.point_map.name}, {self.grid.size:,} cells, {len(self.group_periods)} periodic groups, "
-            f"{lost:.4g} % end outside)"
+            f"{lost:.4g} % escape)"
         )
 
     @property

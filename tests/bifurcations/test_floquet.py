@@ -308,14 +308,14 @@ def test_an_equilibrium_away_from_the_origin() -> None:
     for delta, found in zip(deltas, result.multipliers, strict=True):
         expected = np.exp(2.0 * np.linalg.eigvals([[0.0, 1.0], [-2.0, -delta]]))
         assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-11)
-    with pytest.raises(ValueError, match="v does not rest there but changes by"):
+    with pytest.raises(ValueError, match="v is not constant there but changes by"):
         floquet_multipliers(system, [-1.001, 0.0], {"delta": deltas})
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (([0.1, 0.0],), ValueError, "v does not rest there"),
+        (([0.1, 0.0],), ValueError, "v is not constant there"),
         (([0.0],), ValueError, "its last axis must hold the 2 state variables"),
         (([HANGING],), ValueError, "give one state"),
         (
@@ -338,7 +338,9 @@ def test_bad_input_is_refused(arguments: Any, error: type[Exception], message: s
 def test_bad_systems_are_refused() -> None:
     with pytest.raises(TypeError, match="give a ForcedSystem"):
         floquet_multipliers("pendulum", HANGING)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"its right-hand side jumps.*give a system without switches"):
+    with pytest.raises(
+        TypeError, match=r"its right-hand side is discontinuous.*give a system without switching functions"
+    ):
         floquet_multipliers(driven_pendulum(friction=1.0), HANGING)
     branching = ForcedSystem(lambda t, x, p: (-x[0] if x[0] > 0 else -2 * x[0],), {}, 1.0, ("x",))
     with pytest.raises(TypeError, match="derivatives of its right-hand side are not known"):

@@ -149,13 +149,13 @@ def test_grids_without_two_axes_are_refused(shape):
     d = len(shape)
     exact = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple("abc"[:d]), name="shrink")
     basins = find_basins(exact, CellGrid((-1.0,) * d, (1.0,) * d, shape))
-    with pytest.raises(ValueError, match="basins of shrink: a picture needs a grid with two axes"):
+    with pytest.raises(ValueError, match="basins of shrink: a figure needs a grid with two axes"):
         plot.basins(basins)
 
 
 def test_basins_of_starts_are_refused():
     exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
-    with pytest.raises(ValueError, match="a picture needs a grid"):
+    with pytest.raises(ValueError, match="a figure needs a grid"):
         plot.basins(find_basins(exact, [[0.1, 0.2]]))
 
 

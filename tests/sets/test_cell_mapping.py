@@ -333,4 +333,4 @@ def test_repr():
     """The centre 0.4 goes to 0.2, the lower edge of its own cell, which is periodic as the one around 0 is."""
     halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",), name="halves")
     text = repr(simple_cell_mapping(halves, CellGrid((-1,), (1,), (5,))))
-    assert text == "CellMapping(halves, 5 cells, 2 periodic groups, 0 % end outside)"
+    assert text == "CellMapping(halves, 5 cells, 2 periodic groups, 0 % escape)"

@@ -359,14 +359,18 @@ def _bent(t: float, x: Any, p: Any) -> tuple[float, float]:
     [
         ("pendulum", TypeError, "give a ForcedSystem"),
         (driven_pendulum(friction=1.0), TypeError, "leave out dry friction and drag, and smooth its waves"),
-        (scene(Pendulum(L), QuadraticDrag(0.1), VerticalDrive(0.003, 50.0)), TypeError, "right-hand side jumps"),
+        (
+            scene(Pendulum(L), QuadraticDrag(0.1), VerticalDrive(0.003, 50.0)),
+            TypeError,
+            "right-hand side is discontinuous",
+        ),
         (scene(Pendulum(L), Gravity(G), SquareDrive(300.0, 50.0)), TypeError, "smooth its waves"),
         (stick_slip_oscillator(), TypeError, "jumps"),
         (ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v")), ValueError, "give a scene"),
         (
             ForcedSystem(lambda t, x, p: (-x[0], x[1]), {}, 1.0, ("q", "v"), outputs={"energy": _bent}),
             ValueError,
-            "with the angles and rates of joints",
+            "with the angles and angular velocities of joints",
         ),
         (
             ForcedSystem(lambda t, x, p: (x[1], -1.0), {}, 1.0, (angle("q"), "v"), outputs={"energy": _bent}),

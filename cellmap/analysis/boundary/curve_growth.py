@@ -93,7 +93,7 @@ def growth_of(
         return Growth(forward, step, [back], [saddle])
     if step.extra.any() and (orbit.period > 1 or once.any()):
         raise ValueError(
-            f"point_map={point_map!r} winds circles round each other, so that turns of this orbit cannot be taken "
+            f"point_map={point_map!r} couples its angles, so that the full rotations of this orbit cannot be taken "
             "back: give the inverse map"
         )
     # Preimages are searched for step by step, since those of several steps bend too much.

@@ -202,7 +202,9 @@ def _neighbours(
     labels, places = basins.labels.ravel(), places_of(basins)
     mine, theirs = places[labels == side], places[labels == other]
     if not (len(mine) and len(theirs)):
-        raise ValueError(f"inside={side}, outside={other}: no start has the label {side if not len(mine) else other}")
+        raise ValueError(
+            f"inside={side}, outside={other}: no initial condition has the label {side if not len(mine) else other}"
+        )
     distance, nearest = nearest_foreign(theirs, mine, unit, basins.coordinates)
     for row in np.argsort(distance, kind="stable")[:64]:
         shift = difference(theirs[nearest[row]], mine[row], basins.coordinates)
@@ -214,7 +216,7 @@ def _neighbours(
                 return pair
     raise ValueError(
         f"inside={side}, outside={other}: the map does not confirm the labels; give a larger "
-        "max_periods, or find the basins anew"
+        "max_periods, or recompute the basins"
     )
 
 
@@ -238,7 +240,7 @@ def _bisected(
             places, found = places[found != UNDECIDED], found[found != UNDECIDED]
         if not len(found) or found[0] != side or found[-1] == side:
             raise ValueError(
-                f"the two sides of the boundary at {pair[0].tolist()} are not told apart: give a larger max_periods, "
+                f"the two sides of the boundary at {pair[0].tolist()} are not distinguished: give a larger max_periods, "
                 "or a larger `narrow`"
             )
         last = int(np.flatnonzero(found[:-1] == side)[np.argmax((found[1:] != side)[found[:-1] == side])])

@@ -211,14 +211,16 @@ def escape_rate(
     times = region.lifetimes(starts, last)
     times = times[times > 0]
     if not len(times):
-        raise ValueError(f"window={window!r}: no start is in the region; the attractors' neighbourhoods fill it")
+        raise ValueError(
+            f"window={window!r}: no initial condition is in the region, which the neighbourhoods of the attractors fill"
+        )
     survivors = _survivors(times, last)
     if survivors[-1] == survivors[0]:
         raise ValueError(f"window={window!r}: no orbit leaves it within {last} steps; it has no escape rate")
     usable = np.flatnonzero(survivors >= _FEWEST)
     if len(usable) < 3 and fit_window is None:
         raise ValueError(
-            f"n={n!r}: only {len(usable)} steps are survived by {_FEWEST} orbits or more; take more starts"
+            f"n={n!r}: only {len(usable)} steps are survived by {_FEWEST} orbits or more; take more initial conditions"
         )
     survivors = survivors[: int(np.count_nonzero(survivors))]
     steps = np.arange(len(survivors))
@@ -229,7 +231,7 @@ def escape_rate(
     within = fit_window
     if within is None:
         within = fit_line(steps[usable], height[usable], tolerance=allowed).window
-    fit = fit_line(steps, height, within, errors, labels=("step", "ln share of orbits left"))
+    fit = fit_line(steps, height, within, errors, labels=("step", "ln fraction of surviving orbits"))
     part = slice(within[0], within[1] + 1)
     slopes = []
     counts = np.bincount(times, minlength=last + 1)

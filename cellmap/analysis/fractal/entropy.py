@@ -200,7 +200,7 @@ def _sides(image: LabelImage, box: int | Sequence[int]) -> tuple[int, ...]:
     shape = image.numbers.shape
     given = (box,) * len(shape) if isinstance(box, int | np.integer) else tuple(box)
     if len(given) != len(shape):
-        raise ValueError(f"box={box!r}: the picture has {len(shape)} axes of more than one cell; give a side for each")
+        raise ValueError(f"box={box!r}: the image has {len(shape)} axes of more than one cell; give a side for each")
     sides = tuple(whole_number("box", side, at_least=1) for side in given)
     if prod(sides) < 2 or any(side > n for side, n in zip(sides, shape, strict=True)):
         raise ValueError(f"box={box!r}: give sides of two cells or more, that fit into {shape} cells")

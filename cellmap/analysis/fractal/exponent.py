@@ -159,7 +159,7 @@ def fit_exponent(
         x, y = np.log(distances), np.log(uncertain / pairs)
         errors = np.sqrt((pairs - uncertain) / (1.0 * pairs * uncertain))
     chosen = fit_window(x, np.where(usable, y, np.nan), errors) if window is None else window
-    labels = (f"ln distance ({unit})", "ln share of uncertain pairs")
+    labels = (f"ln distance ({unit})", "ln fraction of uncertain pairs")
     fit = fit_line(x, y, chosen, errors, labels=labels)
     return replace(empty, fit=_with_halves(_with_choice(fit)) if window is None else fit)
 

@@ -38,7 +38,7 @@ class LabelImage:
         if isinstance(basins, Basins):
             if basins.grid is None:
                 raise ValueError(
-                    f"basins of {basins.name}: boxes need the cells of a grid, and these are single starts"
+                    f"basins of {basins.name}: boxes need the cells of a grid, and these are single initial conditions"
                 )
             labels: NDArray[np.integer] = basins.labels
             circles = basins.grid.wraps if wraps is None else tuple(map(bool, wraps))

@@ -90,11 +90,11 @@ def label_image(
     if isinstance(source, Basins):
         if source.grid is None:
             raise ValueError(
-                f"{name}: these basins are of single starts, which have no neighbours; give basins on a grid, or their "
-                "labels if the starts are in the order of a grid"
+                f"{name}: these basins are of single initial conditions, which have no neighbours; give basins on a grid, or their "
+                "labels if the initial conditions are in the order of a grid"
             )
         if len(tuple(wraps)):
-            raise ValueError(f"wraps={tuple(wraps)!r}: basins on a grid know their circles; leave it out")
+            raise ValueError(f"wraps={tuple(wraps)!r}: the grid of basins determines the periodic axes; leave it out")
         labels: NDArray[Any] = source.labels
         circles = source.grid.wraps
         missing = np.zeros(labels.shape, bool)
@@ -102,7 +102,9 @@ def label_image(
         labels, missing = _whole(source, name)
         circles = tuple(bool(w) for w in wraps) or (False,) * labels.ndim
         if len(circles) != labels.ndim:
-            raise ValueError(f"wraps={circles!r}: {name} has {labels.ndim} axes; say of each whether it is a circle")
+            raise ValueError(
+                f"wraps={circles!r}: {name} has {labels.ndim} axes; give one entry for each, True if it is periodic"
+            )
     if labels.size < 2:
         raise ValueError(f"{name} has {labels.size} cells of the shape {labels.shape}: give at least two cells")
     wide = tuple(j for j, n in enumerate(labels.shape) if n > 1)

@@ -157,7 +157,7 @@ def fractal_boundary_test(
     wanted = affordable_number("discs", discs, 8 * (4 * len(shape) + 6), at_least=_FEWEST)
     r = max(4.0, min(shape) / 50) if radius is None else finite_number("radius", radius, at_least=1.0)
     if any(2 * floor(r) + 1 > n for n in shape):
-        raise ValueError(f"radius={r:g}: discs are wider than the picture of {shape} cells; give a smaller radius")
+        raise ValueError(f"radius={r:g}: discs are wider than the image of {shape} cells; give a smaller radius")
     offsets = ball(len(shape), r)
     places, entropies, drawn = _draw(image, offsets, floor(r), wanted, seed)
     mean = float(entropies.mean()) if len(entropies) else np.nan

@@ -153,7 +153,7 @@ def uncertainty_exponent(
         undecided=undecided,
         dimension=sum(n > 1 for n in states.region.shape),
         floor=floor,
-        unit="share of the window",
+        unit="fraction of the window",
         window=window,
         attractors=states.attractors,
         cost=Cost(time.perf_counter() - began, 2 * int(drawn.sum())),

@@ -143,7 +143,7 @@ def wada_merging(
     if reach > widest:
         raise ValueError(
             f"radius={reach:g}: within an eighth of {shortest} cells any boundaries count as one; give a smaller "
-            "radius or a larger picture"
+            "radius or a larger image"
         )
     share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
     edges = [_merged_boundary(image, k) for k in range(len(image.names))]

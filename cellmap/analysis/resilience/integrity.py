@@ -117,7 +117,9 @@ def local_integrity(
     labels = basins.labels.ravel()
     outside = (labels != k) & (labels != UNDECIDED)
     if not outside.any():
-        raise ValueError(f"basins: no start has another label than {k}; take a larger window, or a finer grid")
+        raise ValueError(
+            f"basins: no initial condition has another label than {k}; take a larger window, or a finer grid"
+        )
     origins = basins.attractors[k].points
     distance, _ = nearest_foreign(places_of(basins)[outside], origins, unit, basins.coordinates)
     row = int(np.argmin(distance))
@@ -187,7 +189,7 @@ def largest_ball(
     if isinstance(basins, Basins):
         k, grid = own_label(basins, label), basins.grid
         if grid is None:
-            raise ValueError("basins of starts without a grid have no cells; find basins on a CellGrid")
+            raise ValueError("basins of initial conditions without a grid have no cells; find basins on a CellGrid")
         labels, coordinates = basins.labels, basins.coordinates
     else:
         labels = whole_array("basins", basins, "Basins, or whole numbers as labels")
@@ -210,7 +212,9 @@ def largest_ball(
         widths = [(0, 0)] * axis + [layer] + [(0, 0)] * (grid.dimension - axis - 1)
         padded = np.pad(padded, widths, mode="wrap" if grid.wraps[axis] else "constant")
     if padded.all():
-        raise ValueError(f"label={label!r} is that of all cells, all round: the basin has no end; take a larger window")
+        raise ValueError(
+            f"label={label!r} is that of all cells of a periodic grid: the basin has no boundary; take a larger window"
+        )
     distance, ends = distance_transform_edt(padded, sampling=grid.widths / unit, return_indices=True)
     own = tuple(slice(a, a + n) for (a, _), n in zip(layers, grid.shape, strict=True))
     cell = np.unravel_index(int(np.argmax(distance[own])), grid.shape)

@@ -50,7 +50,7 @@ class SettlingTimes:
     def __repr__(self) -> str:
         middle = ", ".join(f"{100 * p:g} %: {q:g}" for p, q in zip(self.levels, self.quantiles, strict=True))
         mean = f"mean {self.mean:.4g} +- {self.standard_error:.2g}"
-        return f"SettlingTimes({self.name}, {self.count} starts, {mean}; {middle})"
+        return f"SettlingTimes({self.name}, {self.count} initial conditions, {mean}; {middle})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class SettlingStatistics:
 
     def __repr__(self) -> str:
         lines = [f"{s.name} {s.mean:.4g} +- {s.standard_error:.2g}" for s in self.basins.values()]
-        lines += [f"{count} starts {name}" for name, count in self.others.items() if count]
+        lines += [f"{count} initial conditions {name}" for name, count in self.others.items() if count]
         return f"SettlingStatistics({'; '.join(lines)})"
 
     @property

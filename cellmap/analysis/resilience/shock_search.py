@@ -58,7 +58,9 @@ def candidates_of(
     labels = basins.labels.ravel()
     outside = places_of(basins)[(labels != k) & (labels != UNDECIDED)]
     if not len(outside):
-        raise ValueError(f"basins: no start has another label than {k}; take a larger window, or a finer grid")
+        raise ValueError(
+            f"basins: no initial condition has another label than {k}; take a larger window, or a finer grid"
+        )
     distance, _ = nearest_foreign(outside[:, free], origins[:, free], unit[free], [basins.coordinates[j] for j in free])
     frozen = np.setdiff1d(np.arange(len(unit)), free)
     found: list[tuple[float, int, NDArray[np.float64]]] = []
@@ -81,7 +83,9 @@ def candidates_of(
         # Rays through it at other lengths as well: a label of a cell is that of its centre alone.
         found += [(float(np.linalg.norm(c)), int(row), c) for c in chosen]
     if not found:
-        raise ValueError("along: no start outside the basin differs in these coordinates alone; give all of them")
+        raise ValueError(
+            "along: no initial condition outside the basin differs in these coordinates alone; give all of them"
+        )
     found.sort(key=lambda f: f[0])
     return [(row, shock) for _, row, shock in found]
 

@@ -184,7 +184,9 @@ def minimal_fatal_shock(
         if best is None or size < best[0]:
             best = (size, row, shock)
     if best is None:
-        raise ValueError("basins: no labelled start outside the basin is confirmed by the map; take a finer grid")
+        raise ValueError(
+            "basins: no labelled initial condition outside the basin is confirmed by the map; take a finer grid"
+        )
     _, row, shock = best
     fatal, rows = fatal_from(origins[row]), np.arange(len(origins))
     inside = 0

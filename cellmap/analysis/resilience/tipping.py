@@ -143,7 +143,9 @@ def tipping_probabilities(
     reach = finite_number("farthest", farthest, above=0.0)
     labels = [_labels_of(name, given) for name, given in (("before", before), ("after", after))]
     if labels[0].shape != labels[1].shape:
-        raise ValueError(f"before, after have the shapes {labels[0].shape}, {labels[1].shape}: label the same starts")
+        raise ValueError(
+            f"before, after have the shapes {labels[0].shape}, {labels[1].shape}: label the same initial conditions"
+        )
     if not labels[0].size:
         raise ValueError("before, after are empty: give at least one label")
     if isinstance(before, Basins) and isinstance(after, Basins):
@@ -205,7 +207,7 @@ def _labels_of(name: str, given: Basins | ArrayLike) -> NDArray[np.int64]:
 
 def _same_starts(before: Basins, after: Basins) -> None:
     if before.coordinates != after.coordinates:
-        raise ValueError("before, after are basins of other coordinates: label the same starts")
+        raise ValueError("before, after are basins of other coordinates: label the same initial conditions")
     if (before.grid, after.grid) != (None, None):
         same = before.grid == after.grid
     else:

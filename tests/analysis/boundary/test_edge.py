@@ -155,7 +155,7 @@ def test_same_result_again(wells: Basins) -> None:
         (0, 0, {}, ValueError, "lies beside"),
         (0, -3, {}, ValueError, "lies beside"),
         (5, 0, {}, ValueError, "inside=5"),
-        (0, 4, {}, ValueError, "no start has the label 4"),
+        (0, 4, {}, ValueError, "no initial condition has the label 4"),
         (0, [1.0, 0.5], {}, TypeError, "two labels, or two states"),
         ([1.0, 0.5], [1.2, 0.5], {}, ValueError, "labels"),
         ([1.0, 0.5, 0.0], [1.2, 0.5, 0.0], {}, ValueError, "last axis"),

@@ -227,7 +227,7 @@ def test_test_in_one_and_three_dimensions():
 
 
 def test_errors_of_discs():
-    with pytest.raises(ValueError, match="wider than the picture"):
+    with pytest.raises(ValueError, match="wider than the image"):
         fractal_boundary_test(mixed(2, (300, 9)), radius=5)
     with pytest.raises(ValueError, match="discs=3"):
         fractal_boundary_test(mixed(), discs=3)

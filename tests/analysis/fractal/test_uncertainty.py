@@ -378,5 +378,5 @@ def test_plot():
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     assert ax.get_title() == f"McDonald: {found.verdict}"
     bare = plot.uncertainty_exponent(replace(found, fit=None))
-    assert bare.get_ylabel() == "share of uncertain pairs"
+    assert bare.get_ylabel() == "fraction of uncertain pairs"
     mpl.pyplot.close("all")

@@ -369,7 +369,7 @@ def test_no_shock_where_all_come_back(disc: Basins) -> None:
 def test_undecided_cells_are_not_fatal(disc: Basins) -> None:
     """With the cells outside relabelled as undecided, nothing is known to be fatal."""
     labels = np.where(disc.labels == -2, -3, disc.labels).astype(np.int16)
-    with pytest.raises(ValueError, match="no start has another label"):
+    with pytest.raises(ValueError, match="no initial condition has another label"):
         minimal_fatal_shock(replace(disc, labels=labels), 0)
 
 
@@ -444,7 +444,7 @@ def test_undecided_cells_end_a_ball() -> None:
     [
         (np.zeros((0, 3), int), 0, {}, "shape"),
         (np.zeros((3, 3), int), 1, {}, "no cell has it"),
-        (np.zeros(4, int), 0, {"wraps": [True]}, "has no end"),
+        (np.zeros(4, int), 0, {"wraps": [True]}, "has no boundary"),
         (np.zeros(4, int), 0, {"refine": True}, "has no map"),
         (np.zeros(4, int), -1, {}, "label=-1"),
     ],
