@@ -185,7 +185,8 @@ class _Functions:
             raise TypeError(f"system={system!r}: give a ForcedSystem, such as a scene")
         if system.switches is not None:
             raise TypeError(
-                f"system={system!r}: its right-hand side is discontinuous; leave out dry friction and drag, and smooth its waves"
+                f"system={system!r}: its right-hand side is discontinuous; leave out dry friction and drag, "
+                "and smooth its waves"
             )
         if "energy" not in system.outputs or system.dimension % 2:
             raise ValueError(

@@ -240,8 +240,8 @@ def _bisected(
             places, found = places[found != UNDECIDED], found[found != UNDECIDED]
         if not len(found) or found[0] != side or found[-1] == side:
             raise ValueError(
-                f"the two sides of the boundary at {pair[0].tolist()} are not distinguished: give a larger max_periods, "
-                "or a larger `narrow`"
+                f"the two sides of the boundary at {pair[0].tolist()} are not distinguished: give a larger "
+                "max_periods, or a larger `narrow`"
             )
         last = int(np.flatnonzero(found[:-1] == side)[np.argmax((found[1:] != side)[found[:-1] == side])])
         before = float(np.linalg.norm(shift / unit))

@@ -90,8 +90,8 @@ def label_image(
     if isinstance(source, Basins):
         if source.grid is None:
             raise ValueError(
-                f"{name}: these basins are of single initial conditions, which have no neighbours; give basins on a grid, or their "
-                "labels if the initial conditions are in the order of a grid"
+                f"{name}: these basins are of single initial conditions, which have no neighbours; give basins on a "
+                "grid, or their labels if the initial conditions are in the order of a grid"
             )
         if len(tuple(wraps)):
             raise ValueError(f"wraps={tuple(wraps)!r}: the grid of basins determines the periodic axes; leave it out")
