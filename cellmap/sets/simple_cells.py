@@ -101,17 +101,16 @@ class CellMapping:
             Iterate the exact map from each group and label the group with the attractor that is found, so that groups
             of one attractor are merged, and spurious groups are recognised.  Otherwise groups are attractors; adjacent
             groups are merged, and so are those that are connected in both directions by perturbations of one cell.
-            Groups whose orbits converge to another one, if images are not rounded to centres, are spurious.  A
-            quasi-periodic attractor is listed as periodic.
+            Groups whose orbits converge to another one without rounding to centres are spurious.  A quasi-periodic
+            attractor is listed as periodic.
         max_periods, max_period, attractors : optional
             As in :func:`find_basins`, for these iterations.
 
         Returns
         -------
         Basins
-            Basins whose settling times are the numbers of steps to a group, in steps of the map.  Attractors that are
-            found without `polish` have no multipliers and no neighbourhoods, and their basins no map with which they
-            could be verified.
+            Settling times are the numbers of steps to a group, in steps of the map.  Without `polish`, attractors have
+            no multipliers and no neighbourhoods, and basins no map with which they could be verified.
         """
         began = time.perf_counter()
         limits = {"max_periods": max_periods, "max_period": max_period}

@@ -365,7 +365,7 @@ def _bent(t: float, x: Any, p: Any) -> tuple[float, float]:
             "right-hand side is discontinuous",
         ),
         (scene(Pendulum(L), Gravity(G), SquareDrive(300.0, 50.0)), TypeError, "smooth its waves"),
-        (stick_slip_oscillator(), TypeError, "jumps"),
+        (stick_slip_oscillator(), TypeError, "discontinuous"),
         (ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v")), ValueError, "give a scene"),
         (
             ForcedSystem(lambda t, x, p: (-x[0], x[1]), {}, 1.0, ("q", "v"), outputs={"energy": _bent}),
