@@ -53,7 +53,7 @@ def binomial_interval(
     try:
         k, n = np.broadcast_arrays(k, n)
     except ValueError:
-        raise ValueError(f"count has the shape {k.shape} and trials {n.shape}: give shapes that go together") from None
+        raise ValueError(f"count has the shape {k.shape} and trials {n.shape}: give shapes that broadcast") from None
     if not ((k >= 0) & (k <= n) & np.isfinite(n)).all():
         raise ValueError(f"count={shown(count)}, trials={shown(trials)}: give counts between 0 and the trials")
     tail = 0.5 * (1.0 - level)

@@ -185,8 +185,8 @@ def _belongs(file: h5py.File) -> Any:
 
 def _no_checkpoint(path: Path) -> StoreError:
     return StoreError(
-        f"checkpoint={str(path)!r} is no checkpoint of this kind, or one of an older cellmap, which had no checksum: "
-        "give the name of a new file"
+        f"checkpoint={str(path)!r} is not a checkpoint of this kind, or one of an older cellmap, which had no "
+        "checksum: give the name of a new file"
     )
 
 

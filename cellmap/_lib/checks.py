@@ -117,7 +117,7 @@ def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> NDArr
 
 
 def is_sequence(value: Any) -> bool:
-    """Whether a value has entries in an order, and is no text."""
+    """Whether a value has entries in an order, and is not text."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray | memoryview)

@@ -146,7 +146,7 @@ def get_text(group: h5py.Group, name: str) -> str:
         return value.decode()
     if isinstance(value, str):
         return value
-    raise TypeError(f"{name} is no text")
+    raise TypeError(f"{name} is not text")
 
 
 def get_number(group: h5py.Group, name: str, at_least: int = 0) -> int:
@@ -161,7 +161,7 @@ def array_of(group: h5py.Group, name: str, kind: DTypeLike, shape: tuple[int | N
     """Read an array of a type and a shape, of any length where that is None."""
     item = group[name]
     if not isinstance(item, h5py.Dataset) or item.dtype != np.dtype(kind) or len(item.shape) != len(shape):
-        raise ValueError(f"{item.name} is no array of {len(shape)} axes of {np.dtype(kind)}")
+        raise ValueError(f"{item.name} is not an array of {len(shape)} axes of {np.dtype(kind)}")
     if any(wanted not in (None, found) for wanted, found in zip(shape, item.shape, strict=True)):
         raise ValueError(f"{item.name} has the shape {item.shape}")
     return np.asarray(item[()])
@@ -187,7 +187,7 @@ def _verify(path: Path, unverified: bool) -> None:
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise ValueError("it is no file but a device or a pipe")
+            raise ValueError("it is not a file but a device or a pipe")
         if unverified:
             return
         block = stream.read(ROOM)
@@ -237,7 +237,7 @@ def _look_through(file: h5py.File, old: bool) -> None:
             item = h5py.h5o.open(group, name)
             place = h5py.h5g.get_objinfo(group, name).objno
             if place in seen:
-                raise ValueError(f"{name.decode(errors='replace')} is there twice")
+                raise ValueError(f"{name.decode(errors='replace')} occurs twice")
             seen.add(place)
             if isinstance(item, h5py.h5g.GroupID):
                 groups.append(item)
@@ -254,7 +254,7 @@ def _check_array(item: Any, name: str, size: int) -> None:
     if how.get_external_count() or how.get_layout() == h5py.h5d.VIRTUAL:
         raise ValueError(f"{name} is kept in another file")
     if not filters <= _FILTERS or not _is_numeric(item.get_type()):
-        raise ValueError(f"{name} is no array of numbers")
+        raise ValueError(f"{name} is not an array of numbers")
     if int(np.prod(item.shape, dtype=object)) * item.get_type().get_size() > _DENSEST * size:
         raise ValueError(f"{name} is larger than its file can hold")
 

@@ -155,7 +155,7 @@ def own_label(basins: Basins, label: int, argument: str = "label") -> int:
     if not 0 <= number < len(basins.attractors):
         raise ValueError(
             f"{argument}={label!r}: the basins have the labels 0 to {len(basins.attractors) - 1}; "
-            f"negative ones ({', '.join(f'{k} {name}' for k, name in LABEL_NAMES.items())}) are no basins"
+            f"negative ones ({', '.join(f'{k} {name}' for k, name in LABEL_NAMES.items())}) are not basins"
         )
     return number
 

@@ -158,7 +158,7 @@ def _read_pass(group: h5py.Group, examined: Examined, total: int, limit: int) ->
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
     legs, horizon = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
     if not all(0 < one < other <= limit for one, other in pairwise([*legs, horizon])) or horizon > limit:
-        raise ValueError(f"its passes come to {horizon} periods")
+        raise ValueError(f"its sweeps run to {horizon} periods")
     now = Pass(
         attractors=read_attractors(group["attractors"], examined.coordinates),
         examined=_read_examined(group["examined"], examined),

@@ -279,7 +279,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     if "starts" in file:
         starts = file["starts"][()]
         if starts.dtype != np.float64 or starts.shape[-1:] != (len(coordinates),) or not np.isfinite(starts).all():
-            raise ValueError("its initial conditions are no states")
+            raise ValueError("its initial conditions are not states")
     if grid is not None and starts is None and grid.dimension == len(coordinates):
         shape = grid.shape
     elif starts is not None and grid is None:

@@ -194,7 +194,7 @@ class ForcedSystem:
             times, *columns = np.broadcast_arrays(times, *np.moveaxis(points, -1, 0))
         except ValueError:
             raise ValueError(
-                f"t has the shape {times.shape}, which does not go with states of {points.shape}"
+                f"t has the shape {times.shape}, which does not broadcast with states of {points.shape}"
             ) from None
         function = over_arrays(self.outputs[name])
         return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
@@ -246,8 +246,8 @@ class ForcedSystem:
             for (_, c), there in zip(angles, turned, strict=True):
                 if _differ(now, there):
                     raise ValueError(
-                        f"coordinates: rhs is {now} and one period of {c.name} further on {there}, so {c.name} is no "
-                        f"angle of period {c.turn:g}; give turn= its period, or its name alone if it is no angle"
+                        f"coordinates: rhs is {now} and one period of {c.name} further on {there}, so {c.name} is not "
+                        f"an angle of period {c.turn:g}; give turn= its period, or the name alone if it is no angle"
                     )
             checked = True
         if not checked:

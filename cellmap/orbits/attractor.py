@@ -88,7 +88,7 @@ class Attractor:
         Its points in the order of the orbit, angles wrapped; for a chaotic attractor a sample of an orbit, for a
         sticking set a sample of its equilibria.
     turns : tuple of int
-        Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are no angles.
+        Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are not angles.
     multipliers : ndarray of complex, shape (dimension,)
         Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a chaotic attractor.
     exponents : ndarray, shape (dimension,) or (1,)

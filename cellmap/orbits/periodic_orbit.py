@@ -42,7 +42,7 @@ class PeriodicOrbit:
     points : ndarray, shape (period, dimension)
         Its points in the order of the orbit, angles wrapped, beginning with the one nearest the origin.
     turns : tuple of int
-        Full rotations of each coordinate in one period of the orbit; 0 for coordinates that are no angles.
+        Full rotations of each coordinate in one period of the orbit; 0 for coordinates that are not angles.
     matrix : ndarray, shape (dimension, dimension)
         Monodromy matrix at the first point.
     multipliers : ndarray of complex, shape (dimension,)

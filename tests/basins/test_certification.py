@@ -341,7 +341,7 @@ def test_bad_input(fractal):
     certificate, basins, direct = fractal
     with pytest.raises(TypeError, match="basins="):
         certify(basins.labels)
-    with pytest.raises(ValueError, match="no interpolated map"):
+    with pytest.raises(ValueError, match="not an interpolated map"):
         certify(direct)
     with pytest.raises(ValueError, match="safety"):
         certify(basins, safety=0.5)

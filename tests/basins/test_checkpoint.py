@@ -576,7 +576,7 @@ def test_foreign_file(tmp_path):
         file["labels"] = np.zeros(3)
     for call in (CASES["one pass"], lambda checkpoint: interpolated_map(DUFFING, TABLE, checkpoint=checkpoint)):
         before = path.read_bytes()
-        with pytest.raises(StoreError, match=r"foreign\.h5' is no checkpoint.*give the name of a new file"):
+        with pytest.raises(StoreError, match=r"foreign\.h5' is not a checkpoint.*give the name of a new file"):
             call(checkpoint=path)
         assert path.read_bytes() == before
 

@@ -68,7 +68,7 @@ def test_an_angle_must_be_one() -> None:
     degrees = angle("theta", "deg", turn=360.0)
     assert system(rhs=rhs, coordinates=(degrees, "v")).axes[0] is degrees
     assert system(rhs=rhs, coordinates=(angle("theta", turn=720.0), "v")).dimension == 2
-    with pytest.raises(ValueError, match=r"one period of theta further on .*, so theta is no angle of period 180"):
+    with pytest.raises(ValueError, match=r"one period of theta further on .*, so theta is not an angle of period 180"):
         system(rhs=rhs, coordinates=(angle("theta", turn=180.0), "v"))
 
 
@@ -133,7 +133,11 @@ def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
         ({"params": {**PARAMS, "lambda": 1.0}}, ValueError, "params has the name 'lambda'"),
         ({"params": {**PARAMS, 3: 1.0}}, ValueError, "params has the name 3"),
         ({"params": [0.15, 0.2]}, TypeError, "params=.*: give a mapping of names to numbers"),
-        ({"coordinates": (angle("q"), "v")}, ValueError, "so q is no angle of period 6.28319; give turn= its period"),
+        (
+            {"coordinates": (angle("q"), "v")},
+            ValueError,
+            "so q is not an angle of period 6.28319; give turn= its period",
+        ),
         ({"coordinates": ()}, ValueError, "one different name for each state variable"),
         ({"coordinates": ("q", "q")}, ValueError, "one different name for each state variable"),
         ({"coordinates": ("q", 3)}, TypeError, "give a name or a Coordinate for each"),

@@ -97,8 +97,8 @@ def certify(
         raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
     if point_map.table is None or point_map.exact is None:
         raise ValueError(
-            f"basins were found with {point_map!r}, which is no interpolated map: there is no interpolation error to "
-            "certify against"
+            f"basins were found with {point_map!r}, which is not an interpolated map: there is no interpolation error "
+            "to certify against"
         )
     audit = affordable_number("audit", audit, 8 * 4, at_least=1)
     safety = finite_number("safety", safety, at_least=1.0)

@@ -337,7 +337,7 @@ def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
 @pytest.mark.parametrize(
     ("label", "change", "match"),
     [
-        (-1, {}, "are no basins"),
+        (-1, {}, "are not basins"),
         (7, {}, "label=7"),
         (0, {"scale": 0.0}, "scale=0.0"),
         (0, {"scale": (1.0, 1.0, 1.0)}, "scale="),
