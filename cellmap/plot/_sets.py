@@ -183,12 +183,10 @@ def eigenvector(
     ax = axes_or_new(ax)
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
     which = whole_number("which", which, at_most=len(operator.boxes) - 1)
-    if which == 0 and len(operator.invariant_measures) != 1:
-        raise ValueError(
-            f"operator={operator!r}: it has {len(operator.invariant_measures)} invariant measures; take boxes that "
-            "hold one attractor"
-        )
-    values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
+    try:
+        values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
+    except ValueError as error:
+        raise ValueError(f"operator={operator!r}, which={which}: {error}") from error
     top = float(np.quantile(np.abs(values), quantile)) or 1.0
     style = {"cmap": "viridis", "clim": (0.0, top)} if which == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
     plane = operator.boxes.grid.dimension > 1

@@ -61,7 +61,9 @@ def taylor_order(rtol: float, trace: Trace | None = None) -> int:
     return order if trace is None or _series_work(trace) <= _MUCH_WORK else max(8, round(order * 2 / 3))
 
 
-METHOD_NAMES = ("auto", "DOP853", "RK45", "Taylor")
+_TABLEAUS = {"DOP853": dop853, "RK45": rk45}
+
+METHOD_NAMES = ("auto", *_TABLEAUS, "Taylor")
 
 
 def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
@@ -87,7 +89,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
                 "branches on the state: use method='DOP853'"
             )
         return taylor_method(taylor_order(rtol))
-    return _runge_kutta(dop853() if name == "DOP853" else rk45())
+    return _runge_kutta(_TABLEAUS[name]())
 
 
 def _powers_have_recurrences(trace: Trace) -> bool:
