@@ -16,9 +16,9 @@ from .basins.planning.planner import plan as plan
 from .basins.record import Basins as Basins
 from .basins.store import load_basins as load_basins
 from .basins.store import save_basins as save_basins
-from .bifurcations.continuation import continue_orbit as continue_orbit
 from .bifurcations.diagram import bifurcation_diagram as bifurcation_diagram
-from .bifurcations.stability import stability_map as stability_map
+from .bifurcations.equilibrium_stability import stability_map as stability_map
+from .bifurcations.orbit_continuation import continue_orbit as continue_orbit
 from .maps.coordinates import Coordinate as Coordinate
 from .maps.coordinates import angle as angle
 from .maps.discrete import discrete_map as discrete_map
@@ -32,5 +32,5 @@ from .maps.system import ForcedSystem as ForcedSystem
 from .maps.trajectories import trajectory as trajectory
 from .orbits.attractor import Attractor as Attractor
 from .orbits.lyapunov import lyapunov_spectrum as lyapunov_spectrum
-from .orbits.search import find_periodic_orbits as find_periodic_orbits
-from .orbits.search import periodic_orbit as periodic_orbit
+from .orbits.periodic_search import find_periodic_orbits as find_periodic_orbits
+from .orbits.periodic_search import periodic_orbit as periodic_orbit

@@ -21,8 +21,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cellmap import Basins, CellGrid, find_basins, interpolated_map, plot, stroboscopic_map
-from cellmap.analysis.fractal.exponent import FRACTAL, SMOOTH, UncertaintyExponent
 from cellmap.analysis.fractal.uncertainty import uncertainty_exponent
+from cellmap.analysis.fractal.uncertainty_fits import FRACTAL, SMOOTH, UncertaintyExponent
 from cellmap.bifurcations import critical_values
 from systems import driven_pendulum
 

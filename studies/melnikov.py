@@ -23,8 +23,8 @@ from matplotlib.figure import Figure
 from scipy.integrate import quad
 
 from cellmap import Basins, CellGrid, find_basins, interpolated_map, periodic_orbit, plot, stroboscopic_map
-from cellmap.analysis.fractal.exponent import UncertaintyExponent
 from cellmap.analysis.fractal.uncertainty import uncertainty_exponent
+from cellmap.analysis.fractal.uncertainty_fits import UncertaintyExponent
 from cellmap.maps import jacobian
 from systems import moon_li_duffing
 

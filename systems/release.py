@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap import Attractor, ForcedSystem, find_basins, stroboscopic_map
 from cellmap._lib.checks import finite_number, whole_number
-from cellmap.maps.flow import flow
+from cellmap.maps.integration import flow
 from cellmap.maps.orbit_batch import Orbits
 
 _PARTS = 16  # parts into which a bracket is cut in one batch

@@ -23,8 +23,8 @@ from .._lib.checks import (
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Status
+from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap, warn_of_tolerance
-from ..maps.swept import swept_map
 from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, swept_derivatives
 from .parameter_sweep import Recorded, record_each, record_followed
 

@@ -14,7 +14,7 @@ from .._lib.checks import claim_memory, finite_number, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points
-from ..maps.flow import Flow, steps_of_harmonics
+from ..maps.integration import Flow, steps_of_harmonics
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.system import ForcedSystem
 from ..orbits.multipliers import multipliers_of, unstable_count

@@ -10,8 +10,8 @@ from scipy.linalg import matrix_balance
 
 from .._lib.checks import known_parameter
 from ..maps.coordinates import difference, turns_of
+from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
-from ..maps.swept import swept_map
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor
 from ..orbits.periodic_orbit import PeriodicOrbit

@@ -5,6 +5,7 @@ from .grid import CellGrid as CellGrid
 from .interpolation.interpolated import interpolated_map as interpolated_map
 from .inverse import inverse_stroboscopic_map as inverse_stroboscopic_map
 from .orbit_batch import Status as Status
+from .parameters_as_states import swept_map as swept_map
 from .poincare import Returns as Returns
 from .poincare import SectionMap as SectionMap
 from .poincare import flow_map as flow_map
@@ -14,7 +15,6 @@ from .point_map import PointMap as PointMap
 from .point_map import ToleranceWarning as ToleranceWarning
 from .rebuild import rebuild_map as rebuild_map
 from .stroboscopic import stroboscopic_map as stroboscopic_map
-from .swept import swept_map as swept_map
 from .system import ForcedSystem as ForcedSystem
 from .tangent import jacobian as jacobian
 from .trajectories import Trajectory as Trajectory

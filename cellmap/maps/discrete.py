@@ -19,8 +19,8 @@ from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .orbit_batch import Orbits, Status, legs
+from .parameters_as_states import swept_axes, swept_function
 from .point_map import Family, Origin, PointMap
-from .swept import swept_axes, swept_function
 from .tangent import NotDifferentiableError, tangent_by_lanes
 
 _BOUND = 1e100

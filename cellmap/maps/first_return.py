@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._compiled.codegen.rebind import over_arrays
 from .coordinates import Coordinate
-from .flow import Flow
+from .integration import Flow
 from .orbit_batch import Orbits, Status
 from .system import ForcedSystem
 from .tangent import tangent_by_lanes

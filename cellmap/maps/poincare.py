@@ -16,7 +16,7 @@ from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
-from .flow import Flow, flow, tangent_flow
+from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
 from .point_map import Family, Origin, PointMap
 from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map

@@ -11,10 +11,10 @@ from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.checks import finite_number, one_of, whole_number
 from .._lib.signatures import checked
 from .coordinates import turns_of
-from .flow import Flow, flow, tangent_flow
+from .integration import Flow, flow, tangent_flow
 from .orbit_batch import Orbits
+from .parameters_as_states import swept_system
 from .point_map import Family, Origin, PointMap
-from .swept import swept_system
 from .system import ForcedSystem
 from .tangent import NotDifferentiableError, tangent_by_lanes
 

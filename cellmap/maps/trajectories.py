@@ -12,7 +12,7 @@ from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
 from .coordinates import state_points, turns_of, wrap
-from .flow import flow
+from .integration import flow
 from .orbit_batch import CHUNK, Orbits
 from .point_map import PointMap, warn_of_tolerance
 from .stroboscopic import stroboscopic_map

@@ -12,7 +12,7 @@ from .lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from .periodic_orbit import OrbitKind as OrbitKind
 from .periodic_orbit import PeriodicOrbit as PeriodicOrbit
 from .periodic_orbit import jury_margins as jury_margins
-from .search import find_periodic_orbits as find_periodic_orbits
-from .search import periodic_orbit as periodic_orbit
+from .periodic_search import find_periodic_orbits as find_periodic_orbits
+from .periodic_search import periodic_orbit as periodic_orbit
 from .zero_one import zero_one_test as zero_one_test
 from .zero_one import zero_one_test_of_series as zero_one_test_of_series

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from .._lib.signatures import checked
 from ..analysis.fractal.entropy import BasinEntropy
-from ..analysis.fractal.exponent import UncertaintyExponent
 from ..analysis.fractal.randomness_test import FractalTest
+from ..analysis.fractal.uncertainty_fits import UncertaintyExponent
 from ..analysis.fractal.wada import MergingTest
 from ..analysis.fractal.wada_search import WadaGrid
 from ._axes import axes_or_new

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, BifurcationKind, Branch
 from ..maps.coordinates import Coordinate, difference
-from ..maps.swept import swept_map
+from ..maps.parameters_as_states import swept_map
 from ._axes import axes_or_new, column_of, cut_at_seams, label_axis
 from ._colours import colour_of, one_colour
 

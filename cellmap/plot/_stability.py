@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import real_array
 from .._lib.signatures import checked
 from ..bifurcations.crossings import Crossing
-from ..bifurcations.stability import StabilityMap
+from ..bifurcations.equilibrium_stability import StabilityMap
 from ._axes import axes_or_new
 from ._colours import COLOURS, chosen_colours
 

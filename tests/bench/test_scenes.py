@@ -13,7 +13,7 @@ import pytest
 from peers import best_times, heyoka_system
 
 from cellmap import ForcedSystem, PointMap, stroboscopic_map
-from cellmap.maps.flow import flow
+from cellmap.maps.integration import flow
 from systems import double_pendulum, driven_pendulum
 from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
 from systems.effects import ConstantTorque, Effect, Gravity, QuadraticDrag, TorsionSpring, ViscousDamping

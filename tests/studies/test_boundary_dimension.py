@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
-from cellmap.analysis.fractal.exponent import SMOOTH
+from cellmap.analysis.fractal.uncertainty_fits import SMOOTH
 from studies import boundary_dimension
 from studies._boundary import box_counts
 from systems import two_well_duffing

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
-from cellmap.analysis.fractal.exponent import SMOOTH
+from cellmap.analysis.fractal.uncertainty_fits import SMOOTH
 from studies import melnikov
 from systems import moon_li_duffing
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from .blocks import pack, unpack, wrap_angle
 from .calls import call_period
-from .ladder import DIVERGED as NOT_FINITE
-from .ladder import MISSED, next_rungs, sort_by_rung
 from .options import INLINE, KERNEL, LANES
+from .step_numbers import DIVERGED as NOT_FINITE
+from .step_numbers import MISSED, next_rungs, sort_by_rung
 
 INACCURATE, ESCAPED, DIVERGED = 1, 2, 3
 """Values of :class:`cellmap.maps.orbit_batch.Status`."""

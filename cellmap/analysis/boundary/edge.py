@@ -16,7 +16,7 @@ from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, state_points, wrap
 from ...maps.point_map import PointMap, follow
 from ...orbits.periodic_orbit import PeriodicOrbit
-from ...orbits.search import periodic_orbit
+from ...orbits.periodic_search import periodic_orbit
 from ..resilience.shock_search import nearest_foreign
 
 _SECTIONS = 32  # of a segment that are looked at together

@@ -5,7 +5,6 @@ from .correlation import CorrelationSum as CorrelationSum
 from .correlation import correlation_dimension as correlation_dimension
 from .entropy import BasinEntropy as BasinEntropy
 from .entropy import basin_entropy as basin_entropy
-from .exponent import UncertaintyExponent as UncertaintyExponent
 from .generalized import GeneralizedDimensions as GeneralizedDimensions
 from .generalized import generalized_dimensions as generalized_dimensions
 from .image_uncertainty import image_uncertainty_exponent as image_uncertainty_exponent
@@ -15,6 +14,7 @@ from .randomness_test import FractalTest as FractalTest
 from .randomness_test import fractal_boundary_test as fractal_boundary_test
 from .smooth_limit import smooth_boundary_entropy as smooth_boundary_entropy
 from .uncertainty import uncertainty_exponent as uncertainty_exponent
+from .uncertainty_fits import UncertaintyExponent as UncertaintyExponent
 from .wada import MergingTest as MergingTest
 from .wada import wada_merging as wada_merging
 from .wada_search import WadaGrid as WadaGrid

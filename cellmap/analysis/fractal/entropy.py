@@ -13,7 +13,7 @@ from ..._lib.checks import affordable_number, random_numbers, whole_number
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .image_uncertainty import finest_exponent, is_rough
-from .labels import LabelImage, label_image
+from .label_images import LabelImage, label_image
 
 _SIGNIFICANT = 2.0  # standard errors above ln 2
 _FEW = 30  # boxes on the boundary below which nothing is concluded

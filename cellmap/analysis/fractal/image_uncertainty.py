@@ -14,8 +14,8 @@ from ..._lib.fit import fit_line, with_drift
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from ...maps.orbit_batch import Cost
-from .exponent import UncertaintyExponent, fit_exponent
-from .labels import NO_BASIN, LabelImage, label_image
+from .label_images import NO_BASIN, LabelImage, label_image
+from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
 _BLOCKS = 8  # along each axis: parts of a picture whose scatter tells the errors
 _DRIFT = 0.05  # largest difference of slopes in a window

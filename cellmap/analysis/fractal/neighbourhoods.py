@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from .labels import NO_BASIN, LabelImage
+from .label_images import NO_BASIN, LabelImage
 
 
 def neighbourhoods(image: LabelImage) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

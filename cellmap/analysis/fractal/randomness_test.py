@@ -13,10 +13,10 @@ from ..._lib.checks import affordable_number, finite_number, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .entropy import box_entropies, count_at
-from .exponent import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
 from .image_uncertainty import finest_exponent, is_rough
-from .labels import LabelImage, label_image
+from .label_images import LabelImage, label_image
 from .smooth_limit import ball, straight_cuts
+from .uncertainty_fits import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
 
 _BATCH = 4096  # discs that are drawn together
 _PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most

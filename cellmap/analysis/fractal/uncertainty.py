@@ -19,8 +19,8 @@ from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
-from .exponent import UncertaintyExponent, fit_exponent
-from .labels import also_labels
+from .label_images import also_labels
+from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
 _LARGEST = 2.0**-6  # distance, as a share of the window
 _SAFETY = 10.0  # times the error of the map: the smallest distance
@@ -84,7 +84,7 @@ def uncertainty_exponent(
         Number of periods after which an initial condition is undecided.
     window : tuple of int, optional
         Numbers of the first and last distance of the fit; by default see
-        :func:`~cellmap.analysis.fractal.exponent.fit_window`.
+        :func:`~cellmap.analysis.fractal.uncertainty_fits.fit_window`.
     seed : int, optional
         Seed of the pairs; the same seed gives the same result for any number of threads.
     progress : bool, optional

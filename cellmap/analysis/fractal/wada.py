@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt
 from ..._lib.checks import finite_number
 from ..._lib.signatures import checked
 from ...basins.record import Basins
-from .labels import NO_BASIN, LabelImage, label_image
+from .label_images import NO_BASIN, LabelImage, label_image
 
 WADA, PARTIALLY, NOT = "Wada", "partially", "not"
 """Verdicts on basins."""

@@ -20,7 +20,7 @@ from ...maps.grid import CellGrid, grid_points
 from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
-from .labels import NO_BASIN, also_labels, label_image
+from .label_images import NO_BASIN, also_labels, label_image
 from .neighbourhoods import neighbourhoods, steps_to_neighbours
 from .wada import NOT, PART, PARTIALLY, WADA
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cellmap import ForcedSystem, trajectory
-from cellmap.maps.swept import swept_system
+from cellmap.maps.parameters_as_states import swept_system
 
 from ..measured import noise_level
 

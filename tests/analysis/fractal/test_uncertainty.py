@@ -13,8 +13,8 @@ import pytest
 import systems
 from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, plot, set_threads, stroboscopic_map
 from cellmap.analysis.fractal import image_uncertainty_exponent, uncertainty_exponent
-from cellmap.analysis.fractal.exponent import SMOOTH, fit_exponent
 from cellmap.analysis.fractal.uncertainty import smallest_distance
+from cellmap.analysis.fractal.uncertainty_fits import SMOOTH, fit_exponent
 from cellmap.basins.final_states import final_states
 
 mpl.use("Agg")
