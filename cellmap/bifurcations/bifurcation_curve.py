@@ -186,7 +186,7 @@ def _interval(label: str, given: tuple[float, float], value: float) -> tuple[flo
         raise TypeError(f"{label}={given!r}: give two numbers, the ends of an interval") from None
     low, high = finite_number(f"{label}[0]", low), finite_number(f"{label}[1]", high)
     if not low <= value <= high or low == high:
-        raise ValueError(f"{label}={given!r}: give an interval that holds the present value {value:g}")
+        raise ValueError(f"{label}={given!r}: give an interval that contains the present value {value:g}")
     return low, high
 
 

@@ -92,7 +92,7 @@ def continue_orbit(
     exact, state, period = begin_orbit(point_map, orbit, name)
     value = float(exact.params[name])
     if not low <= value <= high:
-        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must hold {name}={value:g} of the map")
+        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain {name}={value:g} of the map")
     own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
     if own is not None and not (own > 0.0).all():
         raise ValueError(f"sizes={own.tolist()}: give positive numbers")
@@ -169,7 +169,7 @@ def switch_branch(
     """
     low, high = finite_number("lower", lower), finite_number("upper", upper)
     if not low <= bifurcation.value <= high:
-        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must hold the bifurcation {bifurcation!r}")
+        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain the bifurcation {bifurcation!r}")
     if side not in (1, -1):
         raise ValueError(f"side={side!r}: give 1 or -1")
     if bifurcation._aside is None:

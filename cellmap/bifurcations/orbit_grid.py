@@ -129,7 +129,7 @@ def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[
 def _repeat_themselves(
     problem: OrbitProblem, states: NDArray[np.float64], values: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Tell which orbits have a shorter period: a doubled orbit's parent solves its equations too."""
+    """Return which orbits have a shorter period: a doubled orbit's parent solves its equations too."""
     repeated = np.zeros(len(states), bool)
     rows = np.flatnonzero(np.isfinite(states).all(axis=-1)) if problem.period > 1 else np.empty(0, np.int64)
     if len(rows):
@@ -224,7 +224,7 @@ def follow_over(
     start = _walk_on_one_branch(problem, start, own, np.array([[x[first[1]], y[first[0]]]]))
     if np.isnan(start.states).any():
         raise ValueError(
-            f"orbit={orbit!r}: it ends on the way from {names[0]}={own[0, 0]:g}, {names[1]}={own[0, 1]:g} to the "
+            f"orbit={orbit!r}: it ceases to exist between {names[0]}={own[0, 0]:g}, {names[1]}={own[0, 1]:g} and the "
             "nearest point of the grid; give values nearer to its own"
         )
     grid[first] = start[0]

@@ -51,7 +51,7 @@ def branches(
     coordinate : int or str, optional
         Number or name of the coordinate that is drawn.
     ax : matplotlib Axes, optional
-        Where to draw; by default in a new figure.
+        Axes to draw on; by default those of a new figure.
     every_point : bool, optional
         Draw all points of each orbit, for which the map is iterated; otherwise only the first one, which a branch
         stores.

@@ -26,7 +26,7 @@ def bifurcation_diagram(
     coordinate : int or str, optional
         Number or name of the coordinate that is drawn.
     ax : matplotlib Axes, optional
-        Where to draw the points, without exponents; by default a new figure with both.
+        Axes for the points, without exponents; by default a new figure with both.
     size : float, optional
         Size of a point, in typographic points.
 

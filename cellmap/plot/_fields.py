@@ -205,7 +205,7 @@ def chaos_test(test: ChaosTest, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     test : ChaosTest
-        What :func:`exponent_test` or :func:`zero_one_test` returns.
+        Result of :func:`exponent_test` or :func:`zero_one_test`.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
 

@@ -37,7 +37,7 @@ def basin_continuation(
     coordinate : int or str, optional
         Number or name of the coordinate of the attractors that is drawn.
     ax : matplotlib Axes, optional
-        Where to draw the fractions, without attractors; by default a new figure with both.
+        Axes for the fractions, without attractors; by default a new figure with both.
     colours : mapping of int to colour, optional
         Colours of some labels, instead of the default ones, which are those of :func:`basins`.
     legend : bool, optional

@@ -155,7 +155,7 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     ball : Ball
-        What :func:`local_integrity` or :func:`largest_ball` returns.
+        Result of :func:`local_integrity` or :func:`largest_ball`.
     basins : Basins
         Basins on a grid of one axis or two.
     ax : matplotlib Axes, optional

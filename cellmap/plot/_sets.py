@@ -45,7 +45,7 @@ def boxes(
     components : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
-        Where to draw.
+        Axes to draw on; by default those of a new figure.
     **style
         Style of the collection of polygons, such as ``facecolor`` or ``cmap``.
 
@@ -92,7 +92,7 @@ def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = 
     components : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
-        Where to draw.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None
     number : int, optional
         Number of eigenvalues.
     ax : matplotlib Axes, optional
-        Where to draw.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def eigenvector(
     components : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
-        Where to draw.
+        Axes to draw on; by default those of a new figure.
 
     Returns
     -------

@@ -51,7 +51,7 @@ def stability_map(
     stability : StabilityMap
         Result of :func:`stability_map`.
     ax : matplotlib Axes, optional
-        Where to draw; by default in a new figure.
+        Axes to draw on; by default those of a new figure.
     colours : mapping of Crossing to colour, optional
         Colours of some boundaries; others keep the default ones.
     background : bool, optional

@@ -79,7 +79,7 @@ def warn_of_inaccurate(missed: int, total: int) -> None:
     """Warn where the integrator missed its tolerance for some points."""
     if missed:
         warn_caller(
-            f"the integrator missed its tolerance on the way of {missed} of {total} points; loosen rtol and atol, or "
+            f"the integrator missed its tolerance for {missed} of {total} points; loosen rtol and atol, or "
             "allow more steps with max_steps",
             ToleranceWarning,
         )

@@ -161,7 +161,7 @@ def boxes_around(point_map: PointMap, points: ArrayLike, boxes: BoxSet) -> BoxSe
 
 
 def _leading_to(links: csr_array, goal: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which nodes chains lead from to a goal, the goal among them."""
+    """Return which nodes chains lead from to a goal, the goal among them."""
     back = links.T.tocsr()
     reached = np.zeros(links.shape[0], bool)
     reached[goal] = True

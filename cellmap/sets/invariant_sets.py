@@ -184,7 +184,7 @@ def recurrent_parts(graph: csr_array) -> NDArray[np.int64]:
 
 
 def _lasting(graph: csr_array, backwards_only: bool = False) -> NDArray[np.bool_]:
-    """Tell which nodes lie on chains that have no beginning, and no end either unless only the first is asked for."""
+    """Return which nodes lie on chains that have no beginning, and no end either unless only the first is asked for."""
     kept = np.ones(graph.shape[0], bool)
     onwards, back = graph > 0, (graph > 0).T.tocsr()
     while True:

@@ -116,7 +116,7 @@ def _touching(boxes: BoxSet, which: NDArray[np.bool_]) -> csr_array:
 
 
 def _reaches(graph: csr_array, parts: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell from which part chains lead to which other one."""
+    """Return from which part chains lead to which other one."""
     count = int(parts.max(initial=-1)) + 1
     reaches = np.zeros((count, count), bool)
     _, first = np.unique(parts, return_index=True)

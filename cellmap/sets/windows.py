@@ -28,7 +28,7 @@ def places_in(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
     before = offsets(inner, outer)
     if (before < 0).any() or (before + inner.shape > outer.shape).any():
         raise ValueError(
-            f"the window {outer.lower} to {outer.upper} does not hold {inner.lower} to {inner.upper}: widen it"
+            f"the window {outer.lower} to {outer.upper} does not contain {inner.lower} to {inner.upper}: widen it"
         )
     axes = [np.arange(n) + k for n, k in zip(inner.shape, before, strict=True)]
     return np.asarray(np.ravel_multi_index(np.ix_(*axes), outer.shape).ravel(), dtype=np.int64)

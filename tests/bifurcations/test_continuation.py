@@ -327,7 +327,7 @@ def test_the_number_of_points_is_kept(pendulum: PointMap) -> None:
     ("change", "error", "message"),
     [
         ({"name": "depth"}, ValueError, "name='depth'"),
-        ({"lower": 0.005}, ValueError, "must hold amplitude=0.003"),
+        ({"lower": 0.005}, ValueError, "must contain amplitude=0.003"),
         ({"lower": 0.01, "upper": 0.002}, ValueError, "upper=0.002: give a number above"),
         ({"step": 0.0}, ValueError, "step=0.0"),
         ({"points": 0}, ValueError, "points=0"),
@@ -356,7 +356,7 @@ def test_an_orbit_of_other_parameters_is_refused(pendulum: PointMap) -> None:
 
 def test_bad_bifurcations_are_refused(inverted: Branch, henon: Branch) -> None:
     pitchfork = inverted.bifurcations[0]
-    with pytest.raises(ValueError, match="must hold the bifurcation"):
+    with pytest.raises(ValueError, match="must contain the bifurcation"):
         switch_branch(inverted, pitchfork, 0.004, 0.01)
     with pytest.raises(ValueError, match="side=2"):
         switch_branch(inverted, pitchfork, 0.001, 0.01, side=2)

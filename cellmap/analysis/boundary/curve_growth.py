@@ -214,7 +214,7 @@ class GrowingCurve:
         return resolved
 
     def _coarse(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which pieces between neighbours are too long or too bent, where the curve is near the window."""
+        """Return which pieces between neighbours are too long or too bent, where the curve is near the window."""
         near = self._near(points)
         piece = np.diff(points, axis=0) / self.unit
         with np.errstate(invalid="ignore", divide="ignore"):

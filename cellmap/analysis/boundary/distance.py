@@ -43,7 +43,7 @@ class BoundaryDistance:
 
     def __repr__(self) -> str:
         return (
-            f"BoundaryDistance({100 * self.share:.4g} % of {len(self.places)} boundary places within {self.within:g} "
+            f"BoundaryDistance({100 * self.share:.4g} % of {len(self.places)} boundary points within {self.within:g} "
             f"cells, median {np.median(self.distances):.3g}, largest {self.distances.max():.3g})"
         )
 
@@ -92,7 +92,7 @@ def boundary_distance(
     """
     curves = [manifolds] if isinstance(manifolds, Manifold) else list(manifolds)
     if basins.grid is None or basins.grid.dimension != 2:
-        raise ValueError("basins have no grid of two axes: a curve bounds cells of a plane")
+        raise ValueError("basins are not on a grid of two axes: find basins on a CellGrid of a plane")
     allowed = finite_number("within", within, above=0.0)
     places, between = _boundary(basins, labels)
     if not len(places):

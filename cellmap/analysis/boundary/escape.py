@@ -52,7 +52,7 @@ class Restraint:
         return f"Restraint({self.point_map.name}, {self.window}, {len(self.attractors)} attractors left out)"
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points (n, dimension), with angles within their period, are in the region."""
+        """Return which points (n, dimension), with angles within their period, are in the region."""
         lower, upper, wraps = self._edges
         with np.errstate(invalid="ignore"):
             within = (points >= lower) & (points <= upper)

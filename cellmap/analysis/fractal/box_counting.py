@@ -281,7 +281,7 @@ def fit_sizes(
     low, high = (finite_number(f"window[{k}]", v, above=0.0) for k, v in enumerate(window))
     chosen = np.flatnonzero((sizes >= low * (1 - 1e-9)) & (sizes <= high * (1 + 1e-9)) & np.isfinite(y))
     if len(chosen) < 3:
-        raise ValueError(f"window={window!r} holds {len(chosen)} sizes with boxes: give a window with 3 or more")
+        raise ValueError(f"window={window!r} contains {len(chosen)} sizes with boxes: give a window with 3 or more")
     return with_drift(fit_line(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels))
 
 

@@ -125,7 +125,7 @@ def finest_exponent(image: LabelImage) -> tuple[float, float]:
 
 
 def is_rough(finest: tuple[float, float]) -> bool:
-    """Tell whether a finest exponent is below 1 beyond doubt: by three standard errors, and by 0.05."""
+    """Return whether a finest exponent is below 1 beyond doubt: by three standard errors, and by 0.05."""
     return bool(finest[0] + 3.0 * finest[1] < 1.0 and finest[0] < 0.95)
 
 

@@ -56,7 +56,7 @@ def isolated_shares(
 
 
 def are_noise(isolated: NDArray[np.float64]) -> bool:
-    """Tell whether specks lie away from other boundary, by the fraction of boxes that hold them alone.
+    """Return whether specks lie away from other boundary, by the fraction of boxes that hold them alone.
 
     Shares begin at the smallest size.  They fall with the size where specks are what cells show of finer structure.
     """

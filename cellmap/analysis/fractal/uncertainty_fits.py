@@ -237,7 +237,7 @@ def fit_window(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[n
 def _is_straight(
     x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], begin: int, last: int
 ) -> bool:
-    """Tell whether a window holds no more than scatter, and its two largest distances follow the others."""
+    """Return whether a window holds no more than scatter, and its two largest distances follow the others."""
     inside = slice(begin, last + 1)
     line = fit_line(x, y, (begin, last), errors)
     chi = float((((y - line(x)) / errors)[inside] ** 2).sum())
@@ -247,7 +247,7 @@ def _is_straight(
 
 
 def _agrees(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], k: int, last: int) -> bool:
-    """Tell whether a point lies within two standard errors of the line through those after it."""
+    """Return whether a point lies within two standard errors of the line through those after it."""
     rest = slice(k + 1, last + 1)
     weights = 1.0 / errors[rest] ** 2
     mean = float(weights @ x[rest] / weights.sum())

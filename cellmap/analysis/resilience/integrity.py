@@ -243,7 +243,7 @@ def _meets_window(
     radius: float,
     unit: NDArray[np.float64],
 ) -> bool:
-    """Tell whether a ball reaches beyond a window, where nothing is known."""
+    """Return whether a ball reaches beyond a window, where nothing is known."""
     if grid is None:
         return True
     free = ~np.array(grid.wraps)

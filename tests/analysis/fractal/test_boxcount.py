@@ -190,7 +190,7 @@ def test_manual_window():
         ({"points": [[0.0], [np.nan]]}, "remove"),
         ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between"),
         ({"points": line(999), "sizes": [0.1, 0.2]}, "at least three different positive sizes"),
-        ({"points": line(999), "window": (0.3, 0.31)}, "window=.* holds 0 sizes"),
+        ({"points": line(999), "window": (0.3, 0.31)}, "window=.* contains 0 sizes"),
         ({"points": line(999), "scales": -1.0}, "positive length"),
         ({"points": line(999), "coordinates": ("x",)}, "one for each column"),
         ({"points": line(999), "offsets": 0}, "offsets=0"),
