@@ -107,7 +107,7 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None =
     >>> from cellmap.sets import generalized_cell_mapping
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
     >>> plot.absorption(generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,))), number=1).get_ylabel()
-    'probability to end in class 1'
+    'probability of absorption in class 1'
     """
     _check_chain(chain)
     coordinates = chain.point_map.coordinates
