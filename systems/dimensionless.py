@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
@@ -17,7 +16,7 @@ from .forces import Forces
 from .parts import NUMBER, quantity, sized_number
 from .pendulum import swing, swing_energy, tip_of
 from .scene import Body, TipsTerm, scene
-from .units import P, Units, drive_units, in_units, swing_units
+from .units import drive_units, effect_in_units, in_units, swing_units
 
 
 @dataclass(frozen=True)
@@ -265,19 +264,11 @@ def physical_parameters(
         "length": units.length,
         "amplitude": finite_number("beta", beta) * units.length,
         "frequency": float(frequency),
-        "damping": _converted("gamma", ViscousDamping, finite_number("gamma", gamma, at_least=0.0), back).damping,
-        "gravity": _converted("alpha", Gravity, finite_number("alpha", alpha), back).gravity,
+        "damping": effect_in_units("gamma", ViscousDamping, finite_number("gamma", gamma, at_least=0.0), back).damping,
+        "gravity": effect_in_units("alpha", Gravity, finite_number("alpha", alpha), back).gravity,
     }
-    dry = _converted("delta", DryFriction, finite_number("delta", delta, at_least=0.0), back)
+    dry = effect_in_units("delta", DryFriction, finite_number("delta", delta, at_least=0.0), back)
     return physical if dry.vanishes else {**physical, "friction": dry.friction}
-
-
-def _converted(name: str, effect: Callable[[float], P], size: float, back: Units) -> P:
-    """Return an effect of a dimensionless size in physical units; an error names the dimensionless number."""
-    try:
-        return in_units(effect(size), back)
-    except ValueError as error:
-        raise ValueError(f"{name}={size!r}: give a number that is moderate in physical units too ({error})") from None
 
 
 def stability_coordinates(length: float, amplitude: float, frequency: float, gravity: float = 9.8) -> dict[str, float]:

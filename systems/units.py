@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from math import pi, sqrt
 from typing import Any, TypeVar
@@ -160,3 +161,11 @@ def swing_units(length: float, gravity: float = 9.8, mass: float = 1.0) -> Units
     free_fall = sized_number("gravity", gravity, _LARGEST, above=0.0)
     rod = sized_number("length", length, _LARGEST, above=0.0)
     return Units(rod, sqrt(rod / free_fall), sized_number("mass", mass, _LARGEST, above=0.0))
+
+
+def effect_in_units(name: str, effect: Callable[[float], P], size: float, units: Units) -> P:
+    """Return an effect of a size, measured in other units; an error names the size."""
+    try:
+        return in_units(effect(size), units)
+    except ValueError as error:
+        raise ValueError(f"{name}={size!r}: give a number that is moderate in these units too ({error})") from None

@@ -61,6 +61,7 @@ class Fit:
         """Return an interval for the slope (Student's distribution), NaN for two points without errors."""
         from scipy.special import stdtrit
 
+        confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         freedom = self.window[1] - self.window[0] - 1
         reach = float(stdtrit(max(freedom, 1), 0.5 + 0.5 * confidence)) * self.standard_error
         return self.slope - reach, self.slope + reach
