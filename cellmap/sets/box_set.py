@@ -141,7 +141,7 @@ class BoxSet:
     @checked
     def subdivided(self, axes: int | Sequence[int] | None = None) -> BoxSet:
         """Return the same region with the boxes bisected along one axis, several or all."""
-        chosen = range(self.grid.dimension) if axes is None else [axes] if isinstance(axes, int) else axes
+        chosen = range(self.grid.dimension) if axes is None else [axes] if isinstance(axes, int | np.integer) else axes
         shape, places = list(self.grid.shape), self.places
         for j in chosen:
             j = whole_number("axes", j, at_most=self.grid.dimension - 1)

@@ -240,8 +240,8 @@ def _bisected(
             places, found = places[found != UNDECIDED], found[found != UNDECIDED]
         if not len(found) or found[0] != side or found[-1] == side:
             raise ValueError(
-                f"the two sides of the boundary at {pair[0].tolist()} are not distinguished: give a larger "
-                "max_periods, or a larger `narrow`"
+                f"narrow={narrow!r}: the two sides of the boundary at {pair[0].tolist()} are not distinguished; "
+                "give a larger max_periods, or a larger `narrow`"
             )
         last = int(np.flatnonzero(found[:-1] == side)[np.argmax((found[1:] != side)[found[:-1] == side])])
         before = float(np.linalg.norm(shift / unit))
@@ -251,8 +251,8 @@ def _bisected(
             return pair, (side, int(found[last + 1]))
         if now > 0.9 * before:
             raise ValueError(
-                f"undecided states fill the boundary at {pair[0].tolist()}: give a larger max_periods, or a larger "
-                "`narrow`"
+                f"narrow={narrow!r}: undecided states fill the boundary at {pair[0].tolist()}; "
+                "give a larger max_periods, or a larger `narrow`"
             )
     raise ValueError(f"narrow={narrow!r}: numbers are too coarse for it at {pair[0].tolist()}; give a larger one")
 

@@ -230,7 +230,10 @@ def escape_rate(
     errors = np.maximum(np.sqrt((1.0 - share) / survivors), 1.0 / survivors[0])
     within = fit_window
     if within is None:
-        within = fit_line(steps[usable], height[usable], tolerance=allowed).window
+        try:
+            within = fit_line(steps[usable], height[usable], tolerance=allowed).window
+        except ValueError as error:
+            raise ValueError(f"tolerance={allowed!r}: no part of the decay is as straight as that ({error})") from None
     fit = fit_line(steps, height, within, errors, labels=("step", "ln fraction of surviving orbits"))
     part = slice(within[0], within[1] + 1)
     slopes = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.checks import finite_number, one_of
+from ..._lib.checks import claim_memory, finite_number, one_of
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
@@ -133,6 +133,12 @@ def saddle_manifold(
     longest = finite_number("length", length, above=0.0)
     apart = finite_number("spacing", spacing, above=0.0, at_most=0.5)
     beyond = finite_number("reach", reach, at_least=0.0)
+    points = min(longest / apart, 2.0**58)
+    claim_memory(
+        f"spacing={apart!r}: a curve of {points:.3g} points",
+        int(16 * points),
+        "give a larger spacing, or a smaller length",
+    )
     unit = np.array(grid.upper) - np.array(grid.lower)
     which = 0 if kind == "unstable" else 1
     multiplier = float(orbit.multipliers[which].real)

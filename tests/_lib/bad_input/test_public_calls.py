@@ -184,6 +184,10 @@ def test_a_hundred_thousand_calls() -> None:
 FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("physical_parameters", {"alpha": 2.026423672846756e49}),
     ("Fit.interval", {"confidence": Decimal("NaN")}),
+    ("saddle_manifold", {"spacing": 1.1754943508222875e-38}),
+    ("escape_rate", {"tolerance": np.array(3.4924021e-231)}),
+    ("BoxSet.subdivided", {"axes": np.int8(-3)}),
+    ("edge_orbit", {"max_periods": 2, "inside": False}),
     ("section_map", {"section": np.full((3, 2, 1), 3.7e192)}),
     ("section_map", {"section": ("q", 0.0, np.array([1, 2]))}),
     ("section_map", {"section": ("q", "x", 1)}),
