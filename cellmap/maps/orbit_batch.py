@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.kernels import periods
 from .._compiled.kernels.blocks import wrap_rows
 
 CHUNK = 16384
@@ -23,11 +24,11 @@ class Status(IntEnum):
     """
 
     OK = 0
-    INACCURATE = 1
+    INACCURATE = periods.INACCURATE
     """The integrator missed its tolerance in some period; the point is its best value."""
-    ESCAPED = 2
+    ESCAPED = periods.ESCAPED
     """The orbit left the window of an interpolated map."""
-    DIVERGED = 3
+    DIVERGED = periods.DIVERGED
     """The orbit grew beyond all bounds, or an angle reached 1e15 full rotations, where it has no phase; or the
     right-hand side was not finite on the orbit, or no step was short enough."""
     NO_RETURN = 4

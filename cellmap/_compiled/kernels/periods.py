@@ -21,7 +21,7 @@ from .step_numbers import DIVERGED as NOT_FINITE
 from .step_numbers import MISSED, next_rungs, sort_by_rung
 
 INACCURATE, ESCAPED, DIVERGED = 1, 2, 3
-"""Values of :class:`cellmap.maps.orbit_batch.Status`."""
+"""What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
 PROBE = 16
 """One step of this part of the time tells how many steps the whole of it will take."""
