@@ -232,8 +232,8 @@ def escape_rate(
     if within is None:
         try:
             within = fit_line(steps[usable], height[usable], tolerance=allowed).window
-        except ValueError as error:
-            raise ValueError(f"tolerance={allowed!r}: no part of the decay is as straight as that ({error})") from None
+        except ValueError as reason:
+            raise ValueError(f"tolerance={allowed!r}: no part of the decay is as straight as that ({reason})") from None
     fit = fit_line(steps, height, within, errors, labels=("step", "ln fraction of surviving orbits"))
     part = slice(within[0], within[1] + 1)
     slopes = []
