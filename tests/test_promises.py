@@ -285,7 +285,7 @@ def test_repetitions_leave_nothing_behind(double_well, picture) -> None:
     process = psutil.Process()
 
     def once(k: int) -> None:
-        point_map = double_well.family.at({}) if k % 4 else wells()
+        point_map = double_well.with_params() if k % 4 else wells()
         table = interpolated_map(point_map, TABLE, outside="integrate", tolerance=1e6)
         find_basins(table, SMALL, attractors=picture.attractors if k % 8 else ())
 

@@ -179,7 +179,7 @@ def lyapunov_exponents(
     Their order is that of the axes of the frame that is carried along: the largest comes first unless an orbit sits
     where the map keeps the axes.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     place = np.array(starts, dtype=float)
     matrices = np.full((len(place), periods, exact.dimension, exact.dimension), np.nan)
     alive = np.arange(len(place))

@@ -50,7 +50,7 @@ def sets_of_equilibria(
     list of Attractor
         With a sample of the points of each set, and boxes that hold it.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     left = states[_rests(exact, states, extent)]
     for other in known:
         if other.cover is not None and other.kind is Kind.EQUILIBRIA and len(left):

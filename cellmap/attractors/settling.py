@@ -105,7 +105,7 @@ class Settled:
 
 def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
-    leap = point_map.recipe.get("leap", 1)
+    leap = point_map.leap
     if leap == 1 and not len(catalogue.owners) and not catalogue.covers:
         return _settle_nowhere(point_map, orbits, periods)
     # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.

@@ -56,7 +56,7 @@ def trapping_neighbourhood(
     Neighbourhood or None
         None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     turn = turns_of(exact.coordinates)[1]
     # Rounding far away from the origin would hide all that happens in a tiny region.
     extent = extent * max(1.0, float((_NARROWEST * np.abs(attractor.points) / extent).max()))

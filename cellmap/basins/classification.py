@@ -48,7 +48,7 @@ class Labeller:
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
         """Return the labels of points (n, dimension); angles may have any number of turns."""
-        cheap = self.point_map.table is not None or self.point_map.recipe.get("kind") == "discrete"
+        cheap = self.point_map.table is not None or not self.point_map.is_flow
         if self.catalogue.covers or not cheap:
             return self.settle(points)[0]  # where an orbit has to stay for some periods, each one counts
         labels = np.empty(len(points), np.int16)
@@ -132,7 +132,7 @@ def labeller(
         if len(attractors):
             raise ValueError("attractors are given together with basins, which have their own: leave them out")
         attractors = source.attractors
-        used = point_map or (None if source.point_map is None else source.point_map.exact or source.point_map)
+        used = point_map or (None if source.point_map is None else source.point_map.without_table)
         if used is None:
             raise ValueError(
                 "these basins have no map, as it is with basins from a file: give point_map=, from rebuild_map"

@@ -126,7 +126,7 @@ def continue_basins(
         "max_period": longest_period(max_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
     }
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     for value in axis:
         exact.with_params(**{name: float(value)})
     kept = 8 * _KEPT * point_map.dimension * axis.size

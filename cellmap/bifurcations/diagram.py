@@ -181,7 +181,7 @@ def bifurcation_diagram(
     >>> diagram.period[0], diagram.chaotic[0]
     (array([1, 2, 4, 0]), array([False, False, False,  True]))
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     swept = swept_map(exact, known_parameter("name", name, exact.params))
     d = exact.dimension
     axis = np.sort(monotone_values("values", values))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._compiled.codegen.kernel import traces_faithfully
+from .._compiled.codegen.kernel import why_untraced
 from .._compiled.codegen.linear import LinearKernel, linear_kernel, values
 from .._lib.checks import claim_memory, finite_number, shown
 from .._lib.signatures import checked
@@ -285,13 +285,14 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
             raise ValueError(f"parameters has {shown(name)}: this system has {sorted(system.params)}")
     period = system.period if callable(system.period) else None
     compiled = None
-    if traces_faithfully(system.rhs, system.dimension, system.params):
+    reason = why_untraced(system.rhs, system.dimension, system.params)
+    if not reason:
         functions = (system.rhs, period)
         compiled = linear_kernel(functions, tuple(state.tolist()), tuple(system.params), tuple(swept), tolerance)
     if compiled is None:
         raise TypeError(
             f"system={system.name}: derivatives of its right-hand side are not known; write it with plain arithmetic "
-            "and functions of math, without branches"
+            f"and functions of math, without branches{reason and f' ({reason})'}"
         )
     return Linearised(system, state, tuple(swept), compiled, tolerance)
 

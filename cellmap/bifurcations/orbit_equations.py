@@ -84,7 +84,7 @@ def begin_orbit(
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if not isinstance(orbit, PeriodicOrbit | Attractor):
         raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     known_parameter("name", name, exact.params)
     if not orbit.period:
         raise ValueError(f"orbit={orbit!r}: give a periodic orbit")

@@ -14,6 +14,7 @@ from .point_map import Iterate as Iterate
 from .point_map import PointMap as PointMap
 from .point_map import ToleranceWarning as ToleranceWarning
 from .rebuild import rebuild_map as rebuild_map
+from .specification import MapSpec as MapSpec
 from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
 from .tangent import jacobian as jacobian

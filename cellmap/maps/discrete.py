@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.codegen.kernel import discrete_kernel, tangent_step, traces_faithfully
-from .._compiled.codegen.machine_code import MachineCode
+from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
@@ -20,8 +20,9 @@ from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .orbit_batch import Orbits, Status, legs
 from .parameters_as_states import swept_axes, swept_function
-from .point_map import Family, Origin, PointMap
-from .tangent import NotDifferentiableError, tangent_by_lanes
+from .point_map import PointMap
+from .specification import MapSpec
+from .tangent import derivatives_of, tangent_by_lanes
 
 _BOUND = 1e100
 
@@ -64,80 +65,85 @@ def discrete_map(
     >>> discrete_map(henon, {"a": 1.4, "b": 0.3}, ("x", "y"))([0.0, 0.0])
     array([1., 0.])
     """
-    if not callable(function):
-        raise TypeError(f"function={function!r}: give a function of (x, p)")
-    values = parameter_values(params)
-    axes = as_coordinates(coordinates)
-    names, d = tuple(values), len(axes)
-    name = text("name", name) or getattr(function, "__name__", type(function).__name__)
-    _check_components(function, values, axes)
-    timeless = _timeless(function)
-    symbolic = traces_faithfully(timeless, d, values)
-    try:
-        kernel = discrete_kernel(timeless, d, names, False, symbolic)
-    except TypeError as error:
-        raise TypeError(f"function={shown(function)}: {error}") from error
-    assert kernel is not None, "without tangents there is always one"
-    parameters = np.array([float(v) for v in values.values()])
-    lower, turn = turns_of(axes)
-    anywhere = np.zeros(2 * d)
+    return Discrete(function, params, tuple(as_coordinates(coordinates)), name).build()
 
-    def advance(orbits: Orbits, periods: int) -> None:
-        _apply(kernel, parameters, lower, turn, orbits, periods)
 
-    @functools.cache
-    def with_tangent() -> CompiledPeriod | None:
-        return discrete_kernel(timeless, d, names, True, symbolic)
+@dataclass(frozen=True, eq=False)
+class Discrete(MapSpec[PointMap]):
+    """Specification of the map of a plain function; see :func:`discrete_map`."""
 
-    def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        compiled = with_tangent()
-        if compiled is None:
-            raise NotDifferentiableError(f"no derivatives of {name} are known")
-        return tangent_by_lanes(functools.partial(_apply, compiled, parameters, anywhere, anywhere), points, d)
+    kind = "discrete"
+    function: Callable[[Sequence[float], Any], Sequence[float]]
+    params: Mapping[str, float]
+    coordinates: tuple[Coordinate, ...]
+    name: str
 
-    @functools.cache
-    def rows_with_tangents() -> MachineCode | None:
-        return tangent_step(timeless, d, names)
+    def __post_init__(self) -> None:
+        function = self.function
+        if not callable(function):
+            raise TypeError(f"function={function!r}: give a function of (x, p)")
+        set_field = functools.partial(object.__setattr__, self)
+        set_field("params", parameter_values(self.params))
+        set_field("name", text("name", self.name) or getattr(function, "__name__", type(function).__name__))
+        _check_components(function, self.params, self.coordinates)
 
-    def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-        step = rows_with_tangents()
-        if step is None:
-            raise NotDifferentiableError(f"no derivatives of {name} are known")
-        growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
-        carrying(d)(
-            step.address("step"),
-            parameters,
-            lower,
-            turn,
-            _BOUND,
-            orbits.points,
-            orbits.turns,
-            frames,
-            ended,
-            periods,
-            growth,
+    @functools.cached_property
+    def _formulas(self) -> str:
+        """Why the formulas of the function are not known; empty if they are."""
+        return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
+
+    def _kernel(self, with_tangent: bool) -> CompiledPeriod | None:
+        d, names = len(self.coordinates), tuple(self.params)
+        return discrete_kernel(_timeless(self.function), d, names, with_tangent, not self._formulas)
+
+    def make(self) -> PointMap:
+        """Return the map, without its specification."""
+        name, d = self.name, len(self.coordinates)
+        try:
+            kernel = self._kernel(False)
+        except TypeError as error:
+            raise TypeError(f"function={shown(self.function)}: {error}") from error
+        assert kernel is not None, "without tangents there is always one"
+        parameters = np.array([float(v) for v in self.params.values()])
+        lower, turn = turns_of(self.coordinates)
+        anywhere = np.zeros(2 * d)
+
+        def advance(orbits: Orbits, periods: int) -> None:
+            _apply(kernel, parameters, lower, turn, orbits, periods)
+
+        def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            compiled = derivatives_of(name, self._kernel(True))
+            return tangent_by_lanes(functools.partial(_apply, compiled, parameters, anywhere, anywhere), points, d)
+
+        def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+            step = derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params))).address("step")
+            growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
+            state = (orbits.points, orbits.turns, frames, ended)
+            carrying(d)(step, parameters, lower, turn, _BOUND, *state, periods, growth)
+            orbits.end(ended & ~before, Status.DIVERGED)
+            return growth
+
+        return PointMap(
+            name=name,
+            coordinates=self.coordinates,
+            params=self.params,
+            advance=advance,
+            tangent=derivative,
+            stretch=None if self._formulas else stretch,
+            unknown_formulas=self._formulas,
         )
-        orbits.end(ended & ~before, Status.DIVERGED)
-        return growth
 
-    def swept(names_swept: tuple[str, ...]) -> PointMap | None:
-        if not symbolic:
+    def swept(self, names: tuple[str, ...]) -> Discrete | None:
+        """Return the specification with some parameters appended to the state, where the formulas are known."""
+        if self._formulas:
             return None
-        return discrete_map(
-            swept_function(function, d, names, names_swept), values, swept_axes(axes, names_swept), name
-        )
+        function = swept_function(self.function, len(self.coordinates), tuple(self.params), names)
+        return replace(self, function=function, coordinates=swept_axes(self.coordinates, names))
 
-    return PointMap(
-        name=name,
-        coordinates=axes,
-        params=values,
-        advance=advance,
-        recipe={"kind": "discrete"},
-        tangent=derivative,
-        stretch=stretch if symbolic else None,
-        family=Family(at=lambda params: discrete_map(function, params, axes, name), swept=swept),
-        origin=Origin(discrete_map, (function, values, axes, name), advance),
-    )
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        return {"kind": self.kind}
 
 
 @functools.lru_cache(maxsize=256)

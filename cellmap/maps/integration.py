@@ -15,7 +15,7 @@ from .._compiled.codegen.kernel import (
     tangent_flow_kernel,
     traced_function,
     traced_switching,
-    traces_faithfully,
+    why_untraced,
 )
 from .._compiled.codegen.linear import values
 from .._compiled.codegen.trace import Trace
@@ -55,7 +55,7 @@ def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: f
     names, kernel = tuple(system.params), None
     if system.switches is not None:
         kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, tolerance, True)
-    elif _is_symbolic(system):
+    elif not unknown_formulas(system):
         kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance)
     if kernel is None:
         return None
@@ -67,20 +67,26 @@ def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: f
 def _kernel(system: ForcedSystem, method: str, rtol: float) -> PeriodKernel:
     names = tuple(system.params)
     if system.switches is None:
-        return flow_kernel(system.rhs, system.dimension, names, method, rtol, _is_symbolic(system))
+        return flow_kernel(system.rhs, system.dimension, names, method, rtol, not unknown_formulas(system))
     if method not in {"auto", "Taylor"}:
         raise ValueError(f"method={method!r}: a discontinuous right-hand side needs method='Taylor'")
     kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
     if kernel is None:
+        reason = unknown_formulas(system)
         raise TypeError(
             f"rhs of {system.name} has switches and must therefore be plain arithmetic and analytic functions of math "
             "for fixed signs, without branches on the state: write branches with the signs s"
+            + (reason and f" ({reason})")
         )
     return kernel
 
 
-def _is_symbolic(system: ForcedSystem) -> bool:
-    return traces_faithfully(system.rhs, system.dimension, system.params)
+def unknown_formulas(system: ForcedSystem) -> str:
+    """Return the reason why the formulas of a right-hand side are not known; empty if they are."""
+    if system.switches is None:
+        return why_untraced(system.rhs, system.dimension, system.params)
+    traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
+    return traced if isinstance(traced, str) else ""
 
 
 def _values(system: ForcedSystem) -> NDArray[np.float64]:
@@ -119,8 +125,8 @@ def _formulas(system: ForcedSystem) -> Trace | None:
     names = tuple(system.params)
     if system.switches is not None:
         in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
-        return None if in_modes is None else in_modes.free_motion
-    return traced_function(system.rhs, system.dimension, names) if _is_symbolic(system) else None
+        return None if isinstance(in_modes, str) else in_modes.free_motion
+    return traced_function(system.rhs, system.dimension, names) if not unknown_formulas(system) else None
 
 
 def _derivatives(

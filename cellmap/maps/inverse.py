@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.checks import shown
 from .._lib.signatures import checked
 from .coordinates import turns_of, wrap
+from .parameters_as_states import swept_system
 from .point_map import PointMap, follow
-from .stroboscopic import stroboscopic_map
+from .specification import MapSpec
+from .stroboscopic import MAX_STEPS, Stroboscopic
 from .system import ForcedSystem
 from .tangent import tangent
 
@@ -59,15 +62,39 @@ def inverse_stroboscopic_map(
     >>> inverse_stroboscopic_map(decay)(stroboscopic_map(decay, rtol=1e-13, atol=1e-13)([0.5])).round(12)
     array([0.5])
     """
-    if system.switches is not None:
-        raise ValueError(f"system={system!r} has switches: its solutions are not unique backwards in time")
-    forward = system.rhs
+    return Inverse(system, phase, rtol, atol).build()
 
-    def backward(t: float, x: Sequence[float], p: Any) -> tuple[float, ...]:
-        return tuple(-v for v in forward(-t, x, p))
 
-    turned = replace(system, rhs=backward, name=f"{system.name}, backwards", outputs={})
-    return stroboscopic_map(turned, -phase, rtol, atol)
+@dataclass(frozen=True, eq=False)
+class Inverse(MapSpec[PointMap]):
+    """Specification of an inverse stroboscopic map; see :func:`inverse_stroboscopic_map`."""
+
+    kind = "inverse"
+    system: ForcedSystem
+    phase: float
+    rtol: float
+    atol: float
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, ForcedSystem):
+            raise TypeError(f"system={shown(self.system)}: give a ForcedSystem")
+        if self.system.switches is not None:
+            raise ValueError(f"system={self.system!r} has switches: its solutions are not unique backwards in time")
+
+    def make(self) -> PointMap:
+        """Return the map, without its specification."""
+        forward = self.system.rhs
+
+        def backward(t: float, x: Sequence[float], p: Any) -> tuple[float, ...]:
+            return tuple(-v for v in forward(-t, x, p))
+
+        turned = replace(self.system, rhs=backward, name=f"{self.system.name}, backwards", outputs={})
+        return Stroboscopic(turned, -self.phase, self.rtol, self.atol, "auto", MAX_STEPS).make()
+
+    def swept(self, names: tuple[str, ...]) -> Inverse | None:
+        """Return the specification with some parameters appended to the state, where the formulas are known."""
+        further = swept_system(self.system, names)
+        return None if further is None else replace(self, system=further)
 
 
 def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -76,11 +103,11 @@ def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.f
     It is 0 for the map of a flow, and for any other that can be drawn together to one that leaves all points where they
     are.  Of the cat map it is not: its image of a circle winds round the torus in another way.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     turn = turns_of(exact.coordinates)[1]
     circles = np.flatnonzero(turn > 0.0)
     extra = np.zeros((len(turn), len(turn)))
-    if exact.recipe.get("kind") != "discrete":
+    if exact.is_flow:
         return extra
     for j in circles:
         loop = np.tile(about, (_LOOP, 1))
@@ -106,7 +133,7 @@ class Step:
     @property
     def exact(self) -> PointMap:
         """The exact map."""
-        return self.mapping.exact or self.mapping
+        return self.mapping.without_table
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the images of points (n, d), NaN of those that are not finite."""

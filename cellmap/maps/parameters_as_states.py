@@ -7,18 +7,20 @@ parameters too: SIMD lanes over parameter values, and derivatives of an image wi
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .._compiled.codegen.kernel import traced_switching, traces_faithfully
 from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import known_parameter
 from .._lib.signatures import checked
 from .coordinates import Coordinate
+from .integration import unknown_formulas
 from .orbit_batch import Orbits
-from .point_map import Origin, PointMap
+from .point_map import PointMap
+from .specification import MapSpec, specification
 from .system import ForcedSystem
 
 
@@ -52,13 +54,49 @@ def swept_map(point_map: PointMap, *names: str) -> PointMap:
     array([[0.5, 2. ],
            [1. , 4. ]])
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     for name in names:
         known_parameter("names", name, exact.params)
     if not names or len(set(names)) < len(names):
         raise ValueError(f"names={names!r}: give the names of one or several different parameters")
-    made = exact.family.swept(names) if exact.family is not None else None
-    return _row_by_row(exact, names) if made is None else made
+    return Swept(exact, names).build()
+
+
+@dataclass(frozen=True, eq=False)
+class Swept(MapSpec[PointMap]):
+    """Specification of a map with some parameters appended to the state; see :func:`swept_map`."""
+
+    kind = "swept"
+    exact: PointMap
+    names: tuple[str, ...]
+
+    @property
+    def _vectorised(self) -> MapSpec[PointMap] | None:
+        return self.exact.specified.swept(self.names)
+
+    def make(self) -> PointMap:
+        """Return the map, without its specification."""
+        found = self._vectorised
+        return _row_by_row(self.exact, self.names) if found is None else found.make()
+
+    def with_params(self, params: Mapping[str, float]) -> Swept:
+        """Return the specification with other values of the parameters."""
+        return replace(self, exact=self.exact.with_params(**params))
+
+    def swept(self, names: tuple[str, ...]) -> MapSpec[PointMap] | None:
+        """Return the specification with some parameters appended to the state, where the formulas are known."""
+        found = self._vectorised
+        return None if found is None else found.swept(names)
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        return {"kind": self.kind, "names": self.names, "exact": self.exact.recipe}
+
+    @classmethod
+    def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> Swept:
+        """Return the specification of a recipe."""
+        return cls(specification(source, recipe["exact"]).build(), tuple(recipe["names"]))
 
 
 def swept_axes(axes: Sequence[Coordinate], names: Sequence[str]) -> tuple[Coordinate, ...]:
@@ -74,11 +112,7 @@ def swept_system(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem |
     """
     period = system.period if callable(system.period) else None
     functions = (system.rhs, system.switches, period)
-    if system.switches is None:
-        traceable = traces_faithfully(system.rhs, system.dimension, system.params)
-    else:
-        traceable = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params)) is not None
-    if not traceable:
+    if unknown_formulas(system):
         return None
     rhs, switches = _swept_functions(functions, system.dimension, tuple(system.params), names)
     try:
@@ -149,9 +183,6 @@ def swept_function(
 def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
     """Return a swept map that makes a map for each set of parameters: the way that is always open."""
     d = exact.dimension
-    if exact.family is None:
-        raise ValueError(f"{exact!r} was built without parameter dependence: give its PointMap a family")
-    at = exact.family.at
 
     def advance(orbits: Orbits, periods: int) -> None:
         values, rows = np.unique(orbits.points[:, d:], axis=0, return_inverse=True)
@@ -160,7 +191,7 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
             if len(mine):
                 part = orbits[mine]
                 inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status, part.work)
-                at({**exact.params, **dict(zip(names, value.tolist(), strict=True))}).advance(inner, periods)
+                exact.with_params(**dict(zip(names, value.tolist(), strict=True))).advance(inner, periods)
                 part.points[:, :d], part.turns[:, :d], part.status = inner.points, inner.turns, inner.status
                 part.points[~part.alive] = np.nan
                 orbits[mine] = part
@@ -170,8 +201,9 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
         coordinates=swept_axes(exact.coordinates, names),
         params=exact.params,
         advance=advance,
-        recipe={"kind": "swept", "names": list(names), "exact": dict(exact.recipe)},
         period=exact.period,
         tolerance=exact.tolerance,
-        origin=Origin(_row_by_row, (exact, names), advance),
+        is_flow=exact.is_flow,
+        no_image=exact.no_image,
+        unknown_formulas=exact.unknown_formulas,
     )

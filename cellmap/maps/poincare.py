@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
-from .._lib.checks import finite_number, one_of, shown, whole_number
+from .._lib.checks import finite_number, one_of, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
-from .point_map import Family, Origin, PointMap
-from .stroboscopic import LARGEST_TOLERANCE, MOST_STEPS, SMALLEST_TOLERANCE, stroboscopic_map
+from .point_map import PointMap
+from .specification import MapSpec, no_source
+from .stroboscopic import MAX_STEPS, check_tolerances, stroboscopic_map
 from .system import ForcedSystem
-from .tangent import NotDifferentiableError
+from .tangent import derivatives_of
 
 _STRETCHES = 100  # periods of the system within which an orbit has to return by default
 _TANGENT_TOLERANCE = 1e-12
@@ -37,7 +38,7 @@ def flow_map(
     rtol: float = 1e-9,
     atol: float = 1e-9,
     method: str = "auto",
-    max_steps: int = 16384,
+    max_steps: int = MAX_STEPS,
 ) -> PointMap:
     """Return the time-T map of an autonomous system, from a state to the state a fixed time later.
 
@@ -98,7 +99,7 @@ class Returns:
         return f"Returns({back.size} of {self.times.size} orbits{span})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SectionMap(PointMap):
     """A Poincaré map: the map of first returns to a section, with return times.
 
@@ -110,8 +111,8 @@ class SectionMap(PointMap):
         ``first_returns(points)`` for at most CHUNK points (n, dimension): points, full rotations, times and status.
     """
 
-    section: tuple[str, float, int] = ("", 0.0, 0)
-    first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] | None = field(default=None, repr=False)
+    section: tuple[str, float, int]
+    first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] = field(repr=False)
 
     def returns(self, points: ArrayLike) -> Returns:
         """Return the points and times of the first returns of initial conditions on the section.
@@ -121,13 +122,11 @@ class SectionMap(PointMap):
         points : array_like, shape (..., dimension)
             Initial conditions on the section.
         """
-        assert self.first_returns is not None
         starts = state_points("points", points, self.coordinates)
         flat = starts.reshape(-1, self.dimension)
         images, times, status = np.empty_like(flat), np.empty(len(flat)), np.zeros(len(flat), np.uint8)
 
         def work(part: slice) -> None:
-            assert self.first_returns is not None
             images[part], _, times[part], status[part] = self.first_returns(flat[part])
 
         run_over(slices(len(flat), CHUNK), work)
@@ -142,7 +141,7 @@ def section_map(
     max_time: float | None = None,
     rtol: float = 1e-9,
     atol: float = 1e-9,
-    max_steps: int = 16384,
+    max_steps: int = MAX_STEPS,
 ) -> SectionMap:
     """Return the Poincaré map of an autonomous system: the map of first returns to a section of its state space.
 
@@ -198,74 +197,98 @@ def section_map(
         raise ValueError(
             f"system={system!r} has switches, and its Poincaré map is not available: take flow_map(system, time)"
         )
-    place, value, direction = _section(system, section)
+    section = _section(system, section)
     longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)
-    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
-    atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
-    max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
-    gated = gated_system(system, place)
-    stretch = min(system.length, longest)
-    motion = flow(gated, 0.0, stretch, max(rtol, _ORDER_FOR), atol, "auto", max_steps)
-    trip = Trip(system, place, value, direction, longest, stretch, replace(motion, rtol=rtol))
-    coordinates = tuple(c for j, c in enumerate(system.axes) if j != place)
-    lower, turn = turns_of(coordinates)
+    return Section(system, section, longest, rtol, atol, max_steps).build()
 
-    def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
-        images, times, status, _ = trip(points)
-        turns = np.zeros(images.shape, np.int64)
-        if wrap_rows(images, turns, lower, turn):
-            status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
-            images[status >= Status.ESCAPED] = np.nan
-        return images, turns, times, status
 
-    def advance(orbits: Orbits, periods: int) -> None:
-        for _ in range(periods):
-            for now in orbits.living():
-                images, turns, _, status = first_returns(now.points)
-                now.points[:], now.status[:] = images, np.maximum(now.status, status)
-                now.turns += turns
+@dataclass(frozen=True, eq=False)
+class Section(MapSpec[SectionMap]):
+    """Specification of a Poincaré map; see :func:`section_map`."""
 
-    @functools.cache
-    def with_tangent() -> Flow | None:
-        return tangent_flow(gated, 0.0, stretch, min(rtol, _TANGENT_TOLERANCE), max_steps)
+    kind = "section"
+    system: ForcedSystem
+    section: tuple[str, float, int]
+    max_time: float
+    rtol: float
+    atol: float
+    max_steps: int
 
-    def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        carried = with_tangent()
-        if carried is None:
-            raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
-        images, _, _, matrices = replace(trip, motion=carried)(points.reshape(-1, len(coordinates)))
-        assert matrices is not None
-        return images.reshape(points.shape), matrices.reshape(*points.shape, len(coordinates))
+    def __post_init__(self) -> None:
+        check_tolerances(self)
 
-    def again(params: Any) -> PointMap:
-        other = system.with_params(**params)
-        return section_map(other, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps)
+    @property
+    def _place(self) -> int:
+        return [c.name for c in self.system.axes].index(self.section[0])
 
-    return SectionMap(
-        name=system.name,
-        coordinates=coordinates,
-        params=system.params,
-        advance=advance,
-        recipe={
-            "kind": "section",
-            "coordinate": system.axes[place].name,
-            "value": value,
-            "direction": direction,
-            "max_time": longest,
-            "rtol": rtol,
-            "atol": atol,
-            "max_steps": max_steps,
-            "period": system.length,
-        },
-        tolerance=(rtol, atol),
-        tangent=tangent,
-        family=Family(at=again),
-        origin=Origin(
-            section_map, (system, (system.axes[place].name, value, direction), longest, rtol, atol, max_steps), advance
-        ),
-        section=(system.axes[place].name, value, direction),
-        first_returns=first_returns,
-    )
+    @functools.cached_property
+    def _trip(self) -> Trip:
+        system, (_, value, direction) = self.system, self.section
+        stretch, loose = min(system.length, self.max_time), max(self.rtol, _ORDER_FOR)
+        motion = flow(gated_system(system, self._place), 0.0, stretch, loose, self.atol, "auto", self.max_steps)
+        return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
+
+    @functools.cached_property
+    def _tangent_motion(self) -> Flow | None:
+        gated, tolerance = gated_system(self.system, self._place), min(self.rtol, _TANGENT_TOLERANCE)
+        return tangent_flow(gated, 0.0, self._trip.stretch, tolerance, self.max_steps)
+
+    def make(self) -> SectionMap:
+        """Return the map, without its specification."""
+        system, trip = self.system, self._trip
+        coordinates = tuple(c for j, c in enumerate(system.axes) if j != self._place)
+        lower, turn = turns_of(coordinates)
+
+        def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+            images, times, status, _ = trip(points)
+            turns = np.zeros(images.shape, np.int64)
+            if wrap_rows(images, turns, lower, turn):
+                status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
+                images[status >= Status.ESCAPED] = np.nan
+            return images, turns, times, status
+
+        def advance(orbits: Orbits, periods: int) -> None:
+            for _ in range(periods):
+                for now in orbits.living():
+                    images, turns, _, status = first_returns(now.points)
+                    now.points[:], now.status[:] = images, np.maximum(now.status, status)
+                    now.turns += turns
+
+        def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            carried = replace(trip, motion=derivatives_of(system.name, self._tangent_motion))
+            images, _, _, matrices = carried(points.reshape(-1, len(coordinates)))
+            assert matrices is not None
+            return images.reshape(points.shape), matrices.reshape(*points.shape, len(coordinates))
+
+        return SectionMap(
+            name=system.name,
+            coordinates=coordinates,
+            params=system.params,
+            advance=advance,
+            tolerance=(self.rtol, self.atol),
+            tangent=tangent,
+            is_flow=True,
+            no_image=Status.NO_RETURN,
+            section=self.section,
+            first_returns=first_returns,
+        )
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        names = ("coordinate", "value", "direction")
+        limits = {name: getattr(self, name) for name in ("max_time", "rtol", "atol", "max_steps")}
+        section = dict(zip(names, self.section, strict=True))
+        return {"kind": self.kind, **section, **limits, "period": self.system.length}
+
+    @classmethod
+    def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> Section:
+        """Return the specification of a recipe."""
+        if not isinstance(source, ForcedSystem):
+            raise no_source(source, recipe)
+        system = replace(source, period=recipe["period"])
+        section = _section(system, (recipe["coordinate"], recipe["value"], recipe["direction"]))
+        return cls(system, section, **{name: recipe[name] for name in ("max_time", "rtol", "atol", "max_steps")})
 
 
 def check_unforced(system: ForcedSystem) -> None:
@@ -285,8 +308,8 @@ def check_unforced(system: ForcedSystem) -> None:
             )
 
 
-def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[int, float, int]:
-    """Return the place of the section's coordinate, its value, in the turn of an angle, and the direction."""
+def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[str, float, int]:
+    """Return the name of the section's coordinate, its value and the direction, checked."""
     try:
         name, value, direction = section
     except (TypeError, ValueError):
@@ -299,4 +322,4 @@ def _section(system: ForcedSystem, section: tuple[str, float, int]) -> tuple[int
     if len(names) < 2:
         raise ValueError(f"section={shown(section)}: a section needs a system of at least two state variables")
     direction = one_of("section[2]", direction, (-1, 0, 1))
-    return names.index(name), finite_number("section[1]", value), int(direction)
+    return name, finite_number("section[1]", value), int(direction)

@@ -17,6 +17,7 @@ from .._lib.tiles import check_client, run_tiles
 from .cell_table import CellTable, MapError
 from .coordinates import Coordinate, difference, state_points, turns_of
 from .orbit_batch import CHUNK, Cost, Orbits, Status
+from .specification import MapSpec
 
 
 class ToleranceWarning(UserWarning):
@@ -58,42 +59,6 @@ class Iterate:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
-    """The maps that differ from a map in the values of its parameters.
-
-    Parameters
-    ----------
-    at : callable
-        ``at(params)`` returns the map with other values of its parameters, given all of them.
-    swept : callable
-        ``swept(names)`` returns the map with some parameters appended to the state (see :func:`swept_map`), or None if
-        only `at` is known.
-    """
-
-    at: Callable[[Mapping[str, float]], PointMap]
-    swept: Callable[[tuple[str, ...]], PointMap | None] = lambda names: None
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """The call that made a map: as this it travels to other processes, where it is made again.
-
-    Parameters
-    ----------
-    make : callable
-        Function of a module that returns the map.
-    arguments : tuple
-        Its arguments; they can be pickled.
-    advance : callable
-        `advance` of the map that was made, by which a map that has been changed since is told from it.
-    """
-
-    make: Callable[..., PointMap]
-    arguments: tuple[Any, ...]
-    advance: Callable[[Orbits, int], None]
-
-
-@dataclass(frozen=True, eq=False)
 class PointMap:
     """A map of phase space to itself: stroboscopic, Poincaré, interpolated or discrete.
 
@@ -109,9 +74,7 @@ class PointMap:
         Parameters of the system.
     advance : callable
         ``advance(orbits, periods)`` iterates a batch of at most CHUNK :class:`Orbits` in place; safe to call from
-        several threads at once.  A new kind of map is a function that returns a PointMap with its own `advance`.
-    recipe : mapping
-        Plain values from which :func:`rebuild_map` rebuilds the map, given the system.
+        several threads at once.  A kind of map of your own is a :class:`MapSpec`.
     period : float
         Time of one step; 1 for a discrete map.
     tolerance : tuple of float
@@ -126,40 +89,67 @@ class PointMap:
         ``stretch(orbits, frames, periods)`` iterates in place a batch of orbits and orthonormal frames (n, d, d) of
         tangent vectors, the columns; returns the logarithms (n, d) of the growth factors.  Without it `tangent` is
         used.
-    family : Family or None
-        Dependence of the map on its parameters.
-    origin : Origin or None
-        The call that made the map, for use in other processes.
     cost : Cost
         Cost of constructing the map.
+    leap : int
+        Number of periods that `advance` takes in one step where it can; 1 for all but interpolated maps.
+    escapes : bool
+        Whether orbits that leave the window of the table end there.
+    is_flow : bool
+        Whether the map follows the solutions of a differential equation, which cannot wind angles round each other.
+    no_image : Status
+        Status of an orbit where the map has no image: DIVERGED, or NO_RETURN for a Poincaré map.
+    unknown_formulas : str
+        Reason why the formulas of the right-hand side are not known, so that it is compiled as it is; empty if they are
+        known, or not needed.
+
+    Attributes
+    ----------
+    spec : MapSpec or None
+        What the map is built from.  With it the map can be built again with other parameters, in other processes and
+        from files; a map that was constructed or changed by hand has none.
     """
 
     name: str
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     advance: Callable[[Orbits, int], None] = field(repr=False)
-    recipe: Mapping[str, Any]
     period: float = 1.0
     tolerance: tuple[float, float] = (4e-16, 0.0)
     exact: PointMap | None = None
     table: CellTable | None = None
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
     stretch: Callable[[Orbits, NDArray[np.float64], int], NDArray[np.float64]] | None = field(default=None, repr=False)
-    family: Family | None = field(default=None, repr=False)
-    origin: Origin | None = field(default=None, repr=False)
     cost: Cost = Cost()
+    leap: int = 1
+    escapes: bool = False
+    is_flow: bool = False
+    no_image: Status = Status.DIVERGED
+    unknown_formulas: str = ""
+    spec: MapSpec[PointMap] | None = field(default=None, init=False, repr=False)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
-        return f"PointMap({self.recipe.get('kind', 'map')} of {self.name}: {values})"
+        unknown = f"; formulas unknown, {self.unknown_formulas}" if self.unknown_formulas else ""
+        return f"PointMap({self.recipe['kind']} of {self.name}: {values}{unknown})"
 
-    def __reduce__(self) -> tuple[Callable[..., PointMap], tuple[Any, ...]]:
-        if self.origin is None or self.origin.advance is not self.advance:
+    def __reduce__(self) -> tuple[Callable[[], PointMap], tuple[()]]:
+        if self.spec is None:
             raise TypeError(
-                f"{self!r} cannot be pickled for use in other processes: give its PointMap an origin, the call "
-                "that constructs it"
+                f"{self!r} cannot be pickled for use in other processes: it was constructed or changed by hand; build "
+                "it from a MapSpec"
             )
-        return self.origin.make, self.origin.arguments
+        return self.spec.build, ()
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file, from which :func:`rebuild_map` builds the map again, given its system."""
+        return {"kind": "map"} if self.spec is None else self.spec.recipe
+
+    @property
+    def without_table(self) -> PointMap:
+        """The exact map behind an interpolated map; an exact map itself."""
+        return self.exact or self
 
     @property
     def dimension(self) -> int:
@@ -177,12 +167,17 @@ class PointMap:
         unknown = changes.keys() - self.params.keys()
         if unknown:
             raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self.params)}")
-        if self.family is None:
+        return self.specified.with_params({**self.params, **changes}).build()
+
+    @property
+    def specified(self) -> MapSpec[PointMap]:
+        """The specification of a map that has one."""
+        if self.spec is None:
             raise ValueError(
                 f"{self!r} was built without parameter dependence: construct it with stroboscopic_map or discrete_map, "
-                "or give its PointMap a family"
+                "or build it from a MapSpec"
             )
-        return self.family.at({**self.params, **changes})
+        return self.spec
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""

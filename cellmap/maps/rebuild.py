@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from .._lib.signatures import checked
-from .grid import CellGrid
-from .interpolation.interpolated import interpolated_map
-from .poincare import section_map
+
+# Importing the kinds of maps makes them known.
+from . import discrete, inverse, parameters_as_states, poincare, stroboscopic  # noqa: F401
+from .interpolation import interpolated  # noqa: F401
 from .point_map import PointMap
-from .stroboscopic import stroboscopic_map
+from .specification import specification
 from .system import ForcedSystem
 
 
@@ -22,7 +22,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     Parameters
     ----------
     source : ForcedSystem or PointMap
-        The system, or for a discrete map the map itself, with the parameters of the original.
+        The system, or for a map without one a map of the same kind, with the parameters of the original.
     recipe : mapping
         ``point_map.recipe``, or ``basins.settings["map"]``.
 
@@ -39,6 +39,7 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     Examples
     --------
     >>> from math import pi
+    >>> from cellmap import ForcedSystem, stroboscopic_map
     >>> decay = ForcedSystem(lambda t, x, p: (-p.rate * x[0],), {"rate": 1.0}, 2 * pi, ("x",))
     >>> original = stroboscopic_map(decay, rtol=1e-6)
     >>> bool(rebuild_map(decay, original.recipe)([1.0]) == original([1.0]))
@@ -46,29 +47,6 @@ def rebuild_map(source: ForcedSystem | PointMap, recipe: Mapping[str, Any]) -> P
     """
     if not isinstance(recipe, Mapping):
         raise TypeError(f"recipe={recipe!r}: give point_map.recipe, or basins.settings['map']")
-    kind = recipe.get("kind")
-    match kind, source:
-        case "interpolated", _:
-            return interpolated_map(
-                rebuild_map(source, recipe["exact"]),
-                CellGrid(tuple(recipe["lower"]), tuple(recipe["upper"]), tuple(recipe["shape"])),
-                order=int(recipe["order"]),
-                outside=recipe["outside"],
-                tolerance=recipe["tolerance"],
-                leap=recipe.get("leap", 1),
-            )
-        case "stroboscopic", ForcedSystem():
-            if source.length != recipe["period"]:
-                raise ValueError(
-                    f"source has the period {source.length!r}, not {recipe['period']!r}: give the same parameters, "
-                    "or for a map of flow_map the system with that period"
-                )
-            settings = {name: recipe[name] for name in ("phase", "rtol", "atol", "method", "max_steps")}
-            return stroboscopic_map(source, **settings)
-        case "section", ForcedSystem():
-            section = recipe["coordinate"], recipe["value"], recipe["direction"]
-            settings = {name: recipe[name] for name in ("max_time", "rtol", "atol", "max_steps")}
-            return section_map(replace(source, period=recipe["period"]), section, **settings)
-        case "discrete", PointMap():
-            return source
-    raise ValueError(f"recipe of kind {kind!r} cannot be rebuilt from {source!r}: give its system")
+    made = specification(source, recipe).build()
+    assert isinstance(made, PointMap)
+    return made

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +14,18 @@ from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.checks import finite_number, one_of, whole_number
 from .._lib.signatures import checked
 from .coordinates import turns_of
-from .integration import Flow, flow, tangent_flow
+from .integration import Flow, flow, tangent_flow, unknown_formulas
 from .orbit_batch import Orbits
 from .parameters_as_states import swept_system
-from .point_map import Family, Origin, PointMap
+from .point_map import PointMap
+from .specification import MapSpec, no_source
 from .system import ForcedSystem
-from .tangent import NotDifferentiableError, tangent_by_lanes
+from .tangent import derivatives_of, tangent_by_lanes
 
 SMALLEST_TOLERANCE = 1e-14
 LARGEST_TOLERANCE = 0.1
 MOST_STEPS = 2**31
+MAX_STEPS = 16384
 _TANGENT_TOLERANCE = 1e-12  # or that of the map, if it is finer
 
 
@@ -31,7 +36,7 @@ def stroboscopic_map(
     rtol: float = 1e-9,
     atol: float = 1e-9,
     method: str = "auto",
-    max_steps: int = 16384,
+    max_steps: int = MAX_STEPS,
 ) -> PointMap:
     """Return the stroboscopic (Poincaré) map of a forced system, from a state to the state one period later.
 
@@ -84,52 +89,92 @@ def stroboscopic_map(
     >>> strobe.iterate([3.0, 4.0], 1).turns
     array([4, 0])
     """
-    phase = finite_number("phase", phase)
-    rtol = finite_number("rtol", rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE)
-    atol = finite_number("atol", atol, at_least=SMALLEST_TOLERANCE)
-    one_of("method", method, METHOD_NAMES)
-    max_steps = whole_number("max_steps", max_steps, at_least=4, at_most=MOST_STEPS)
-    begin, length = phase * system.length, system.length
-    motion = flow(system, begin, length, rtol, atol, method, max_steps)
-    lower, turn = turns_of(system.axes)
+    return Stroboscopic(system, phase, rtol, atol, method, max_steps).build()
 
-    def advance(orbits: Orbits, periods: int) -> None:
-        motion.advance(orbits, periods, lower, turn)
 
-    @functools.cache
-    def with_tangent() -> Flow | None:
-        return tangent_flow(system, begin, length, min(rtol, _TANGENT_TOLERANCE), max_steps)
+@dataclass(frozen=True, eq=False)
+class Stroboscopic(MapSpec[PointMap]):
+    """Specification of a stroboscopic map; see :func:`stroboscopic_map`."""
 
-    def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        carried = with_tangent()
-        if carried is None:
-            raise NotDifferentiableError(f"no derivatives of the right-hand side of {system.name} are known")
-        return tangent_by_lanes(carried, points, system.dimension)
+    kind = "stroboscopic"
+    system: ForcedSystem
+    phase: float
+    rtol: float
+    atol: float
+    method: str
+    max_steps: int
 
-    def again(other: ForcedSystem) -> PointMap:
-        return stroboscopic_map(other, phase, rtol, atol, method, max_steps)
+    def __post_init__(self) -> None:
+        set_field = functools.partial(object.__setattr__, self)
+        set_field("phase", finite_number("phase", self.phase))
+        check_tolerances(self)
+        one_of("method", self.method, METHOD_NAMES)
 
-    def swept(names: tuple[str, ...]) -> PointMap | None:
-        further = swept_system(system, names)
-        return None if further is None else again(further)
+    @functools.cached_property
+    def motion(self) -> Flow:
+        """The compiled flow over one period; its kernel knows the method that "auto" has chosen."""
+        s = self.system
+        return flow(s, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
 
-    return PointMap(
-        name=system.name,
-        coordinates=system.axes,
-        params=system.params,
-        advance=advance,
-        recipe={
-            "kind": "stroboscopic",
-            "phase": phase,
-            "rtol": rtol,
-            "atol": atol,
-            "method": motion.kernel.method,
-            "max_steps": max_steps,
-            "period": system.length,
-        },
-        period=system.length,
-        tolerance=(rtol, atol),
-        tangent=tangent,
-        family=Family(at=lambda params: again(system.with_params(**params)), swept=swept),
-        origin=Origin(stroboscopic_map, (system, phase, rtol, atol, method, max_steps), advance),
-    )
+    @functools.cached_property
+    def _tangent_motion(self) -> Flow | None:
+        s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
+        return tangent_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps)
+
+    def make(self) -> PointMap:
+        """Return the map, without its specification."""
+        system, motion = self.system, self.motion
+        lower, turn = turns_of(system.axes)
+
+        def advance(orbits: Orbits, periods: int) -> None:
+            motion.advance(orbits, periods, lower, turn)
+
+        def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            return tangent_by_lanes(derivatives_of(system.name, self._tangent_motion), points, system.dimension)
+
+        return PointMap(
+            name=system.name,
+            coordinates=system.axes,
+            params=system.params,
+            advance=advance,
+            period=system.length,
+            tolerance=(self.rtol, self.atol),
+            tangent=tangent,
+            is_flow=True,
+            unknown_formulas=unknown_formulas(system),
+        )
+
+    def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
+        """Return the specification with some parameters appended to the state, where the formulas are known."""
+        further = swept_system(self.system, names)
+        return None if further is None else replace(self, system=further)
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        return {**super().recipe, "method": self.motion.kernel.method, "period": self.system.length}
+
+    @classmethod
+    def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> Stroboscopic:
+        """Return the specification of a recipe."""
+        if not isinstance(source, ForcedSystem):
+            raise no_source(source, recipe)
+        if source.length != recipe["period"]:
+            raise ValueError(
+                f"source has the period {source.length!r}, not {recipe['period']!r}: give the same parameters, "
+                "or for a map of flow_map the system with that period"
+            )
+        return cls(source, **{name: recipe[name] for name in ("phase", "rtol", "atol", "method", "max_steps")})
+
+
+def method_of(point_map: PointMap) -> str:
+    """Return the name of the integration method of a stroboscopic map, the chosen one for "auto"; "" for others."""
+    return point_map.spec.motion.kernel.method if isinstance(point_map.spec, Stroboscopic) else ""
+
+
+def check_tolerances(spec: Any) -> None:
+    """Check the tolerances and the number of steps of a new specification."""
+    set_field = functools.partial(object.__setattr__, spec)
+    set_field("rtol", finite_number("rtol", spec.rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE))
+    set_field("atol", finite_number("atol", spec.atol, at_least=SMALLEST_TOLERANCE))
+    set_field("max_steps", whole_number("max_steps", spec.max_steps, at_least=4, at_most=MOST_STEPS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +14,18 @@ from .coordinates import difference, state_points, wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap, follow
 
+R = TypeVar("R")
+
 
 class NotDifferentiableError(TypeError):
     """The map's function is not traceable, so its exact derivatives are not known."""
+
+
+def derivatives_of(name: str, compiled: R | None) -> R:
+    """Return the compiled derivatives of a map, which are None where they are not known."""
+    if compiled is None:
+        raise NotDifferentiableError(f"no derivatives of the right-hand side of {name} are known")
+    return compiled
 
 
 def tangent_by_lanes(
@@ -42,7 +52,7 @@ def tangent(
     ``periods`` is one number for all points or one for each.  Images come from the same integration as the
     derivatives, whose tolerance is 1e-12 or better.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     d = exact.dimension
     place = np.array(points, dtype=float).reshape(-1, d)
     total = np.broadcast_to(np.eye(d), (len(place), d, d)).copy()
@@ -85,7 +95,7 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
     array([[-1.4,  1. ],
            [ 0.3,  0. ]])
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     starts = state_points("points", points, exact.coordinates)
     return tangent(exact, starts, whole_number("periods", periods))[1]
 

@@ -14,8 +14,8 @@ from .._lib.threads import progress_bar, run_over, slices
 from .coordinates import state_points, turns_of, wrap
 from .integration import flow
 from .orbit_batch import CHUNK, Orbits
-from .point_map import PointMap, warn_of_tolerance
-from .stroboscopic import stroboscopic_map
+from .point_map import warn_of_tolerance
+from .stroboscopic import Stroboscopic
 from .system import ForcedSystem
 
 _FINEST = 1e-15  # tolerance between two samples that rounding leaves within reach
@@ -166,7 +166,8 @@ def trajectory(
     >>> motion.output("energy")[:, 0].round(6)
     array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
-    strobe = stroboscopic_map(system, phase, rtol, atol, method, max_steps)
+    spec = Stroboscopic(system, phase, rtol, atol, method, max_steps)
+    strobe = spec.build()
     places = state_points("starts", starts, system.axes)
     periods = whole_number("periods", periods, at_least=1)
     samples = whole_number("samples", samples, at_least=1)
@@ -190,7 +191,7 @@ def trajectory(
             tick(1)
     within = Orbits.joined(begins[:-1])
     cells = states[:-1].reshape(periods, samples, count, system.dimension)
-    advances = _between_samples(system, strobe, samples)
+    advances = _between_samples(spec, samples)
 
     def fill(part: slice) -> None:
         now = within[part]
@@ -212,9 +213,9 @@ def trajectory(
     return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples)
 
 
-def _between_samples(system: ForcedSystem, strobe: PointMap, samples: int) -> list[Callable[[Orbits], None]]:
+def _between_samples(spec: Stroboscopic, samples: int) -> list[Callable[[Orbits], None]]:
     """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
-    recipe, length = strobe.recipe, system.length / samples
-    rtol, atol = (max(recipe[name] / samples, _FINEST) for name in ("rtol", "atol"))
-    first = flow(system, recipe["phase"] * system.length, length, rtol, atol, recipe["method"], recipe["max_steps"])
+    length, method = spec.system.length / samples, spec.motion.kernel.method
+    rtol, atol = (max(tolerance / samples, _FINEST) for tolerance in (spec.rtol, spec.atol))
+    first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
     return [replace(first, begin=first.begin + k * length) for k in range(samples - 1)]

@@ -79,7 +79,7 @@ def alignment_test(
     >>> float(alignment_test(cat, [0.0, 0.0]).value / (2.0 * np.log(1.5 + 1.25**0.5)))
     1.0
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     points = state_points("starts", starts, exact.coordinates)
     if not points.size:
         raise ValueError("starts is empty: give at least one initial condition")

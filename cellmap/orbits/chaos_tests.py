@@ -151,7 +151,7 @@ def exponent_test(
         reach = float(student.ppf(0.5 + 0.5 * confidence, len(first) - 1)) * error
     below, above = FOLDS / length, _POWER * log(2.0) / length
     low, high = value - reach, value + reach
-    verdict = settle_verdicts(point_map.exact or point_map, found.ends, found.ended, low, high, below, above)
+    verdict = settle_verdicts(point_map.without_table, found.ends, found.ended, low, high, below, above)
     return ChaosTest(
         verdict,
         value,

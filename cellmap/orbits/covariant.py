@@ -160,7 +160,7 @@ def covariant_vectors(
     array([[1., 0.],
            [2., 3.]])
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     begin = state_points("start", start, exact.coordinates)
     if begin.ndim != 1:
         raise ValueError(f"start has the shape {begin.shape}: give one point of {exact.dimension} coordinates")

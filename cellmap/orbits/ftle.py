@@ -127,7 +127,7 @@ def finite_time_exponents(
     ([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]], [[2.0, 2.0], [2.0, 2.0], [2.0, 2.0]])
     """
     began = time.perf_counter()
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     grid = grid.on(exact.coordinates)
     periods = whole_number("periods", periods, at_least=1)
     d = grid.dimension

@@ -190,7 +190,7 @@ def lyapunov_spectrum(
     >>> lyapunov_spectrum(cat, [[0.0, 0.0]], periods=100).exponents
     array([[ 0.9624, -0.9624]])
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     points = state_points("starts", starts, exact.coordinates)
     periods = whole_number("periods", periods, at_least=GROUPS)
     transient = whole_number("transient", transient)

@@ -52,7 +52,7 @@ def newton(
         Solutions (n, dimension), wrapped, and which of them converged.  A guess from which the residual does not keep
         falling after the first steps is given up.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     points = np.array(guesses, dtype=float)
     settled = np.zeros(len(points), bool)
     active = np.arange(len(points))
@@ -123,7 +123,7 @@ def damped_newton(
     ----------
     Deuflhard, *Newton Methods for Nonlinear Problems* (2004), section 3.3.
     """
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     d, identity = exact.dimension, np.eye(exact.dimension)
     base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
     steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
@@ -170,7 +170,7 @@ def closed_orbit(
     point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> PeriodicOrbit:
     """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     points, turns, matrices = _follow(exact, point, period)
     same = 1e-8 * resolution(points[0], extent)
     for q in range(1, period):

@@ -58,9 +58,7 @@ def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.
 
 def label_of_no_image(point_map: PointMap) -> int:
     """Return the label of initial conditions whose orbits reach the sink DIVERGED."""
-    exact = point_map.exact or point_map
-    ends = Status.NO_RETURN if exact.recipe.get("kind") == "section" else Status.DIVERGED
-    return int(label_of(ends))
+    return int(label_of(point_map.no_image))
 
 
 def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -52,7 +52,7 @@ def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> NDArray[n
     """
     check_boxes(boxes, point_map)
     periods = whole_number("periods", periods, at_least=1)
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     claim_memory(f"exponents of {len(boxes):,} boxes", 8 * (2 * boxes.grid.dimension + 1) * len(boxes), "take fewer")
     starts, exponents = wrap(boxes.centres(), exact.coordinates), np.empty(len(boxes))
 

@@ -54,7 +54,7 @@ def polished_sets(
         return (), np.empty(0, np.int64)
     chosen = _representatives(cells, owners)
     followed, where = np.unique(chosen, return_inverse=True)
-    found = find_basins(point_map.exact or point_map, centres_of(grid, followed), **limits)
+    found = find_basins(point_map.without_table, centres_of(grid, followed), **limits)
     columns = len(found.attractors) + 3  # codes behind the attractors, where their negative numbers lead
     votes = np.zeros((len(chosen), columns), np.int64)
     ends = np.where(found.labels == NO_RETURN, DIVERGED, found.labels)

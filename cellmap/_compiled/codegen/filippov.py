@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .derivative import along
-from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order, is_analytic
-from .rebind import rebind
-from .trace import Trace, parameter_record, trace
+from .expression import Expression, Graph, in_order, is_analytic
+from .trace import Trace, on_symbols, parameter_record, trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,26 +50,22 @@ class SwitchingTrace:
 
 def switching_trace(
     rhs: Callable[..., Sequence[Any]], switches: Callable[..., Sequence[Any]], dimension: int, names: Sequence[str]
-) -> SwitchingTrace | None:
-    """Trace ``rhs(t, x, p, s)`` with its switching functions; None where one of them cannot be traced.
+) -> SwitchingTrace:
+    """Trace ``rhs(t, x, p, s)`` with its switching functions.
 
     Raises
     ------
+    UntraceableError
+        Where one of them cannot be traced, with the reason.
     ValueError
         Where several switches act on each other, so that the value on a surface is not defined.
     """
     base = trace(switches, dimension, names)
-    if base is None:
-        return None
     graph, count = base.graph, len(base.outputs)
     signs = tuple(graph.node("sign", value=i) for i in range(count))
-    try:
-        twin = rebind(rhs, elementary_functions())
-        record = parameter_record(tuple(names))
-        outputs = tuple(graph.lift(e) for e in twin(base.time, base.states, record(*base.parameters), signs))
-        return _in_modes(replace(base, outputs=outputs), base.outputs, signs)
-    except (UntraceableError, TypeError, AttributeError):
-        return None
+    record = parameter_record(tuple(names))
+    outputs = on_symbols(graph, rhs, base.time, base.states, record(*base.parameters), signs)
+    return _in_modes(replace(base, outputs=outputs), base.outputs, signs)
 
 
 def _in_modes(base: Trace, surfaces: tuple[Expression, ...], signs: tuple[Expression, ...]) -> SwitchingTrace:

@@ -7,6 +7,7 @@ what they compute and not on parameter values: sweeping a parameter compiles not
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -32,6 +33,8 @@ from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
 
+_LOG = logging.getLogger("cellmap")
+
 
 @dataclass(frozen=True, eq=False)
 class PeriodKernel:
@@ -50,21 +53,41 @@ class PeriodKernel:
     trial: int = 1
 
 
-@kept
 def traced_function(function: Callable[..., Any], dimension: int, names: Names) -> Trace | None:
     """Trace a function once; None where it cannot be traced."""
-    return trace(function, dimension, names)
+    found = _traced(function, dimension, names)
+    return found if isinstance(found, Trace) else None
 
 
 def traces_faithfully(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> bool:
     """Whether a function can be traced, and its trace gives what the function itself gives in plain Python."""
-    return _traces_faithfully(function, dimension, tuple(params), tuple(params.values()))
+    return not why_untraced(function, dimension, params)
+
+
+def why_untraced(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> str:
+    """Return the reason why the formulas of a function are not known; empty if they are."""
+    return _why_untraced(function, dimension, tuple(params), tuple(params.values()))
 
 
 @kept
-def _traces_faithfully(function: Callable[..., Any], dimension: int, names: Names, values: tuple[float, ...]) -> bool:
-    traced = traced_function(function, dimension, names)
-    return traced is not None and is_faithful(traced, function, values, parameter_record(names)(*values))
+def _traced(function: Callable[..., Any], dimension: int, names: Names) -> Trace | str:
+    try:
+        return trace(function, dimension, names)
+    except UntraceableError as error:
+        return str(error)
+
+
+@kept
+def _why_untraced(function: Callable[..., Any], dimension: int, names: Names, values: tuple[float, ...]) -> str:
+    traced, name = _traced(function, dimension, names), getattr(function, "__qualname__", type(function).__name__)
+    if isinstance(traced, str):
+        reason = traced
+    elif is_faithful(traced, function, values, parameter_record(names)(*values)):
+        return ""
+    else:
+        reason = "they give other values than the function: it catches exceptions, or asks for types"
+    _LOG.info("%s is compiled as it is, because its formulas are not known: %s", name, reason)
+    return reason
 
 
 @kept
@@ -102,7 +125,7 @@ def switching_kernel(
     With `tangent` it carries one tangent vector, 2 d components.
     """
     traced = traced_switching(functions, dimension, names)
-    if traced is None or not traced.is_analytic:
+    if isinstance(traced, str) or not traced.is_analytic:
         return None
     if tangent:
         try:
@@ -118,9 +141,12 @@ def switching_kernel(
 @kept
 def traced_switching(
     functions: tuple[Callable[..., Any], Callable[..., Any]], dimension: int, names: Names
-) -> SwitchingTrace | None:
-    """Trace a right-hand side with its switching functions once; None where it cannot be traced."""
-    return switching_trace(*functions, dimension, names)
+) -> SwitchingTrace | str:
+    """Trace a right-hand side with its switching functions once; where that fails, return the reason."""
+    try:
+        return switching_trace(*functions, dimension, names)
+    except UntraceableError as error:
+        return str(error)
 
 
 @kept

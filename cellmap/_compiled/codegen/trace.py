@@ -74,19 +74,31 @@ def parameter_record(names: tuple[str, ...]) -> Any:
     return namedtuple("Parameters", names)
 
 
-def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Sequence[str]) -> Trace | None:
-    """Run ``function(t, x, p)`` on symbols; None where it cannot be traced (it branches on a value, say)."""
+def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Sequence[str]) -> Trace:
+    """Run ``function(t, x, p)`` on symbols.
+
+    Raises
+    ------
+    UntraceableError
+        Where that fails, with the reason: the function branches on a value, say, or has an error of its own.
+    """
     graph = Graph()
     states = tuple(graph.node("state", value=i) for i in range(dimension))
     symbols = tuple(graph.node("parameter", value=i) for i in range(len(parameters)))
     time = graph.node("time")
     record = parameter_record(tuple(parameters))
-    try:
-        twin = rebind(function, elementary_functions())
-        outputs = tuple(graph.lift(e) for e in twin(time, states, record(*symbols)))
-    except (UntraceableError, TypeError, AttributeError):
-        return None
+    outputs = on_symbols(graph, function, time, states, record(*symbols))
     return Trace(graph, states, time, symbols, outputs)
+
+
+def on_symbols(graph: Graph, function: Callable[..., Sequence[Any]], *arguments: Any) -> tuple[Expression, ...]:
+    """Run a function on expressions; whatever it raises becomes the reason of an UntraceableError."""
+    try:
+        return tuple(graph.lift(e) for e in rebind(function, elementary_functions())(*arguments))
+    except UntraceableError:
+        raise
+    except Exception as error:
+        raise UntraceableError(f"{type(error).__name__}: {error}") from error
 
 
 def is_faithful(

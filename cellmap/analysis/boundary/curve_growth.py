@@ -72,7 +72,7 @@ def growth_of(
 ) -> Growth:
     """Return how a manifold grows at one point of a saddle, over a number of rounds of its orbit at a time."""
     turn = turns_of(point_map.coordinates)[1]
-    exact = point_map.exact or point_map
+    exact = point_map.without_table
     count = orbit.period * rounds
     once = np.array(orbit.turns) * turn
     saddle = orbit.points[row]

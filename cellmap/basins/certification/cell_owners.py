@@ -53,7 +53,6 @@ class Setting:
         table, exact = point_map.table, point_map.exact
         assert table is not None and exact is not None
         grid, catalogue = table.grid, Catalogue.of(basins.attractors, exact)
-        escapes = point_map.recipe.get("outside") == "escape"
         cells = np.array(grid.shape, np.int64)
         circle = np.where(grid.wraps, cells, catalogue.turn / grid.widths)
         return cls(
@@ -62,7 +61,7 @@ class Setting:
             catalogue=catalogue,
             direct=exact,
             exact=exact_within(point_map),
-            escapes=escapes,
+            escapes=point_map.escapes,
             place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
             neighbourhoods=(catalogue.centres, catalogue.metrics, catalogue.owners),
             overhangs=_overhangs(grid, catalogue),
@@ -78,7 +77,7 @@ def exact_within(point_map: PointMap) -> PointMap:
     """Return the exact map of a table, with the window of the table if orbits end there."""
     table, exact = point_map.table, point_map.exact
     assert table is not None and exact is not None
-    return within(table.grid, exact) if point_map.recipe.get("outside") == "escape" else exact
+    return within(table.grid, exact) if point_map.escapes else exact
 
 
 def within(grid: CellGrid, exact: PointMap) -> PointMap:

@@ -12,7 +12,7 @@ from ..._lib.checks import random_numbers
 from ...maps.coordinates import difference
 from ...maps.grid import CellGrid, grid_points
 from ...maps.point_map import PointMap, follow
-from ...maps.stroboscopic import SMALLEST_TOLERANCE, stroboscopic_map
+from ...maps.stroboscopic import SMALLEST_TOLERANCE, method_of, stroboscopic_map
 from ...maps.system import ForcedSystem
 
 Source = tuple[str, float]
@@ -50,10 +50,10 @@ class Job:
 def exact_maps(system: ForcedSystem | PointMap, phase: float) -> tuple[dict[Source, PointMap], PointMap]:
     """Return the exact maps that come into question, and the most precise one."""
     if isinstance(system, PointMap):
-        name = system.recipe.get("method", system.recipe.get("kind", "map"))
-        return {(str(name), max(system.tolerance)): system}, system
+        name = method_of(system) or system.recipe["kind"]
+        return {(name, max(system.tolerance)): system}, system
     reference = stroboscopic_map(system, phase, SMALLEST_TOLERANCE, SMALLEST_TOLERANCE)
-    usual = str(reference.recipe["method"])
+    usual = method_of(reference)
     wanted: dict[str, tuple[float, ...]] = {usual: _JUMPING}
     if system.switches is None:
         wanted = {usual: _TOLERANCES, "DOP853": _TOLERANCES, "RK45": _LOOSE}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from ..cell_table import CellTable
 from ..coordinates import turns_of
 from ..grid import CellGrid, grid_points
 from ..orbit_batch import Cost, Orbits
-from ..point_map import Family, Origin, PointMap
+from ..point_map import PointMap
+from ..specification import MapSpec, specification, with_spec
 from .look_ups import LookUps
 from .spline_coefficients import ORDERS, PADDING, filtered, line_memory, nodes_of, tabulated_nodes, with_spare_doubles
 from .spline_errors import leading_errors
@@ -151,56 +152,88 @@ def interpolated_map(
         evaluations=tiles.work.evaluations,
     )
     table = CellTable(grid, order, coefficients, indicator, rough)
-    return _with_table(exact, table, outside, tolerance, leap, cost, progress)
+    return Interpolated(exact, grid, order, outside, tolerance, leap, table, cost).make(progress)
 
 
-def _made_again(
-    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost
-) -> PointMap:
-    """Return the map of a table that comes from another process."""
-    table = replace(table, coefficients=with_spare_doubles(table.coefficients))
-    return _with_table(exact, table, outside, tolerance, leap, cost, False)
+@dataclass(frozen=True, eq=False)
+class Interpolated(MapSpec[PointMap]):
+    """Specification of an interpolated map; see :func:`interpolated_map`.
 
+    With a `table` and its `cost` the map is built from them; the tables of several periods follow from it.
+    """
 
-def _with_table(
-    exact: PointMap, table: CellTable, outside: str, tolerance: float | None, leap: int, cost: Cost, progress: bool
-) -> PointMap:
-    """Return the map of a finished table; the tables of several periods follow from it."""
-    grid, order = table.grid, table.order
-    allowed = _allowed(grid, order, tolerance)
-    began = time.perf_counter()
-    tables = [table]
-    while 2 ** len(tables) <= leap:
-        tables.append(_leap_table(exact, tables, outside, allowed * (_LEAP if tolerance is None else 1.0), progress))
-    advance = LookUps(exact, tables, outside)
-    kept = replace(table, coefficients=advance.coefficients)
-    seconds = cost.seconds + time.perf_counter() - began
-    return PointMap(
-        name=exact.name,
-        coordinates=exact.coordinates,
-        params=exact.params,
-        advance=advance,
-        recipe={
-            "kind": "interpolated",
-            "order": order,
-            "outside": outside,
-            "tolerance": tolerance,
+    kind = "interpolated"
+    exact: PointMap
+    grid: CellGrid
+    order: int
+    outside: str
+    tolerance: float | None
+    leap: int
+    table: CellTable | None = None
+    cost: Cost = Cost()
+
+    def make(self, progress: bool = False) -> PointMap:
+        """Return the map, without its specification."""
+        exact, table, outside = self.exact, self.table, self.outside
+        if table is None:
+            return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.leap)
+        allowed = _allowed(self.grid, self.order, self.tolerance) * (_LEAP if self.tolerance is None else 1.0)
+        began = time.perf_counter()
+        tables = [table]
+        while 2 ** len(tables) <= self.leap:
+            tables.append(_leap_table(exact, tables, outside, allowed, progress))
+        advance = LookUps(exact, tables, outside)
+        kept = replace(table, coefficients=advance.coefficients)
+        seconds = self.cost.seconds + time.perf_counter() - began
+        made = PointMap(
+            name=exact.name,
+            coordinates=exact.coordinates,
+            params=exact.params,
+            advance=advance,
+            period=exact.period,
+            tolerance=exact.tolerance,
+            exact=exact,
+            table=kept,
+            cost=replace(self.cost, seconds=seconds, tabulation=seconds),
+            leap=self.leap,
+            escapes=outside == "escape",
+            is_flow=exact.is_flow,
+            no_image=exact.no_image,
+            unknown_formulas=exact.unknown_formulas,
+        )
+        return with_spec(made, replace(self, table=kept))
+
+    def build(self) -> PointMap:
+        """Return the map."""
+        return self.make()
+
+    def with_params(self, params: Mapping[str, float]) -> Interpolated:
+        """Return the specification with other values of the parameters."""
+        return replace(self, exact=self.exact.with_params(**params), table=None)
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """Plain values for a file."""
+        grid = self.grid
+        return {
+            "kind": self.kind,
+            "order": self.order,
+            "outside": self.outside,
+            "tolerance": self.tolerance,
             "lower": grid.lower,
             "upper": grid.upper,
             "shape": grid.shape,
-            "exact": dict(exact.recipe),
-            **({"leap": leap} if leap > 1 else {}),
-        },
-        period=exact.period,
-        tolerance=exact.tolerance,
-        exact=exact,
-        table=kept,
-        family=Family(
-            lambda params: interpolated_map(exact.with_params(**params), grid, order, outside, tolerance, leap=leap)
-        ),
-        origin=Origin(_made_again, (exact, kept, outside, tolerance, leap, cost), advance),
-        cost=replace(cost, seconds=seconds, tabulation=seconds),
-    )
+            "exact": self.exact.recipe,
+            **({"leap": self.leap} if self.leap > 1 else {}),
+        }
+
+    @classmethod
+    def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> Interpolated:
+        """Return the specification of a recipe."""
+        exact = specification(source, recipe["exact"]).build()
+        grid = CellGrid(tuple(recipe["lower"]), tuple(recipe["upper"]), tuple(recipe["shape"]))
+        leap = recipe.get("leap", 1)
+        return cls(exact, grid, int(recipe["order"]), recipe["outside"], recipe["tolerance"], leap)
 
 
 def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
@@ -329,5 +362,4 @@ def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
     def make(orbits: Orbits, steps: int) -> None:
         advance(orbits, steps * periods)
 
-    recipe = {"kind": "several", "periods": periods, "of": dict(exact.recipe)}
-    return replace(exact, advance=make, recipe=recipe, tangent=None, stretch=None, family=None)
+    return replace(exact, advance=make, tangent=None, stretch=None)

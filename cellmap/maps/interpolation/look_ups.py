@@ -14,6 +14,7 @@ from ..coordinates import turns_of
 from ..grid import CellGrid
 from ..orbit_batch import Orbits, Status
 from ..point_map import PointMap
+from .spline_coefficients import padded
 
 
 class LookUps:
@@ -27,13 +28,12 @@ class LookUps:
         self._exact, self._integrate, self._grid = exact, outside == "integrate", grid
         self._look_up = lookup_kernel(grid.dimension, tables[0].order)
         lower, turn = turns_of(exact.coordinates)
-        strides = np.array([*coefficients.strides[:-1], coefficients.nbytes]) // coefficients.itemsize
         if len(tables) == 1:
-            # Tables come with the spare doubles that the look-up reads behind them.
-            flat = np.lib.stride_tricks.as_strided(coefficients, (coefficients.size + WIDTH,), (coefficients.itemsize,))
+            flat = padded(coefficients)
         else:
             flat = np.concatenate([*(t.coefficients.ravel() for t in tables), np.zeros(WIDTH)])
         self.coefficients = flat[: coefficients.size].reshape(coefficients.shape)
+        strides = np.array([*self.coefficients.strides[:-1], coefficients.nbytes]) // flat.itemsize
         reach = np.zeros(0, np.uint8)
         if len(tables) > 1 or tables[0].rough.any():
             reach = np.sum([~t.rough.ravel() for t in tables], axis=0, dtype=np.uint8)

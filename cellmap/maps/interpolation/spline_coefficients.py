@@ -107,7 +107,20 @@ def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[n
 
 
 def with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return coefficients with memory behind them: look-ups read whole vectors, and so past the last coefficient."""
-    flat = np.zeros(values.size + WIDTH)
+    """Return coefficients with zeros behind them: look-ups read whole vectors, and so past the last coefficient."""
+    return padded(values)[: values.size].reshape(values.shape)
+
+
+def padded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return coefficients and the zeros behind them, flat; in their own memory where it holds these zeros."""
+    flat, whole = values, values.size + WIDTH
+    while isinstance(flat.base, np.ndarray):
+        flat = flat.base
+    own = flat.flags.c_contiguous and flat.dtype == values.dtype == np.float64 and flat.size >= whole
+    if own and values.flags.c_contiguous and values.ctypes.data == flat.ctypes.data:
+        flat = flat.reshape(-1)[:whole]
+        if not flat[values.size :].any():
+            return flat
+    flat = np.zeros(whole)
     flat[: values.size] = values.ravel()
-    return flat[: values.size].reshape(values.shape)
+    return flat

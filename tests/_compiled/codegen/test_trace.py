@@ -55,8 +55,9 @@ def test_common_terms_are_computed_once() -> None:
         lambda t, x, p: (p.absent * x[0],),
     ],
 )
-def test_what_cannot_be_traced_gives_none(rhs: Callable[..., Any]) -> None:
-    assert trace(rhs, 1, ("k",)) is None
+def test_what_cannot_be_traced_says_why(rhs: Callable[..., Any]) -> None:
+    with pytest.raises(UntraceableError, match=r"\w+ \w+"):
+        trace(rhs, 1, ("k",))
 
 
 def test_loops_and_branches_on_numbers_unroll() -> None:
