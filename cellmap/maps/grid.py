@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, nextafter, ulp
+from math import inf, ulp
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import MOST_TURNS
+from .._compiled.kernels.box_images import locate_rows
 from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
 from .._lib.signatures import checked
-from .coordinates import Coordinate
+from .coordinates import Coordinate, turns_of
 
 
 @dataclass(frozen=True)
@@ -131,25 +132,7 @@ class CellGrid:
         p = real_array("points", points)
         if p.ndim == 0 or p.shape[-1] != self.dimension:
             raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
-        index = np.zeros(p.shape[:-1], dtype=np.int64)
-        inside = np.ones(p.shape[:-1], dtype=bool)
-        for j, n in enumerate(self.shape):
-            x, lower, upper, width = p[..., j], self.lower[j], self.upper[j], self.widths[j]
-            with np.errstate(invalid="ignore", over="ignore"):
-                within = (x >= lower) & (x < upper)
-                if self.wraps[j]:
-                    turned = np.minimum(lower + np.mod(x - lower, upper - lower), nextafter(upper, -inf))
-                    x = np.where(within, x, turned)
-                place = (x - lower) / width
-                cell = np.array(np.floor(place))
-                # The division rounds: a point next to an edge may have come to the wrong side of it.
-                near = np.abs(place - np.round(place)) <= 4.0 * (ulp(n) + ulp(max(abs(lower), abs(upper))) / width)
-                k, y = cell[near], np.asarray(x)[near]
-                cell[near] = k + (y >= self.along(j, k + 1.0)) - (y < self.along(j, k))
-                cell = np.where(within | self.wraps[j], np.clip(cell, 0, n - 1), np.nan)
-            inside &= ~np.isnan(cell)
-            index = index * n + np.nan_to_num(cell).astype(np.int64)
-        return np.where(inside, index, -1)
+        return Locator.of(self)(p.reshape(-1, self.dimension)).reshape(p.shape[:-1])
 
     @checked
     def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
@@ -190,6 +173,34 @@ class CellGrid:
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.shape))
         return f"{cells} cells ({in_bytes(8 * self.size)} for each number that is kept of a cell)"
+
+
+@dataclass(frozen=True, eq=False)
+class Locator:
+    """Finds the cells of points whose angles may have their branch cut elsewhere than at the edge of the window."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    shape: NDArray[np.int64]
+    turn: NDArray[np.float64]
+    wraps: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate] | None = None) -> Locator:
+        """Prepare for the cells of a grid over some coordinates; without them only its periodic axes are angles."""
+        lower, upper = np.array(grid.lower), np.array(grid.upper)
+        wraps, turn = np.array(grid.wraps), np.zeros(grid.dimension)
+        if coordinates is not None:
+            turn = turns_of(coordinates)[1]
+        turn = np.where(wraps, upper - lower, turn)
+        return cls(lower, upper, grid.widths, np.array(grid.shape, np.int64), turn, wraps)
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the numbers of the cells of points (n, dimension), -1 outside."""
+        keys = np.empty(len(points), np.int64)
+        locate_rows(points, self.lower, self.upper, self.widths, self.shape, self.turn, self.wraps, keys)
+        return keys
 
 
 def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:

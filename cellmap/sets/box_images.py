@@ -16,10 +16,10 @@ from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import difference, turns_of
-from ..maps.grid import CellGrid, between
+from ..maps.grid import CellGrid, Locator, between
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
-from .box_set import BoxSet, Locator, finer
+from .box_set import BoxSet, finer
 
 Samples = int | Literal["adaptive"]
 """Sampling of boxes: a number of points along each axis, or adaptive."""
@@ -181,9 +181,9 @@ class _Work:
     def regular(self, part: slice, samples: int) -> Hits:
         """Return what the middles of equal parts of boxes hit."""
         d = self.boxes.grid.dimension
-        middles = _middles((samples,) * d)
-        images = self._images(self.boxes.keys[part], middles)
-        return _tallied(self.locate(images), np.arange(part.start, part.stop), len(middles))
+        lattice = middles((samples,) * d)
+        images = self._images(self.boxes.keys[part], lattice)
+        return tallied(self.locate(images), np.arange(part.start, part.stop), len(lattice))
 
     def adaptive(self, part: slice) -> Hits:
         """Return what boxes meet, with lattices as fine as the distances of their images ask for."""
@@ -193,7 +193,7 @@ class _Work:
         while waiting:
             counts, rows = waiting.popitem()
             finer: dict[tuple[int, ...], list[NDArray[np.int64]]] = {}
-            lattice = _middles(counts)
+            lattice = middles(counts)
             for some in slices(len(rows), max(1, CHUNK // len(lattice))):
                 mine = rows[some]
                 images = self._images(keys[mine], lattice).reshape(len(mine), *counts, -1)
@@ -261,10 +261,10 @@ class _Work:
         ends = np.array(list(itertools.product((-1.0, 1.0), repeat=d)))
         reach = np.minimum(reach, 0.5 * self.locate.widths)
         points = images.reshape(len(images), int(np.prod(images.shape[1:-1])), 1, d) + ends * reach[:, None, None, :]
-        return _tallied(self.locate(points.reshape(-1, d)), rows, points.shape[1] * len(ends))
+        return tallied(self.locate(points.reshape(-1, d)), rows, points.shape[1] * len(ends))
 
 
-def _tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> Hits:
+def tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> Hits:
     """Count the cells that equally many points of each box lie in."""
     begins = np.arange(len(rows) + 1) * points
     which, targets, counts = (np.empty(len(keys), np.int64) for _ in range(3))
@@ -273,7 +273,7 @@ def _tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> H
     return Hits(rows[which[:n]], targets[:n].copy(), counts[:n].copy(), lost)
 
 
-def _middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
+def middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
     """Return the middles of the equal parts of a unit cube around 0, shape (product of the counts, d)."""
     axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in counts]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._compiled.kernels.box_images import locate_rows
 from .._lib.checks import claim_memory, is_sequence, shown, whole_array, whole_number
 from .._lib.signatures import checked
-from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
 
 MOST_CELLS = 2**62
@@ -199,29 +197,3 @@ def finer(grid: CellGrid, shape: Sequence[int]) -> CellGrid:
 
 def _numbers(places: NDArray[np.int64], shape: Sequence[int]) -> NDArray[np.int64]:
     return np.ravel_multi_index(tuple(np.moveaxis(places, -1, 0)), tuple(shape)).astype(np.int64)
-
-
-@dataclass(frozen=True, eq=False)
-class Locator:
-    """Finds the boxes of points whose angles may be cut elsewhere than the window."""
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    widths: NDArray[np.float64]
-    shape: NDArray[np.int64]
-    turn: NDArray[np.float64]
-    wraps: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate]) -> Locator:
-        """Prepare for the cells of a grid over some coordinates."""
-        lower, upper = np.array(grid.lower), np.array(grid.upper)
-        wraps, turn = np.array(grid.wraps), turns_of(coordinates)[1]
-        turn = np.where(wraps, upper - lower, turn)
-        return cls(lower, upper, grid.widths, np.array(grid.shape, np.int64), turn, wraps)
-
-    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the numbers of the cells of points (n, dimension), -1 outside."""
-        keys = np.empty(len(points), np.int64)
-        locate_rows(points, self.lower, self.upper, self.widths, self.shape, self.turn, self.wraps, keys)
-        return keys

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from .._lib.checks import warn_caller
 from ..attractors.settling import label_of
-from ..maps.coordinates import turns_of, wrap
-from ..maps.grid import CellGrid, grid_points
+from ..maps.coordinates import wrap
+from ..maps.grid import CellGrid, Locator, grid_points
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap, ToleranceWarning
 
@@ -52,25 +52,13 @@ def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, ki
 
 def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.int64]:
     """Return the flat numbers of the cells in which orbits are, LEFT or DIVERGED for those in none."""
-    cells = grid.locate(brought_near(point_map, grid, orbits.points))
+    cells = Locator.of(grid, point_map.coordinates)(orbits.points)
     return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)
 
 
 def label_of_no_image(point_map: PointMap) -> int:
     """Return the label of initial conditions whose orbits reach the sink DIVERGED."""
     return int(label_of(point_map.no_image))
-
-
-def brought_near(point_map: PointMap, grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points with angles in the turn that begins at the lower edge of the grid, wherever the angle is cut."""
-    near = points.copy()
-    turn = turns_of(point_map.coordinates)[1]
-    for j in np.flatnonzero(turn):
-        x, lower = points[:, j], grid.lower[j]
-        with np.errstate(invalid="ignore"):
-            outside = ~((x >= lower) & (x < grid.upper[j]))
-            near[:, j] = np.where(outside, x - turn[j] * np.floor((x - lower) / turn[j]), x)
-    return near
 
 
 def warn_of_inaccurate(missed: int, total: int) -> None:

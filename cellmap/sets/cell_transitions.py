@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.kernels.cells import tally
 from .._lib.checks import claim_memory, finite_number, is_sequence, of_the_user, real_array, whole_number
 from .._lib.threads import run_over, slices
-from ..maps.grid import CellGrid, between
+from ..maps.grid import CellGrid
 from ..maps.orbit_batch import CHUNK, Status
 from ..maps.point_map import PointMap
+from .box_images import middles, tallied
 from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of
 from .markov import Sparse
 
@@ -65,7 +65,7 @@ def transitions(
     parts = slices(grid.size, max(1, CHUNK // each))
     rows: dict[int, tuple[NDArray[np.int64], NDArray[Any], NDArray[np.float64]]] = {}
     missed = np.zeros(len(parts), np.int64)
-    lattice = None if isinstance(samples, int) else _lattice(samples)
+    lattice = None if isinstance(samples, int) else middles(samples)
     index = np.int32 if max(taken, states) < 2**31 else np.int64
 
     def work(number: int) -> None:
@@ -75,10 +75,10 @@ def transitions(
         places = rng.uniform(-0.5, 0.5, (len(cells), each, grid.dimension)) if lattice is None else lattice
         points = (centres_of(grid, cells)[:, None, :] + places * grid.widths).reshape(-1, grid.dimension)
         orbits = images_of(point_map, points, periods, None if noise is None else _kick(noise, rng, grid.dimension))
-        found = np.sort(cells_of(point_map, grid, orbits).reshape(-1, each), axis=1)
-        first, targets, shares = np.empty(len(cells) + 1, np.int64), np.empty(found.size, index), np.empty(found.size)
-        tally(found, states, first, targets, shares)
-        rows[number] = np.diff(first), targets[: first[-1]].copy(), shares[: first[-1]].copy()
+        found = cells_of(point_map, grid, orbits)
+        hits = tallied(np.where(found < 0, states + found, found), np.arange(len(cells)), each)
+        counts = np.bincount(hits.rows, minlength=len(cells))
+        rows[number] = counts, hits.targets.astype(index), hits.counts / each
         missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
 
     run_over(range(len(parts)), work, f"chain of cells of {point_map.name}" if progress else None)
@@ -88,12 +88,6 @@ def transitions(
     shares = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
     matrix = csr_array((shares, targets, np.cumsum(counts).astype(index)), shape=(states, states))
     return matrix, int(missed.sum()), taken
-
-
-def _lattice(samples: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return regular places in a cell, in its widths from its centre, shape (samples, dimension)."""
-    axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in samples]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(samples))
 
 
 def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[int], NDArray[np.float64]]:

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from .box_images import Samples, bisections, box_transitions
 from .box_set import BoxSet
+from .markov import recurrent_parts
 
 Depth = int | Sequence[int]
 """Number of bisections of each axis: one for all, or one for each."""
@@ -165,22 +165,6 @@ def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSe
     if not isinstance(window, CellGrid):
         raise TypeError(f"window={window!r}: give a CellGrid, or a BoxSet to begin with")
     return BoxSet.full(window.on(point_map.coordinates, "window"))
-
-
-def recurrent_parts(graph: csr_array) -> NDArray[np.int64]:
-    """Return the number of the strongly connected part on which each node lies, -1 for nodes on no closed chain.
-
-    Parts are numbered by their first nodes.
-    """
-    count, parts = connected_components(graph, directed=True, connection="strong")
-    closed = np.bincount(parts, minlength=count) > 1
-    closed[parts[graph.diagonal() > 0]] = True
-    where = np.flatnonzero(closed[parts])
-    numbers = np.full(count, -1)
-    _, first = np.unique(parts[where], return_index=True)
-    ordered = parts[where[np.sort(first)]]
-    numbers[ordered] = np.arange(len(ordered))
-    return np.asarray(numbers[parts], np.int64)
 
 
 def _lasting(graph: csr_array, backwards_only: bool = False) -> NDArray[np.bool_]:

@@ -7,17 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, reverse_cuthill_mckee
 
-from .._compiled.kernels.chains import (
-    balance,
-    component_period,
-    describe_components,
-    eliminate,
-    relax,
-    strong_components,
-    substitute,
-    sweep,
-)
+from .._compiled.kernels.chains import balance, eliminate, relax, substitute, sweep
 from .._lib.checks import warn_caller
 
 _PATIENCE = 100  # sweeps, up and down, before a class is left to another solver
@@ -60,30 +53,57 @@ class Components:
         return np.sort(self.order[self.begin[number] : self.begin[number + 1]])
 
 
-def components_of(matrix: Sparse) -> Components:
-    """Return the strongly connected components of a row-stochastic matrix.
-
-    References
-    ----------
-    Tarjan, SIAM Journal on Computing 1 (1972) 146.
-    """
-    n = matrix.shape[0]
-    of, order = np.empty(n, np.int64), np.empty(n, np.int64)
-    count = strong_components(matrix.indptr, matrix.indices, of, order)
-    leaves, recurs = np.empty(count, bool), np.empty(count, bool)
-    describe_components(matrix.indptr, matrix.indices, of, leaves, recurs)
+def components_of(matrix: Sparse, leaks: NDArray[np.bool_] | None = None) -> Components:
+    """Return the strongly connected components of a matrix of transitions; states may also leak elsewhere."""
+    count, of = connected_components(matrix, directed=True, connection="strong")
+    rows, columns = _steps(matrix)
+    if (of[rows] < of[columns]).any():  # the order of the numbers is a custom of SciPy's algorithm, not a promise
+        of = count - 1 - of
+    within = of[rows] == of[columns]
+    closed, recurs = np.ones(count, bool), np.zeros(count, bool)
+    closed[of[rows[~within]]], recurs[of[rows[within]]] = False, True
+    if leaks is not None:
+        closed[of[leaks]] = False
     begin = np.concatenate([[0], np.cumsum(np.bincount(of, minlength=count))])
-    return Components(of, order, begin, ~leaves, recurs)
+    return Components(of.astype(np.int64), np.argsort(of, kind="stable"), begin, closed, recurs)
+
+
+def recurrent_parts(graph: Sparse) -> NDArray[np.int64]:
+    """Return the number of the component on which each state lies, -1 for states on no closed path of steps.
+
+    Components are numbered by their first states.
+    """
+    found = components_of(graph)
+    numbers = np.full(len(found.of), -1)
+    where = np.flatnonzero(found.recurs[found.of])
+    _, first, part = np.unique(found.of[where], return_index=True, return_inverse=True)
+    numbers[where] = np.argsort(np.argsort(first))[part]
+    return numbers
 
 
 def periods_of(matrix: Sparse, components: Components, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the periods of some components: the greatest common divisors of the lengths of their cycles."""
-    level = np.full(len(components.of), -1, np.int64)
-    queue = np.empty(len(components.of), np.int64)
-    arguments = matrix.indptr, matrix.indices, components.of
-    return np.array(
-        [component_period(*arguments, components.order[components.begin[c]], level, queue) for c in numbers], np.int64
-    )
+    """Return the periods of some components, in order: the greatest common divisors of the lengths of their cycles."""
+    n, of = len(components.of), components.of
+    rows, columns = _steps(matrix)
+    within = (of[rows] == of[columns]) & np.isin(of, numbers)[rows]
+    rows, columns = rows[within], columns[within]
+    roots = components.order[components.begin[numbers]]
+    # One more state leads to a state of each component: its search by breadth gives the distances from these.
+    links = np.concatenate([rows, np.full(len(roots), n)]), np.concatenate([columns, roots])
+    before = breadth_first_order(csr_array((np.ones(len(links[0]), np.int8), links), shape=(n + 1, n + 1)), n)[1]
+    ahead, distance = np.where(before < 0, n, before), (before >= 0).astype(np.int64)
+    while (ahead < n).any():
+        distance, ahead = distance + distance[ahead], ahead[ahead]
+    gaps = np.concatenate([np.abs(distance[rows] + 1 - distance[columns]), np.zeros(len(roots), np.int64)])
+    owner = np.concatenate([of[rows], of[roots]])
+    order = np.argsort(owner, kind="stable")
+    begin = np.searchsorted(owner[order], numbers)
+    return np.gcd.reduceat(gaps[order], begin) if len(numbers) else begin
+
+
+def _steps(matrix: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the states that the entries of a matrix lead from, and to."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices
 
 
 def solve_transient(
@@ -166,8 +186,6 @@ def _solved(
 
 def _banded(inner: Sparse) -> tuple[NDArray[np.int64], NDArray[np.float64] | None]:
     """Return an order of states in which most of them lead to close ones, and their fractions; None for a wide band."""
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
     n = inner.shape[0]
     order = np.asarray(reverse_cuthill_mckee(inner + inner.T, symmetric_mode=True), dtype=np.int64)
     place = np.empty(n, np.int64)

@@ -16,7 +16,8 @@ from ..maps.point_map import PointMap
 from .box_images import Samples, box_transitions
 from .box_set import BoxSet
 from .invariant_manifolds import forward_closure
-from .invariant_sets import Depth, chain_recurrent_set, recurrent_parts
+from .invariant_sets import Depth, chain_recurrent_set
+from .markov import recurrent_parts
 
 
 @dataclass(frozen=True, eq=False)

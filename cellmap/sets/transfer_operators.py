@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigs, eigsh
 
 from .._lib.checks import claim_memory, whole_number
@@ -17,7 +16,7 @@ from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from .box_images import box_transitions, points_in
 from .box_set import BoxSet
-from .invariant_sets import recurrent_parts
+from .markov import components_of, invariant_measure, recurrent_parts
 
 _DENSE = 400  # boxes up to which all eigenvalues are found
 _KRYLOV = 40  # least size of the space in which some are sought
@@ -99,17 +98,12 @@ class TransferOperator:
     @functools.cached_property
     def invariant_measures(self) -> tuple[NDArray[np.float64], ...]:
         """Invariant measures as probabilities (n,) of the boxes, one for each closed component."""
-        count, parts = connected_components(self.matrix, directed=True, connection="strong")
-        rows, columns = self.matrix.nonzero()
-        open_ = np.zeros(count, bool)
-        open_[parts[rows[parts[rows] != parts[columns]]]] = True
-        open_[parts[self.lost > 0.0]] = True
+        found = components_of(self.matrix, self.lost > 0.0)
         measures = []
-        for part in np.unique(parts[~open_[parts]]):
-            members = np.flatnonzero(parts == part)
-            inner = csr_array(self.matrix[members][:, members])
-            measure = np.zeros(len(parts))
-            measure[members] = _leading(inner)[1]
+        for number in np.flatnonzero(found.closed):
+            members = found.states(int(number))
+            measure = np.zeros(len(self.boxes))
+            measure[members] = invariant_measure(self.matrix, members)
             measures.append(measure)
         return tuple(measures)
 

@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import connected_components
 
 import systems
 from cellmap import CellGrid, angle, discrete_map, find_basins, load_basins, save_basins, set_threads, stroboscopic_map
-from cellmap._compiled.kernels.cells import tally
 from cellmap.sets import generalized_cell_mapping, markov, simple_cell_mapping
+from cellmap.sets.box_images import tallied
 from cellmap.sets.markov import components_of, invariant_measure, periods_of, solve_transient
 
 
@@ -215,11 +215,10 @@ def absorbed(matrix):
 
 def test_rows_are_tallied_with_sinks_last():
     cells = np.sort([[4, 0, 4, -1], [-2, -2, -1, 3]], axis=1)
-    first, targets, shares = np.empty(3, np.int64), np.empty(8, np.int32), np.empty(8)
-    tally(cells, 8, first, targets, shares)
-    assert first.tolist() == [0, 3, 6]
-    assert targets[:6].tolist() == [0, 4, 7, 3, 6, 7]
-    assert shares[:6].tolist() == [0.25, 0.5, 0.25, 0.25, 0.5, 0.25]
+    hits = tallied(np.where(cells < 0, 8 + cells, cells).ravel(), np.arange(2), 4)
+    assert hits.rows.tolist() == [0, 0, 0, 1, 1, 1]
+    assert hits.targets.tolist() == [0, 4, 7, 3, 6, 7]
+    assert hits.counts.tolist() == [1, 2, 1, 1, 2, 1]
 
 
 class TestTransitions:

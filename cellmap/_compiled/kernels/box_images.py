@@ -32,9 +32,10 @@ def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
         for j in range(points.shape[1]):
             x, n = points[i, j], shape[j]
             if turn[j] > 0.0 and not lower[j] <= x < upper[j]:
-                x = x - np.floor((x - lower[j]) / turn[j]) * turn[j]
                 if wraps[j]:
-                    x = min(max(x, lower[j]), upper[j])
+                    x = min(lower[j] + (x - lower[j]) % turn[j], upper[j])
+                else:
+                    x = x - np.floor((x - lower[j]) / turn[j]) * turn[j]
             if not abs(x) < np.inf or not (wraps[j] or lower[j] <= x < upper[j]):
                 key = np.int64(-1)
                 break

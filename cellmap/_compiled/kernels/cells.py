@@ -1,4 +1,4 @@
-"""Maps of cells to cells: groups of a simple cell mapping, rows of a generalized one."""
+"""Maps of cells to cells: groups of a simple cell mapping."""
 
 from __future__ import annotations
 
@@ -47,30 +47,3 @@ def unravel(images, groups, steps, periods):
         for k in range(tail):
             groups[path[k]], steps[path[k]] = group, ahead + tail - k
     return found
-
-
-@njit(**KERNEL)
-def tally(cells, states, first, indices, shares):
-    """Write the states and the shares of each row of ``cells`` (n, samples), which are sorted; negative ones last.
-
-    The sink of the code -k is the state ``states - k``.  ``first`` (n + 1,) receives where the rows begin.
-    """
-    n, samples = cells.shape
-    count = 0
-    first[0] = 0
-    for i in range(n):
-        j = 0
-        while j < samples and cells[i, j] < 0:
-            j += 1
-        sinks = j
-        for part in range(2):
-            j, end = (sinks, samples) if part == 0 else (0, sinks)
-            while j < end:
-                cell = cells[i, j]
-                begin = j
-                while j < end and cells[i, j] == cell:
-                    j += 1
-                indices[count] = cell if cell >= 0 else states + cell
-                shares[count] = (j - begin) / samples
-                count += 1
-        first[i + 1] = count

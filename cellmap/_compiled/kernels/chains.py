@@ -1,4 +1,4 @@
-"""Markov chains as sparse matrices: components, sweeps, eliminations."""
+"""Markov chains as sparse matrices: sweeps, eliminations."""
 
 from __future__ import annotations
 
@@ -8,106 +8,6 @@ from numba import njit
 from .options import KERNEL
 
 _FIRST_LOOK = 8  # sweeps before their number is foreseen
-
-
-@njit(**KERNEL)
-def strong_components(first, targets, component, order):
-    """Write the strongly connected component of each state, and the states component by component.
-
-    Components are numbered so that each is after all others that it leads to (Tarjan 1972); returns their number.
-    """
-    n = len(component)
-    number = np.zeros(n, np.int64)  # order of discovery from 1 on
-    low = np.empty(n, np.int64)
-    edge = np.empty(n, np.int64)
-    waiting = np.empty(n, np.int64)
-    trail = np.empty(n, np.int64)
-    component[:] = -1
-    discovered = found = on_hold = written = 0
-    for root in range(n):
-        if number[root]:
-            continue
-        depth = 0
-        trail[0] = root
-        fresh = True
-        while depth >= 0:
-            state = trail[depth]
-            if fresh:
-                discovered += 1
-                number[state] = low[state] = discovered
-                edge[state] = first[state]
-                waiting[on_hold] = state
-                on_hold += 1
-                fresh = False
-            while edge[state] < first[state + 1]:
-                target = targets[edge[state]]
-                edge[state] += 1
-                if number[target] == 0:
-                    depth += 1
-                    trail[depth] = target
-                    fresh = True
-                    break
-                if component[target] < 0:
-                    low[state] = min(low[state], number[target])
-            if fresh:
-                continue
-            if low[state] == number[state]:
-                while True:
-                    on_hold -= 1
-                    member = waiting[on_hold]
-                    component[member] = found
-                    order[written] = member
-                    written += 1
-                    if member == state:
-                        break
-                found += 1
-            depth -= 1
-            if depth >= 0:
-                low[trail[depth]] = min(low[trail[depth]], low[state])
-    return found
-
-
-@njit(**KERNEL)
-def describe_components(first, targets, component, leaves, returns):
-    """Write for each component whether a step leads out of it, and whether one leads from it to itself."""
-    leaves[:] = False
-    returns[:] = False
-    for state in range(len(component)):
-        own = component[state]
-        for e in range(first[state], first[state + 1]):
-            if component[targets[e]] == own:
-                returns[own] = True
-            else:
-                leaves[own] = True
-
-
-@njit(**KERNEL)
-def component_period(first, targets, component, root, level, queue):
-    """Return the greatest common divisor of the lengths of all cycles in the component of a state.
-
-    ``level`` (n,) is -1 in the component before, and holds the distance from the root afterwards.
-    """
-    own = component[root]
-    level[root] = 0
-    queue[0] = root
-    begin, end, divisor = 0, 1, 0
-    while begin < end:
-        state = queue[begin]
-        begin += 1
-        for e in range(first[state], first[state + 1]):
-            target = targets[e]
-            if component[target] != own:
-                continue
-            if level[target] < 0:
-                level[target] = level[state] + 1
-                queue[end] = target
-                end += 1
-            else:
-                a, b = divisor, abs(level[state] + 1 - level[target])
-                while b:
-                    a, b = b, a % b
-                divisor = a
-    return divisor
 
 
 @njit(**KERNEL)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..._compiled.kernels.certainty import NONE, claim_within, reach_ends
 from ..._lib.threads import slices
 from ...attractors.settling import ESCAPED, Catalogue, settle
-from ...maps.coordinates import from_edge, turns_of, wrap
-from ...maps.grid import CellGrid, grid_points
+from ...maps.coordinates import from_edge, wrap
+from ...maps.grid import CellGrid, Locator, grid_points
 from ...maps.orbit_batch import CHUNK, Orbits, Status
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Cover
@@ -69,7 +69,7 @@ class Setting:
 
     def cells_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the cells of those points that have one, flat."""
-        places = self.grid.locate(from_edge(points, np.array(self.grid.lower), self.catalogue.turn))
+        places = Locator.of(self.grid, self.direct.coordinates)(points)
         return places[places >= 0]
 
 
@@ -82,12 +82,12 @@ def exact_within(point_map: PointMap) -> PointMap:
 
 def within(grid: CellGrid, exact: PointMap) -> PointMap:
     """Return the exact map with the window of a table: orbits end where they are outside when a period begins."""
-    turn = turns_of(exact.coordinates)[1]
+    locate = Locator.of(grid, exact.coordinates)
 
     def advance(orbits: Orbits, periods: int) -> None:
         for _ in range(periods):
             for now in orbits.living():
-                now.end(grid.locate(from_edge(now.points, np.array(grid.lower), turn)) < 0, Status.ESCAPED)
+                now.end(locate(now.points) < 0, Status.ESCAPED)
                 for inside in now.living():
                     exact.advance(inside, 1)
 
