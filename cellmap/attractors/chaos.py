@@ -15,7 +15,7 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
-from ..orbits.lyapunov_qr import BLOCKS, stretching
+from ..orbits.lyapunov_qr import BLOCKS, is_positive, stretching
 from ..orbits.newton import resolution
 from .settling import boxes_around, boxes_of, moved_boxes
 from .transients import Reason, follow_on
@@ -149,7 +149,7 @@ def _tested(
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic."""
     exponents, errors = lyapunov_exponents(point_map, points, periods)
     with np.errstate(invalid="ignore"):
-        chaotic = exponents.max(axis=-1) > np.maximum(5.0 * errors, 1e-3)
+        chaotic = is_positive(exponents.max(axis=-1), errors)
         shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
     reasons = np.full(len(points), Reason.REGULAR, object)
     reasons[chaotic] = Reason.TRANSIENT

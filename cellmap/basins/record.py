@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.binomial import binomial_interval
 from .._lib.checks import affordable_number, one_of, random_numbers
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -82,20 +83,10 @@ class Verification:
     @classmethod
     def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
         """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
-        low, _ = _wilson(wrong, starts + undecided)
-        _, high = _wilson(wrong + undecided, starts + undecided)
+        (low, _), (_, high) = np.transpose(
+            binomial_interval([wrong, wrong + undecided], starts + undecided, method="Wilson")
+        ).tolist()
         return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
-
-
-def _wilson(hits: int, number: int) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a share (Wilson 1927)."""
-    if not number:
-        return 0.0, 1.0
-    z, share = 1.959963984540054, hits / number
-    centre = share + z * z / (2 * number)
-    half = z * np.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
-    low, high = ((centre + way * half) / (1 + z * z / number) for way in (-1, 1))
-    return float(max(low, 0.0)) if hits else 0.0, float(min(high, 1.0)) if hits < number else 1.0
 
 
 @dataclass(frozen=True, eq=False)

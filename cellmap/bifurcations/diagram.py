@@ -25,11 +25,9 @@ from ..maps.coordinates import Coordinate, difference, state_points, turns_of, w
 from ..maps.orbit_batch import Status
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap, warn_of_tolerance
-from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, swept_derivatives
+from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, is_positive, swept_derivatives
 from .parameter_sweep import Recorded, record_each, record_followed
 
-_CHAOTIC = 1e-3  # a largest exponent below this, per step, is no evidence of chaos, as in the search for attractors
-_ERRORS = 5.0  # nor is one within as many standard errors of zero
 _UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
 _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none": ("none",)}
 
@@ -100,8 +98,7 @@ class BifurcationDiagram:
     def chaotic(self) -> NDArray[np.bool_]:
         """Orbits without a period whose largest exponent is significantly positive, shape (branches, n)."""
         with np.errstate(invalid="ignore"):
-            largest, error = self.exponents[..., 0], self.standard_errors[..., 0]
-            return (self.period == 0) & (largest > np.maximum(_ERRORS * error, _CHAOTIC))
+            return (self.period == 0) & is_positive(self.exponents[..., 0], self.standard_errors[..., 0])
 
 
 @checked

@@ -5,8 +5,8 @@ from .chaos_tests import ChaosTest as ChaosTest
 from .chaos_tests import exponent_test as exponent_test
 from .covariant import CovariantVectors as CovariantVectors
 from .covariant import covariant_vectors as covariant_vectors
-from .ftle import ExponentField as ExponentField
-from .ftle import finite_time_exponents as finite_time_exponents
+from .exponent_fields import ExponentField as ExponentField
+from .exponent_fields import finite_time_exponents as finite_time_exponents
 from .lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from .periodic_orbit import OrbitKind as OrbitKind

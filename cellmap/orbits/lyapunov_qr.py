@@ -14,6 +14,11 @@ BLOCKS = 10
 """Stretches of an orbit whose means tell the standard error; the first of as many is left out while frames align."""
 
 
+def is_positive(largest: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which largest exponents are evidence of chaos: above 1e-3 per step and five standard errors."""
+    return np.asarray(largest > np.maximum(5.0 * errors, 1e-3))
+
+
 def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the exponents of orbits, the largest first, and their standard errors, by QR factors.
 

@@ -12,7 +12,7 @@ from .._lib.checks import one_of
 from .._lib.signatures import checked
 from ..orbits.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..orbits.covariant import CovariantVectors
-from ..orbits.ftle import ExponentField
+from ..orbits.exponent_fields import ExponentField
 from ..orbits.lyapunov import LyapunovSpectrum
 from ._axes import axes_or_new, label_axis
 from ._colours import colour_of

@@ -8,10 +8,10 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from .._lib.signatures import checked
+from ..analysis.resilience.basin_fractions import BasinStability
 from ..analysis.resilience.integrity import Ball
 from ..analysis.resilience.settling_times import SettlingStatistics
 from ..analysis.resilience.shocks import FatalShock
-from ..analysis.resilience.stability import BasinStability
 from ..analysis.resilience.tipping import TippingProbabilities
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate

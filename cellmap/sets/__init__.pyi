@@ -3,7 +3,7 @@ from .box_images import box_transitions as box_transitions
 from .box_set import BoxSet as BoxSet
 from .cell_chain import CellChain as CellChain
 from .cell_chain import CellClass as CellClass
-from .ftle import box_ftle as box_ftle
+from .exponents_of_boxes import box_ftle as box_ftle
 from .generalized_cells import generalized_cell_mapping as generalized_cell_mapping
 from .invariant_manifolds import stable_set as stable_set
 from .invariant_manifolds import unstable_set as unstable_set

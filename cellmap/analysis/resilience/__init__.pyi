@@ -1,3 +1,6 @@
+from .basin_fractions import BasinStability as BasinStability
+from .basin_fractions import Share as Share
+from .basin_fractions import basin_stability as basin_stability
 from .integrity import Ball as Ball
 from .integrity import largest_ball as largest_ball
 from .integrity import local_integrity as local_integrity
@@ -6,8 +9,5 @@ from .settling_times import SettlingTimes as SettlingTimes
 from .settling_times import settling_statistics as settling_statistics
 from .shocks import FatalShock as FatalShock
 from .shocks import minimal_fatal_shock as minimal_fatal_shock
-from .stability import BasinStability as BasinStability
-from .stability import Share as Share
-from .stability import basin_stability as basin_stability
 from .tipping import TippingProbabilities as TippingProbabilities
 from .tipping import tipping_probabilities as tipping_probabilities

@@ -13,7 +13,7 @@ from ..._lib.signatures import checked
 from ...attractors.settling import UNDECIDED
 from ...basins.record import LABEL_NAMES, Basins
 from ...orbits.attractor import distinct_names
-from .stability import BasinStability
+from .basin_fractions import BasinStability
 
 
 @dataclass(frozen=True, eq=False)

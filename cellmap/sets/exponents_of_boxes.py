@@ -11,7 +11,7 @@ from .._lib.threads import run_over, slices
 from ..maps.coordinates import wrap
 from ..maps.orbit_batch import CHUNK
 from ..maps.point_map import PointMap
-from ..orbits.ftle import growth
+from ..orbits.exponent_fields import growth
 from .box_images import check_boxes
 from .box_set import BoxSet
 
