@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from .._lib.checks import is_sequence, shown, whole_number
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate, turns_of
+from ..maps.grid import CellGrid
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
@@ -23,14 +27,30 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axe
     return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
 
 
-def picture_axes(basins: Basins) -> tuple[int, int, tuple[float, float, float, float]]:
-    """Return the horizontal and the vertical coordinate of basins, and the extent (left, right, bottom, top)."""
-    grid = basins.grid
-    wide = [] if grid is None else [j for j, n in enumerate(grid.shape) if n > 1]
-    if grid is None or len(wide) != 2:
+def plane_of(basins: Basins) -> CellGrid:
+    """Return the grid of basins that has two axes of more than one cell."""
+    if basins.grid is None or sum(n > 1 for n in basins.grid.shape) != 2:
         raise ValueError(f"basins of {basins.name}: a figure needs a grid with two axes of more than one cell")
-    columns, rows = wide
-    return columns, rows, (grid.lower[columns], grid.upper[columns], grid.lower[rows], grid.upper[rows])
+    return basins.grid
+
+
+def show_cells(
+    ax: Axes, image: NDArray[Any], grid: CellGrid, coordinates: Sequence[Coordinate], **style: Any
+) -> AxesImage:
+    """Draw values or colours of cells, rows from bottom to top, over the two axes of a grid that have several."""
+    across, up = (j for j, n in enumerate(grid.shape) if n > 1)
+    for axis, j in ((ax.xaxis, across), (ax.yaxis, up)):
+        label_axis(axis, coordinates[j], grid.upper[j] - grid.lower[j])
+    extent = (grid.lower[across], grid.upper[across], grid.lower[up], grid.upper[up])
+    return ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest", **style)
+
+
+def legend_below(ax: Axes, names: Iterable[tuple[Any, str]]) -> None:
+    """Name colours below the axes."""
+    handles = [Patch(facecolor=colour, edgecolor="0.3", label=name) for colour, name in names]
+    ax.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize="small", frameon=False
+    )
 
 
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:

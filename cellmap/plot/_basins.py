@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from .._lib.signatures import checked
 from ..basins.record import Basins
 from ..orbits.attractor import Kind, distinct_names
-from ._axes import axes_or_new, label_axis, picture_axes
+from ._axes import axes_or_new, legend_below, plane_of, show_cells
 from ._colours import label_colours
 
 
@@ -56,40 +55,21 @@ def basins(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> plot.basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
     'x'
     """
-    columns, rows, extent = picture_axes(basins)
+    grid = plane_of(basins)
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
-    image = _painted(basins, palette, shade)
-    ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
-    label_axis(ax.xaxis, basins.coordinates[columns], extent[1] - extent[0])
-    label_axis(ax.yaxis, basins.coordinates[rows], extent[3] - extent[2])
+    show_cells(ax, _painted(basins, palette, shade), grid, basins.coordinates)
     if points:
-        _mark_attractors(ax, basins, columns, rows)
+        _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
         names = dict(enumerate(distinct_names(basins.attractors)))
-        ax.legend(
-            handles=[
-                Patch(
-                    facecolor=palette[k],
-                    edgecolor="0.3",
-                    label=f"{names.get(k) or basins.label_name(k)}: {_percent(f.share)}",
-                )
-                for k, f in basins.fractions.items()
-            ],
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.12),
-            ncols=2,
-            fontsize="small",
-            frameon=False,
-        )
+        shares = {k: _percent(f.share) for k, f in basins.fractions.items()}
+        legend_below(ax, [(palette[k], f"{names.get(k) or basins.label_name(k)}: {s}") for k, s in shares.items()])
     ax.set_title(basins.name)
     return ax
 
@@ -106,14 +86,14 @@ def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray
     return image
 
 
-def _mark_attractors(ax: Axes, basins: Basins, columns: int, rows: int) -> None:
+def _mark_attractors(ax: Axes, basins: Basins, wide: list[int]) -> None:
     """Draw the points of attractors that lie in the window; a chaotic attractor as a cloud."""
     for attractor in basins.attractors:
-        places = attractor.points[:, [columns, rows]]
+        places = attractor.points[:, wide]
         if attractor.kind is Kind.CHAOTIC:
             ax.plot(*places.T, ",", color="black", alpha=0.5, scalex=False, scaley=False)
             continue
-        for k, j in enumerate((columns, rows)):
+        for k, j in enumerate(wide):
             turn = basins.coordinates[j].turn
             if turn is not None:  # a point on the seam is seen at both ends
                 places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])

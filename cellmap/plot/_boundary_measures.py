@@ -38,8 +38,7 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib, numpy as np
-    >>> matplotlib.use("Agg")
+    >>> import numpy as np
     >>> from cellmap.analysis.fractal import image_uncertainty_exponent
     >>> halves = np.add.outer(np.arange(90), np.arange(90)) > 80
     >>> plot.uncertainty_exponent(image_uncertainty_exponent(halves)).get_ylabel()
@@ -79,8 +78,7 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib, numpy as np
-    >>> matplotlib.use("Agg")
+    >>> import numpy as np
     >>> from cellmap.analysis.fractal import basin_entropy
     >>> halves = np.add.outer(np.arange(90), np.arange(90)) > 80
     >>> plot.basin_entropy(basin_entropy(halves)).get_xlabel()
@@ -130,8 +128,7 @@ def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib, numpy as np
-    >>> matplotlib.use("Agg")
+    >>> import numpy as np
     >>> from cellmap.analysis.fractal import wada_merging
     >>> plot.wada(wada_merging(np.arange(90)[:, None] % 3 + np.zeros((90, 60), int))).get_title()
     'Wada'

@@ -49,10 +49,7 @@ def edge_orbit(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> from cellmap.analysis.boundary import edge_orbit
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
@@ -110,10 +107,7 @@ def manifolds(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, periodic_orbit
+    >>> from cellmap import CellGrid, discrete_map, periodic_orbit, plot
     >>> from cellmap.analysis.boundary import saddle_manifold
     >>> bent = discrete_map(lambda x, p: (2 * x[0], x[1] / 2 + 3.5 * x[0] ** 2), {}, ("x", "y"))
     >>> window = CellGrid((-1, -1), (1, 1), (1, 1))
@@ -161,8 +155,6 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> import numpy as np
     >>> near = BoundaryDistance(np.zeros((3, 2)), np.array([0.1, 0.2, 3.0]), np.zeros((3, 2), np.int16), 1.0, 2 / 3)
     >>> plot.boundary_distance(near).get_xlabel()
@@ -206,10 +198,7 @@ def chaotic_saddle(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.analysis.boundary import chaotic_saddle
     >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
     >>> plot.chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n=100)).get_ylabel()

@@ -75,10 +75,7 @@ def branches(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import discrete_map, periodic_orbit
+    >>> from cellmap import discrete_map, periodic_orbit, plot
     >>> from cellmap.bifurcations import period_doubling_cascade
     >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
     >>> cascade = period_doubling_cascade(logistic, periodic_orbit(logistic, [0.5]), "r", 4.0, doublings=3)

@@ -15,7 +15,7 @@ from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..sets.cell_chain import CellChain
 from ..sets.simple_cells import CellMapping
-from ._axes import axes_or_new, label_axis
+from ._axes import axes_or_new, label_axis, show_cells
 from ._colours import CODE_COLOURS, colour_of
 
 _PALEST = 0.75  # share of white in the colour of the cells that are the last to come to their group
@@ -42,22 +42,17 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
 
     Raises
     ------
-    TypeError, ValueError
-        For something that is no mapping, or one without two axes of more than one cell.
+    ValueError
+        For a grid without two axes of more than one cell.
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.sets import simple_cell_mapping
     >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> plot.cell_mapping(simple_cell_mapping(halves, CellGrid((-1, -1), (1, 1), (9, 9)))).get_xlabel()
     'x'
     """
-    if not isinstance(mapping, CellMapping):
-        raise TypeError(f"mapping={mapping!r}: give a CellMapping, as simple_cell_mapping returns it")
     coordinates = mapping.point_map.coordinates
     groups = mapping.groups.ravel()
     periodic = mapping.periodic_cells
@@ -95,21 +90,17 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None =
 
     Raises
     ------
-    TypeError, ValueError
-        For something that is no chain, or a class that it does not have.
+    ValueError
+        For a class that the chain does not have.
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.sets import generalized_cell_mapping
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
     >>> plot.absorption(generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,))), number=1).get_ylabel()
     'probability of absorption in class 1'
     """
-    _check_chain(chain)
     coordinates = chain.point_map.coordinates
     if number is None:
         values = chain.domiciles.astype(float)
@@ -142,32 +133,23 @@ def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int =
 
     Raises
     ------
-    TypeError, ValueError
-        For something that is no chain, or a class that it does not have.
+    ValueError
+        For a class that the chain does not have.
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.sets import generalized_cell_mapping
     >>> logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
     >>> plot.invariant_measure(generalized_cell_mapping(logistic, CellGrid((0,), (1.01,), (101,)))).get_ylabel()
     'invariant density'
     """
-    _check_chain(chain)
     density = chain.density(number)
     flat = sum(n > 1 for n in chain.grid.shape) == 2
     name = chain.point_map.name
     values = np.where(density > 0.0, density, np.nan) if flat else density
     norm = LogNorm() if flat else None
     return _picture(ax, chain.grid, chain.point_map.coordinates, values, name, "invariant density", norm=norm)
-
-
-def _check_chain(chain: CellChain) -> None:
-    if not isinstance(chain, CellChain):
-        raise TypeError(f"chain={chain!r}: give a CellChain, as generalized_cell_mapping returns it")
 
 
 def _picture(
@@ -185,18 +167,14 @@ def _picture(
         raise ValueError(f"{title} on {grid.shape}: a figure needs a grid with two axes of more than one cell")
     ax = axes_or_new(ax, (7.0, 5.0))
     ax.set_title(title)
-    label_axis(ax.xaxis, coordinates[wide[0]], grid.upper[wide[0]] - grid.lower[wide[0]])
     if len(wide) == 1:
         assert measure is not None
+        label_axis(ax.xaxis, coordinates[wide[0]], grid.upper[wide[0]] - grid.lower[wide[0]])
         ax.plot(grid.axis(wide[0]), values.ravel())
         ax.set_ylabel(measure)
         return ax
-    label_axis(ax.yaxis, coordinates[wide[1]], grid.upper[wide[1]] - grid.lower[wide[1]])
-    shape = [grid.shape[j] for j in wide]
-    image = values.reshape(*shape, -1).swapaxes(0, 1)
-    extent = (grid.lower[wide[0]], grid.upper[wide[0]], grid.lower[wide[1]], grid.upper[wide[1]])
-    style = {"origin": "lower", "extent": extent, "aspect": "auto", "interpolation": "nearest"}
-    drawn = ax.imshow(image if measure is None else image[..., 0], norm=norm, cmap="magma", **style)  # type: ignore[arg-type]
+    image = values.reshape(*[grid.shape[j] for j in wide], -1).swapaxes(0, 1)
+    drawn = show_cells(ax, image if measure is None else image[..., 0], grid, coordinates, norm=norm, cmap="magma")
     if measure is not None:
         assert ax.figure is not None
         ax.figure.colorbar(drawn, ax=ax, label=measure)

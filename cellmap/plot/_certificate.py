@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch
 
 from .._lib.signatures import checked
 from ..basins.certification.certificate import Certificate, Evidence
-from ._axes import axes_or_new, label_axis, picture_axes
+from ._axes import axes_or_new, legend_below, plane_of, show_cells
 
 _COLOURS = {
     Evidence.CELL: (0.90, 0.93, 0.97),
@@ -47,34 +46,18 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map
+    >>> from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map, plot
     >>> exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> grid = CellGrid((-1, -1), (1, 1), (8, 8))
     >>> plot.certificate(certify(find_basins(interpolated_map(exact, grid), grid))).get_xlabel()
     'x'
     """
     basins = certificate.basins
-    columns, rows, extent = picture_axes(basins)
+    grid = plane_of(basins)
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = np.array([_COLOURS[evidence] for evidence in Evidence])
-    image = palette[np.squeeze(certificate.evidence).T]
-    ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest")
-    label_axis(ax.xaxis, basins.coordinates[columns], extent[1] - extent[0])
-    label_axis(ax.yaxis, basins.coordinates[rows], extent[3] - extent[2])
+    show_cells(ax, palette[np.squeeze(certificate.evidence).T], grid, basins.coordinates)
     shares = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence)) / certificate.evidence.size
-    ax.legend(
-        handles=[
-            Patch(facecolor=_COLOURS[e], edgecolor="0.3", label=f"{_NAMES[e]}: {100 * shares[e]:.3g} %")
-            for e in Evidence
-        ],
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.12),
-        ncols=2,
-        fontsize="small",
-        frameon=False,
-    )
+    legend_below(ax, [(_COLOURS[e], f"{_NAMES[e]}: {100 * shares[e]:.3g} %") for e in Evidence])
     ax.set_title(f"{basins.name}: evidence for labels")
     return ax

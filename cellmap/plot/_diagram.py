@@ -38,15 +38,12 @@ def bifurcation_diagram(
 
     Raises
     ------
-    TypeError, ValueError
-        For something that is not a diagram, or a coordinate that it does not have.
+    ValueError
+        For a coordinate that it does not have.
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import bifurcation_diagram, discrete_map
+    >>> from cellmap import bifurcation_diagram, discrete_map, plot
     >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
     >>> upper, lower = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.5], [0.3]))
     >>> upper.get_ylabel(), lower.get_xlabel()

@@ -27,11 +27,6 @@ def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = N
     -------
     matplotlib Axes
         The axes; bars are one standard error.
-
-    Raises
-    ------
-    TypeError
-        For another type of result.
     """
     ax = axes_or_new(ax, (6.0, 4.0))
     ax.errorbar(
@@ -56,11 +51,6 @@ def kaplan_yorke(result: KaplanYorke, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
         The axes; bars are one standard error of a sum.
-
-    Raises
-    ------
-    TypeError
-        For another type of result.
     """
     ax = axes_or_new(ax, (6.0, 4.0))
     sums = np.concatenate([[0.0], np.cumsum(result.exponents)])

@@ -53,15 +53,12 @@ def exponent_field(
 
     Raises
     ------
-    TypeError, ValueError
-        For something that is no field, or one without one axis or two of more than one cell.
+    ValueError
+        For a grid without one axis or two of more than one cell.
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.orbits import finite_time_exponents
     >>> henon = discrete_map(lambda x, p: (1 - 1.4 * x[0]**2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
     >>> plot.exponent_field(finite_time_exponents(henon, CellGrid((-1, -1), (1, 1), (8, 8)), 4)).get_xlabel()
@@ -123,17 +120,9 @@ def lyapunov_spectrum(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, per
     matplotlib Axes
         The axes with a curve for each orbit and exponent, and its final value with two standard errors.
 
-    Raises
-    ------
-    TypeError
-        For something that is no spectrum.
-
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import discrete_map, lyapunov_spectrum
+    >>> from cellmap import discrete_map, lyapunov_spectrum, plot
     >>> logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
     >>> plot.lyapunov_spectrum(lyapunov_spectrum(logistic, [0.3])).get_xlabel()
     'periods'
@@ -215,16 +204,9 @@ def chaos_test(test: ChaosTest, *, ax: Axes | None = None) -> Axes:
         The axes with exponents against the number of periods, or the K of all frequencies in increasing order, in the
         colour of the verdict; the limits between which there is none are dashed.
 
-    Raises
-    ------
-    TypeError
-        For something that is no test.
-
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from cellmap.orbits import zero_one_test_of_series
     >>> plot.chaos_test(zero_one_test_of_series(np.cos(np.arange(500.0)))).get_ylabel()
     'K'

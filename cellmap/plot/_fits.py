@@ -39,16 +39,9 @@ def fit(
     matplotlib Axes
         The axes: points in the window are filled, the others open; bars are one standard error.
 
-    Raises
-    ------
-    TypeError
-        For something without a fit.
-
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from cellmap._lib.fit import fit_line
     >>> plot.fit(fit_line([0, 1, 2], [0, 2, 4], labels=("ln 1/size", "ln boxes"))).get_ylabel()
     'boxes'

@@ -55,11 +55,8 @@ def basin_continuation(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from math import tanh
-    >>> from cellmap import CellGrid, discrete_map
+    >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.basins import continue_basins
     >>> wells = discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 1.0}, ("x",), "wells")
     >>> sweep = continue_basins(wells, "a", [0.5, 0.9, 1.5], CellGrid((-1,), (1,), (100,)))

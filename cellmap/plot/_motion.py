@@ -56,11 +56,8 @@ def time_series(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from math import pi
-    >>> from cellmap import ForcedSystem, trajectory
+    >>> from cellmap import ForcedSystem, plot, trajectory
     >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
     >>> [panel.get_ylabel() for panel in plot.time_series(trajectory(oscillator, [1.0, 0.0], periods=3))]
     ['q', 'v']
@@ -127,11 +124,8 @@ def phase_portrait(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from math import pi
-    >>> from cellmap import ForcedSystem, trajectory
+    >>> from cellmap import ForcedSystem, plot, trajectory
     >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
     >>> plot.phase_portrait(trajectory(oscillator, [1.0, 0.0], periods=1), y="v").get_ylabel()
     'v'

@@ -30,10 +30,7 @@ def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, plan
+    >>> from cellmap import CellGrid, discrete_map, plan, plot
     >>> exact = discrete_map(lambda x, p: (x[0] / 2 + x[0] ** 3 / 9,), {}, ("x",))
     >>> plot.plan(plan(exact, CellGrid((-1,), (1,), (50,)), accuracy=1e-3)).get_xscale()
     'log'

@@ -38,10 +38,7 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> from cellmap.analysis.resilience import basin_stability
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
     >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
@@ -78,10 +75,7 @@ def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) ->
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> from cellmap.analysis.resilience import settling_statistics
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
     >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
@@ -122,10 +116,7 @@ def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) ->
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> from cellmap.analysis.resilience import minimal_fatal_shock
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
@@ -168,10 +159,7 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
-    >>> from cellmap import CellGrid, discrete_map, find_basins
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> from cellmap.analysis.resilience import largest_ball
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
@@ -204,8 +192,6 @@ def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from cellmap.analysis.resilience import tipping_probabilities
     >>> plot.tipping(tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])).get_xlabel()
     'after'

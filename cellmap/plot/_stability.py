@@ -76,11 +76,8 @@ def stability_map(
 
     Examples
     --------
-    >>> from cellmap import plot
-    >>> import matplotlib
-    >>> matplotlib.use("Agg")
     >>> from math import cos, pi, sin
-    >>> from cellmap import ForcedSystem, stability_map
+    >>> from cellmap import ForcedSystem, plot, stability_map
     >>> def rhs(t, x, p):
     ...     theta, v = x
     ...     return v, -p.gamma * v - (p.alpha - p.beta * cos(t)) * sin(theta)
