@@ -18,7 +18,6 @@ from .._compiled.codegen.kernel import (
     why_untraced,
 )
 from .._compiled.codegen.linear import values
-from .._compiled.codegen.trace import Trace
 from .._compiled.kernels.periods import PROBE, Motion, integrate
 from .coordinates import turns_of
 from .orbit_batch import Orbits, legs
@@ -26,6 +25,7 @@ from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _RUNGS_PER_OCTAVE = 4
+_OF_EVENTS = frozenset({"auto", "Taylor"})  # methods that locate events
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 
@@ -53,7 +53,7 @@ def flow(
 def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int) -> Flow | None:
     """Return the motion of states with one tangent vector each, 2 d components; None without known derivatives."""
     names, kernel = tuple(system.params), None
-    if system.switches is not None:
+    if has_events(system):
         kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, tolerance, True)
     elif not unknown_formulas(system):
         kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance)
@@ -66,17 +66,16 @@ def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: f
 
 def _kernel(system: ForcedSystem, method: str, rtol: float) -> PeriodKernel:
     names = tuple(system.params)
-    if system.switches is None:
+    if system.switches is None and not (has_events(system) and method in _OF_EVENTS):
         return flow_kernel(system.rhs, system.dimension, names, method, rtol, not unknown_formulas(system))
-    if method not in {"auto", "Taylor"}:
+    if method not in _OF_EVENTS:
         raise ValueError(f"method={method!r}: a discontinuous right-hand side needs method='Taylor'")
     kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
     if kernel is None:
         reason = unknown_formulas(system)
         raise TypeError(
-            f"rhs of {system.name} has switches and must therefore be plain arithmetic and analytic functions of math "
-            "for fixed signs, without branches on the state: write branches with the signs s"
-            + (reason and f" ({reason})")
+            f"rhs of {system.name} has switches and must therefore be plain arithmetic, branches, and analytic "
+            "functions of math" + (reason and f" ({reason})")
         )
     return kernel
 
@@ -87,6 +86,16 @@ def unknown_formulas(system: ForcedSystem) -> str:
         return why_untraced(system.rhs, system.dimension, system.params)
     traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
     return traced if isinstance(traced, str) else ""
+
+
+def has_events(system: ForcedSystem) -> bool:
+    """Whether a right-hand side has switches, or branches that can be located."""
+    if system.switches is not None:
+        return True
+    if unknown_formulas(system):
+        return False
+    traced = traced_switching((system.rhs, None), system.dimension, tuple(system.params))
+    return not isinstance(traced, str) and traced.is_analytic
 
 
 def _values(system: ForcedSystem) -> NDArray[np.float64]:
@@ -106,13 +115,11 @@ def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
 def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     """Return the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
     times = np.linspace(0.0, system.length, _FORCING_SAMPLES, endpoint=False)
-    found, traced = [], _formulas(system)
+    found = []
     for size in (0.1, 1.1):
         state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
-            # Jumps are met as events: what is sampled is one smooth side.
-            signs = tuple(1.0 if s >= 0.0 else -1.0 for s in system.signs(0.0, state))
-            samples = _derivatives(system, traced, times, state, signs)
+            samples = _derivatives(system, times, state)
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
@@ -120,28 +127,25 @@ def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     return found
 
 
-def _formulas(system: ForcedSystem) -> Trace | None:
-    """Return the right-hand side as formulas, where they are known."""
-    names = tuple(system.params)
-    if system.switches is not None:
-        in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
-        return None if isinstance(in_modes, str) else in_modes.free_motion
-    return traced_function(system.rhs, system.dimension, names) if not unknown_formulas(system) else None
-
-
 def _derivatives(
-    system: ForcedSystem,
-    traced: Trace | None,
-    times: NDArray[np.float64],
-    state: tuple[float, ...],
-    signs: tuple[float, ...],
+    system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...]
 ) -> NDArray[np.float64]:
-    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known."""
+    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known.
+
+    Jumps are met as events: what is returned is the smooth side on which the state is at the time 0.
+    """
+    names, signs = tuple(system.params), ()
+    if has_events(system):
+        in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
+        traced = None if isinstance(in_modes, str) else in_modes.free_motion
+        signs = () if isinstance(in_modes, str) else in_modes.signs_at(0.0, state, _values(system))
+    else:
+        traced = None if unknown_formulas(system) else traced_function(system.rhs, system.dimension, names)
     if traced is not None:
         found = values(traced.outputs, times, state, _values(system), signs)
         return np.stack([np.broadcast_to(f, len(times)) for f in found], axis=1)
     with np.errstate(all="ignore"):
-        return np.array([system.derivative(t, state, signs) for t in times.tolist()])
+        return np.array([system.derivative(t, state) for t in times.tolist()])
 
 
 def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:

@@ -50,6 +50,8 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
     """Derivative of a node, given those of its arguments (None: zero)."""
     if all(d is None for d in inner):
         return None
+    if node.operation == "select" and inner[1] is None and inner[2] is None:
+        return None
     a = node.arguments[0]
     da = inner[0]
     apply = graph.apply
@@ -70,7 +72,12 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
             first = None if da is None else apply("div", da, b)
             second = None if inner[1] is None else apply("neg", apply("div", apply("mul", node, inner[1]), b))
             return _sum(graph, [first, second])
-        case "fmin" | "fmax" | "atan2" | "hypot" | "copysign":
+        case "select":
+            sides = (graph.constant(0.0) if slope is None else slope for slope in inner[1:])
+            return apply("select", a, *sides)
+        case "side" | "floor" | "sign":
+            return None
+        case "atan2" | "hypot":
             raise UntraceableError(f"no derivative of {node.operation}")
         case "pow":
             b = node.arguments[1]
@@ -91,7 +98,6 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
         "cosh": lambda: apply("sinh", a),
         "tanh": lambda: apply("sub", 1.0, apply("mul", node, node)),
         "atan": lambda: apply("div", 1.0, apply("add", 1.0, apply("mul", a, a))),
-        "fabs": lambda: apply("copysign", 1.0, a),
     }.get(node.operation)
     if outer is None:
         raise UntraceableError(f"no derivative of {node.operation}")

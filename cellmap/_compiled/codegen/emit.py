@@ -19,6 +19,10 @@ def assignment(node: Expression, name: Callable[[Expression], str], level: int) 
         right = f"{arguments[0]} {_INFIX[operation]} {arguments[1]}"
     elif operation == "neg":
         right = f"-{arguments[0]}"
+    elif operation == "select":
+        right = f"{arguments[1]} if {arguments[0]} > 0.0 else {arguments[2]}"
+    elif operation == "side":
+        right = f"1.0 if {arguments[0]} > 0.0 else -1.0"
     elif operation == "pow":
         right = f"{arguments[0]} ** {arguments[1]}"
     else:

@@ -25,6 +25,7 @@ ANALYTIC = frozenset(
         "cosh",
         "tanh",
         "atan",
+        "select",
     }
 )
 """Operations with a power series wherever they are defined."""
@@ -38,13 +39,18 @@ _FOLD: dict[str, Callable[..., float]] = {
     "pow": lambda a, b: a**b,
     "fmin": min,
     "fmax": max,
+    "mod": lambda a, b: a % b,
+    "sign": lambda a: float(a > 0.0) - float(a < 0.0),
+    "side": lambda a: 1.0 if a > 0.0 else -1.0,
+    "select": lambda sign, a, b: a if sign > 0.0 else b,
 }
+"""Operations without their like in :mod:`math`.  ``side`` is a sign, -1 at zero; ``select`` chooses by one."""
 
 _OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
 
 FUNCTIONS = (
     "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
-    "hypot ceil asinh acosh atanh erf"
+    "hypot ceil asinh acosh atanh erf trunc fmod mod sign"
 ).split()
 """Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
 
@@ -83,8 +89,43 @@ class Expression:
         raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
 
     __bool__ = __float__ = __int__ = __index__ = __iter__ = __len__ = _refuse
-    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse
-    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __round__ = _refuse
+    __eq__ = __ne__ = _refuse
+
+    def __gt__(self, other: Any) -> Any:
+        return self.graph.compare(self, other, strictly=True)
+
+    def __ge__(self, other: Any) -> Any:
+        return self.graph.compare(self, other, strictly=False)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.graph.compare(other, self, strictly=True)
+
+    def __le__(self, other: Any) -> Any:
+        return self.graph.compare(other, self, strictly=False)
+
+    def __mod__(self, other: Any) -> Expression:
+        return self.graph.apply("mod", self, other)
+
+    def __rmod__(self, other: Any) -> Expression:
+        return self.graph.apply("mod", other, self)
+
+    def __floordiv__(self, other: Any) -> Expression:
+        return self.graph.apply("floor", self.graph.apply("div", self, other))
+
+    def __rfloordiv__(self, other: Any) -> Expression:
+        return self.graph.apply("floor", self.graph.apply("div", other, self))
+
+    def __floor__(self) -> Expression:
+        return self.graph.apply("floor", self)
+
+    def __ceil__(self) -> Expression:
+        return self.graph.apply("ceil", self)
+
+    def __trunc__(self) -> Expression:
+        return self.graph.apply("trunc", self)
+
+    def __round__(self, digits: int | None = None) -> Expression:
+        raise UntraceableError("it rounds a number: write floor(a + 0.5)")
 
     def __hash__(self) -> int:
         return id(self)
@@ -129,6 +170,41 @@ class Expression:
         return self.graph.power(self.graph.lift(other), self)
 
 
+class Comparison:
+    """A comparison a > b, or a >= b, of expressions: a branch that asks for its truth, or one or nought as a number."""
+
+    __slots__ = ("difference", "graph", "strictly")
+
+    def __init__(self, graph: Any, difference: Expression, strictly: bool) -> None:
+        self.graph, self.difference, self.strictly = graph, difference, strictly
+
+    def __bool__(self) -> bool:
+        return self.graph.answer(self.difference) is self.strictly
+
+    def __and__(self, other: Any) -> bool:
+        return bool(self) and bool(other)
+
+    def __or__(self, other: Any) -> bool:
+        return bool(self) or bool(other)
+
+    def __invert__(self) -> Comparison:
+        return Comparison(self.graph, self.difference, not self.strictly)
+
+    __rand__, __ror__ = __and__, __or__
+
+    def choose(self, a: Any, b: Any) -> Expression:
+        """Return a where the comparison holds, else b."""
+        chosen: Expression = self.graph.choose(self.difference, *((a, b) if self.strictly else (b, a)))
+        return chosen
+
+for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow".split():
+
+    def _of_number(self: Comparison, *operands: Any, _method: str = f"__{_name}__") -> Any:
+        return getattr(self.choose(1.0, 0.0), _method)(*operands)
+
+    setattr(Comparison, f"__{_name}__", _of_number)
+
+
 class Graph:
     """Maker of expressions.  The same operation on the same nodes is one node, so common terms are computed once."""
 
@@ -143,6 +219,10 @@ class Graph:
             self._nodes[key] = Expression(self, operation, arguments, value)
         return self._nodes[key]
 
+    def compare(self, a: Any, b: Any, *, strictly: bool) -> Any:
+        """Return the comparison a > b, or a >= b; here there is none."""
+        raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
+
     def constant(self, value: float) -> Expression:
         """Return a literal number."""
         return self.node("constant", value=float(value))
@@ -151,6 +231,8 @@ class Graph:
         """Turn a number into a constant and leave an expression as it is."""
         if isinstance(value, Expression):
             return value
+        if isinstance(value, Comparison):
+            return value.choose(1.0, 0.0)
         try:
             return self.constant(value)
         except (TypeError, ValueError) as error:
@@ -166,6 +248,10 @@ class Graph:
                 pass
         values = [a.value if a.operation == "constant" else None for a in arguments]
         match operation, values:
+            case ("select", [float(sign), _, _]):
+                return arguments[1] if sign > 0.0 else arguments[2]
+            case ("select", _) if arguments[1] is arguments[2]:
+                return arguments[1]
             case ("add", [0.0, None]) | ("mul", [1.0, None]):
                 return arguments[1]
             case ("add" | "sub", [None, 0.0]) | ("mul" | "div", [None, 1.0]):
@@ -240,6 +326,9 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
 
     table = {name: make(name) for name in FUNCTIONS}
     table["pow"] = lambda base, exponent: base**exponent
+    table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
+    table["where"] = lambda condition, a, b: condition.choose(a, b) if isinstance(condition, Comparison) else (a, b)[not condition]
+    table["heaviside"] = lambda value, at_zero: table["where"](value > 0.0, 1.0, table["where"](value < 0.0, 0.0, at_zero))
     return table
 
 
@@ -260,5 +349,13 @@ def in_order(outputs: Iterable[Expression]) -> list[Expression]:
 
 
 def is_analytic(outputs: Sequence[Expression]) -> bool:
-    """Tell whether every operation has a power series."""
-    return all(e.operation in ANALYTIC or not e.arguments for e in in_order(outputs))
+    """Tell whether every operation on state or time has a power series."""
+    moving: set[Expression] = set()
+    for node in in_order(outputs):
+        if node.operation in {"state", "time"} or not moving.isdisjoint(node.arguments):
+            moving.add(node)
+            if node.arguments and node.operation not in ANALYTIC:
+                return False
+            if node.operation == "pow" and node.arguments[1] in moving:
+                return False
+    return True

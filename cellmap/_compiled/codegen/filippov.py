@@ -17,9 +17,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from .branches import BranchingGraph, Switch, initial_functions
 from .derivative import along
-from .expression import Expression, Graph, in_order, is_analytic
-from .trace import Trace, on_symbols, parameter_record, trace
+from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
+from .trace import Trace, empty_trace, evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +31,10 @@ class SwitchingTrace:
 
     ``motion`` has the components of the mode that the inputs "sign" and "slide" describe, ``free_motion`` those where
     nothing slides, at less work.  ``events`` and ``free_events`` are positive as long as the mode lasts, one for each
-    switch.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij, ``jumps`` g_i and ``normals`` grad h_i depend on time and
-    state alone.
+    switch; those of switches that count are between -1/2 and 1/2.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij,
+    ``jumps`` g_i and ``normals`` grad h_i depend on time, state and the signs.  ``beginnings`` are the surfaces as they
+    are before there is a mode.  A switch that `counts` has a whole number for its sign; its surface is the distance
+    from the nearest one.
     """
 
     motion: Trace
@@ -41,6 +46,26 @@ class SwitchingTrace:
     gains: tuple[tuple[Expression, ...], ...]
     jumps: tuple[tuple[Expression, ...], ...]
     normals: tuple[tuple[Expression, ...], ...]
+    beginnings: tuple[Expression, ...]
+    counts: tuple[bool, ...]
+
+    @property
+    def can_slide(self) -> bool:
+        """Whether there is a mode that slides."""
+        return any(not row[i].vanishes for i, row in enumerate(self.gains))
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether a surface depends on the side of another."""
+        return any(e.operation == "sign" for e in in_order(self.surfaces))
+
+    def signs_at(self, t: float, state: Sequence[float], parameters: Sequence[float]) -> tuple[float, ...]:
+        """Return the signs, and whole numbers, of the mode in which a state begins."""
+        base = self.free_motion
+        inputs = dict(zip((base.time, *base.states, *base.parameters), (t, *state, *parameters), strict=True))
+        functions = evaluated(self.beginnings, inputs)
+        pairs = zip(functions, self.counts, strict=True)
+        return tuple(float(np.floor(f)) if counts else (1.0 if f > 0.0 else -1.0) for f, counts in pairs)
 
     @property
     def is_analytic(self) -> bool:
@@ -49,28 +74,37 @@ class SwitchingTrace:
 
 
 def switching_trace(
-    rhs: Callable[..., Sequence[Any]], switches: Callable[..., Sequence[Any]], dimension: int, names: Sequence[str]
+    rhs: Callable[..., Sequence[Any]],
+    switches: Callable[..., Sequence[Any]] | None,
+    dimension: int,
+    names: Sequence[str],
 ) -> SwitchingTrace:
-    """Trace ``rhs(t, x, p, s)`` with its switching functions.
+    """Trace ``rhs(t, x, p, s)`` with its switching functions, or ``rhs(t, x, p)`` alone, with the branches of both.
 
     Raises
     ------
     UntraceableError
-        Where one of them cannot be traced, with the reason.
+        Where one of them cannot be traced, or nothing switches, with the reason.
     ValueError
-        Where several switches act on each other, so that the value on a surface is not defined.
+        Where several switches that are given act on each other, so that the value on a surface is not defined.
     """
-    base = trace(switches, dimension, names)
-    graph, count = base.graph, len(base.outputs)
-    signs = tuple(graph.node("sign", value=i) for i in range(count))
-    record = parameter_record(tuple(names))
-    outputs = on_symbols(graph, rhs, base.time, base.states, record(*base.parameters), signs)
-    return _in_modes(replace(base, outputs=outputs), base.outputs, signs)
+    base = empty_trace(dimension, len(names), modes=True)
+    graph = base.graph
+    given: tuple[Expression, ...] = ()
+    if switches is not None:
+        given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
+    outputs = graph.trace_paths(base.run(rhs, names, *([given] if switches is not None else [])))
+    modes = [switch for switch in graph.switches if switch.is_mode]
+    if not modes:
+        raise UntraceableError("nothing switches")
+    return _in_modes(replace(base, outputs=outputs), modes, given)
 
 
-def _in_modes(base: Trace, surfaces: tuple[Expression, ...], signs: tuple[Expression, ...]) -> SwitchingTrace:
-    graph, count = base.graph, len(signs)
-    smooth, jumps = _affine(graph, base.outputs, signs)
+def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression]) -> SwitchingTrace:
+    graph, count = base.graph, len(modes)
+    signs = tuple(switch.sign for switch in modes)
+    surfaces = tuple(_from_nearest_whole(graph, s.function) if s.counts else s.function for s in modes)
+    smooth, jumps = _affine(base, modes, given)
     one, zero = graph.constant(1.0), graph.constant(0.0)
 
     def derivative(components: Sequence[Expression], time: Expression) -> tuple[Expression, ...]:
@@ -83,48 +117,121 @@ def _in_modes(base: Trace, surfaces: tuple[Expression, ...], signs: tuple[Expres
     unit = [[one if j == k else zero for j in range(len(base.states))] for k in range(len(base.states))]
     slopes = [derivative(direction, zero) for direction in unit]
     normals = tuple(tuple(slope[i] for slope in slopes) for i in range(count))
-    slides = tuple(graph.node("slide", value=i) for i in range(count))
-    held = _held_signs(graph, rates, gains, signs, slides)
-    components = [
-        _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(held, jumps, strict=True))])
-        for j, f in enumerate(smooth)
-    ]
-    # A coordinate that is held at zero stays there to the last bit.
-    for slide, surface in zip(slides, surfaces, strict=True):
-        if surface.operation == "state":
-            components[surface.value] = graph.apply("mul", graph.apply("sub", one, slide), components[surface.value])
-    free_events = tuple(graph.apply("mul", sign, surface) for sign, surface in zip(signs, surfaces, strict=True))
-    events = tuple(
-        graph.apply("add", event, graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))))
-        for event, slide, value in zip(free_events, slides, held, strict=True)
+    free_events = tuple(
+        graph.apply("mul", graph.difference(s.function, s.sign), graph.difference(graph.apply("add", s.sign, 1.0), s.function))
+        if s.counts
+        else graph.apply("mul", s.sign, s.function)
+        for s in modes
     )
-    motion = replace(base, outputs=tuple(components))
-    return SwitchingTrace(motion, events, base, free_events, surfaces, rates, gains, jumps, normals)
+    slides = tuple(graph.node("slide", value=i) for i in range(count))
+    motion, events = base, free_events
+    if any(not gains[i][i].vanishes for i in range(count)):
+        held = _held_signs(graph, rates, gains, signs, slides)
+        components = [
+            _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(held, jumps, strict=True))])
+            for j, f in enumerate(smooth)
+        ]
+        # A coordinate that is held at zero stays there to the last bit.
+        for slide, surface in zip(slides, surfaces, strict=True):
+            if surface.operation == "state":
+                components[surface.value] = graph.apply("mul", graph.apply("sub", one, slide), components[surface.value])
+        motion = replace(base, outputs=tuple(components))
+        events = tuple(
+            graph.apply("add", e, graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))))
+            for e, slide, value in zip(free_events, slides, held, strict=True)
+        )
+    beginnings = tuple(initial_functions(graph, modes))
+    return SwitchingTrace(
+        motion, events, base, free_events, surfaces, rates, gains, jumps, normals, beginnings,
+        tuple(switch.counts for switch in modes),
+    )  # fmt: skip
+
+
+def _from_nearest_whole(graph: BranchingGraph, function: Expression) -> Expression:
+    return graph.difference(function, graph.plain("floor", graph.apply("add", function, 0.5)))
 
 
 def _affine(
-    graph: Graph, outputs: tuple[Expression, ...], signs: tuple[Expression, ...]
+    base: Trace, modes: Sequence[Switch], given: Sequence[Expression]
 ) -> tuple[tuple[Expression, ...], tuple[tuple[Expression, ...], ...]]:
-    """Split f(s) into f_0 and g_i with f = f_0 + sum of s_i g_i at s_i = +-1."""
+    """Split f(s) into f_0 and g_i with f = f_0 + sum of s_i g_i, where one s_i at a time is another than its sign.
+
+    The signs of switches that are given must not act on each other; then that holds for all of them together.
+    """
+    graph, outputs = base.graph, base.outputs
     zero, one, half = graph.constant(0.0), graph.constant(1.0), graph.constant(0.5)
+    below = graph.constant(-1.0)
+    signs = [switch.sign for switch in modes]
     slopes = [along(graph, outputs, {sign: one}) for sign in signs]
-    smooth = list(graph.substituted(outputs, dict.fromkeys(signs, zero)))
-    if not any(_depends(slope, signs) for slope in slopes):
-        return tuple(smooth), tuple(slopes)
-    jumps = []
+    if len(given) == len(modes) and not any(_depends(slope, signs) for slope in slopes) and not _selects(outputs):
+        return graph.substituted(outputs, dict.fromkeys(signs, zero)), tuple(slopes)
     for sign, slope in zip(signs, slopes, strict=True):
-        others = [s for s in signs if s is not sign]
-        if _depends(slope, others):
+        if sign in given and _depends(slope, [s for s in given if s is not sign]):
             raise ValueError("rhs multiplies signs by one another: what they are on a surface is not defined")
-        rest = dict.fromkeys(others, zero)
-        above = graph.substituted(outputs, {**rest, sign: one})
-        below = graph.substituted(outputs, {**rest, sign: graph.constant(-1.0)})
-        middle = graph.substituted(outputs, {**rest, sign: zero})
-        jumps.append(tuple(graph.apply("mul", half, graph.minus(u, v)) for u, v in zip(above, below, strict=True)))
-        for j, (u, v, w) in enumerate(zip(above, below, middle, strict=True)):
-            mean = u if u is v else graph.apply("mul", half, graph.apply("add", u, v))
-            smooth[j] = graph.apply("add", smooth[j], graph.minus(mean, w))
-    return tuple(smooth), tuple(jumps)
+    # Where a switch slides its input is zero; what is written with it then takes the side below, as selections do.
+    factors = [s.sign if s.counts else graph.plain("select", s.sign, one, below) for s in modes]
+    outputs = graph.substituted(outputs, {s: f for s, f in zip(signs, factors, strict=True) if s in given})
+    jumps = []
+    for switch in modes:
+        if switch.counts:
+            next_one = graph.substituted(outputs, {switch.sign: graph.apply("add", switch.sign, one)})
+            jump = tuple(graph.minus(u, v) for u, v in zip(next_one, outputs, strict=True))
+        else:
+            sides = [graph.substituted(outputs, {switch.sign: side}) for side in (one, below)]
+            jump = tuple(graph.times(half, graph.minus(u, v)) for u, v in zip(*sides, strict=True))
+        jumps.append((zero,) * len(outputs) if _is_continuous(switch, jump) else jump)
+    if any(_depends(jump, signs) for jump in jumps):
+        terms = [[graph.times(f, e) for e in jump] for f, jump in zip(factors, jumps, strict=True)]
+        return tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True)), tuple(jumps)
+    # No jump depends on another: what is left at the sides below, and half of each jump, is the same on all sides.
+    least = {s.sign: zero if s.counts else below for s, jump in zip(modes, jumps, strict=True) if not all(e.vanishes for e in jump)}
+    halves = [jump for s, jump in zip(modes, jumps, strict=True) if not s.counts]
+    smooth = graph.substituted(outputs, least)
+    return tuple(_sum(graph, terms) for terms in zip(smooth, *halves, strict=True)), tuple(jumps)
+
+
+def _selects(outputs: Sequence[Expression]) -> bool:
+    return any(e.operation == "select" for e in in_order(outputs))
+
+
+_SAMPLES = 64
+_HALVINGS = 60
+
+
+def _is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
+    """Whether a right-hand side has no jump where a switching function is zero.
+
+    Both are analytic, so that a jump that vanishes at many places drawn at random vanishes at all.
+    """
+    if all(e.vanishes for e in jump):
+        return True
+    if switch.counts:
+        return False
+    rng = np.random.default_rng(0)
+    inputs = [e for e in in_order([switch.function, *jump]) if not e.arguments and e.operation != "constant"]
+    ends = [{e: rng.normal(size=_SAMPLES) * 2.0 for e in inputs} for _ in range(2)]
+    for e in inputs:
+        if e.operation == "parameter":
+            ends[0][e] = ends[1][e] = np.abs(ends[0][e])
+        if e.operation == "sign":
+            ends[0][e] = ends[1][e] = np.where(ends[0][e] > 0.0, 1.0, -1.0)
+    low, high = np.zeros(_SAMPLES), np.ones(_SAMPLES)
+
+    def between(share: Any, expressions: Sequence[Expression]) -> list[Any]:
+        return evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
+
+    (begin,), (end,) = (between(share, [switch.function]) for share in (low, high))
+    crosses = np.asarray(begin * end < 0.0)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        (value,) = between(middle, [switch.function])
+        same = value * begin > 0.0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    there = np.abs(np.stack(np.broadcast_arrays(*between(low, jump))))[:, crosses]
+    nearby = np.abs(np.stack(np.broadcast_arrays(*between(low + 0.1, jump))))[:, crosses]
+    usable = np.isfinite(there).all(axis=0) & np.isfinite(nearby).all(axis=0)
+    size = 1e-9 * np.maximum(nearby.max(axis=0, initial=0.0), 1e-3)
+    return bool(usable.any() and (there.max(axis=0, initial=0.0) <= size)[usable].all())
 
 
 def _held_signs(

@@ -32,6 +32,8 @@ from .switching import compiled_switching
 from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
+Functions = tuple[Callable[..., Any], Callable[..., Any] | None]
+"""A right-hand side, and its switching functions where it has any."""
 
 _LOG = logging.getLogger("cellmap")
 
@@ -106,7 +108,7 @@ def flow_kernel(
 def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: float) -> PeriodKernel | None:
     """Compile the period of a flow with one tangent vector, 2 d components; None where derivatives are not known."""
     traced = traced_function(rhs, dimension, names)
-    if traced is None:
+    if traced is None or traced.has_branches:
         return None
     try:
         tangent = tangent_trace(traced)
@@ -118,9 +120,9 @@ def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, r
 
 @kept
 def switching_kernel(
-    functions: tuple[Callable[..., Any], Callable[..., Any]], dimension: int, names: Names, rtol: float, tangent: bool
+    functions: Functions, dimension: int, names: Names, rtol: float, tangent: bool
 ) -> PeriodKernel | None:
-    """Compile the period of a right-hand side that jumps, given with its switching functions; None if untraceable.
+    """Compile the period of a right-hand side with its switching functions and branches; None if untraceable.
 
     With `tangent` it carries one tangent vector, 2 d components.
     """
@@ -139,10 +141,8 @@ def switching_kernel(
 
 
 @kept
-def traced_switching(
-    functions: tuple[Callable[..., Any], Callable[..., Any]], dimension: int, names: Names
-) -> SwitchingTrace | str:
-    """Trace a right-hand side with its switching functions once; where that fails, return the reason."""
+def traced_switching(functions: Functions, dimension: int, names: Names) -> SwitchingTrace | str:
+    """Trace a right-hand side with its switching functions and branches once; where that fails, return the reason."""
     try:
         return switching_trace(*functions, dimension, names)
     except UntraceableError as error:

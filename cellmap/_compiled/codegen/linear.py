@@ -21,19 +21,13 @@ from numpy.typing import NDArray
 
 from .captured import kept
 from .derivative import along
-from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order, operation_on_numbers
+from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order
 from .kernel import PeriodKernel, finished, traced_function
 from .methods import choose_method, taylor_order
 from .period import compiled_period
-from .rebind import ARRAY_FUNCTIONS, rebind
+from .rebind import rebind
 from .taylor import taylor_steps
-from .trace import Trace, parameter_record
-
-_OF_ARRAYS: dict[str, Callable[..., Any]] = {
-    **ARRAY_FUNCTIONS,
-    **{"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative},
-}
-
+from .trace import Trace, evaluated, parameter_record
 
 @dataclass(frozen=True, eq=False)
 class LinearKernel:
@@ -106,22 +100,14 @@ def values(
     signs: Sequence[float] = (),
 ) -> list[NDArray[np.float64]]:
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
-    inputs: dict[str, Callable[[Any], Any]] = {
+    inputs: dict[str, Callable[[int], Any]] = {
         "time": lambda _: time,
         "state": states.__getitem__,
         "parameter": lambda i: parameters[i],
         "sign": signs.__getitem__,
-        "constant": np.float64,
     }
-    known: dict[Expression, Any] = {}
-    with np.errstate(all="ignore"):
-        for node in in_order(expressions):
-            if node.operation in inputs:
-                known[node] = np.asarray(inputs[node.operation](node.value), dtype=float)
-            else:
-                function = _OF_ARRAYS.get(node.operation) or np.vectorize(operation_on_numbers(node.operation))
-                known[node] = function(*(known[a] for a in node.arguments))
-    return [known[e] for e in expressions]
+    given = [e for e in in_order(expressions) if e.operation in inputs]
+    return evaluated(expressions, {e: inputs[e.operation](e.value) for e in given})
 
 
 def _sparse(graph: Graph) -> Callable[..., Expression]:

@@ -75,7 +75,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
         Where the Taylor method is asked for and the right-hand side has no power series that can be traced.
     """
     trace = trace and trace.with_resting_inputs()
-    analytic = trace is not None and trace.is_analytic and _powers_have_recurrences(trace)
+    analytic = trace is not None and trace.is_analytic
     if name == "auto":
         name = (
             "Taylor"
@@ -90,11 +90,6 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
             )
         return taylor_method(taylor_order(rtol))
     return _runge_kutta(_TABLEAUS[name]())
-
-
-def _powers_have_recurrences(trace: Trace) -> bool:
-    levels = trace.levels()
-    return all(n.operation != "pow" or levels[n.arguments[1]] == 0 for n in levels)
 
 
 def _is_entire(trace: Trace) -> bool:

@@ -12,7 +12,16 @@ from typing import Any
 
 import numpy as np
 
-_NUMPY_NAMES = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "absolute": "fabs"}
+_NUMPY_NAMES = {
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "absolute": "fabs",
+    "sign": "sign",
+    "remainder": "mod",
+    "heaviside": "heaviside",
+}
 
 
 def _canonical_names() -> dict[Any, str]:
@@ -26,6 +35,7 @@ def _canonical_names() -> dict[Any, str]:
     names[min] = names[np.minimum] = names[np.fmin] = "fmin"
     names[max] = names[np.maximum] = names[np.fmax] = "fmax"
     names[np.power] = names[pow] = "pow"
+    names[np.clip], names[np.where] = "clip", "where"
     return names
 
 

@@ -5,7 +5,7 @@ They belong to one system, and :mod:`cellmap._compiled.kernels.switching_period`
     free_step(lanes, series, p, end, rate)      one step of the lanes in which nothing slides
     general_step(lanes, series, p, end, rate)   one step of the others
     begin(lanes, series, p, start)              the mode in which each lane begins
-    surfaces(t, x, p, values, rates, gains, jumps, normals)     all that decides about its mode
+    surfaces(t, x, p, signs, values, rates, gains, jumps, normals)      all that decides about its mode
 
 A step is a Taylor step that also expands the event functions, and sets a flag where a bound from their coefficients
 leaves room for an event.
@@ -14,7 +14,7 @@ leaves room for an event.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -37,8 +37,9 @@ _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> CompiledPeriod:
     """Compile ``advance`` of :mod:`cellmap._compiled.codegen.lanes` for Taylor steps.
 
-    With `one_step` there is no lighter step for lanes in which nothing slides.
+    With `one_step` there is no lighter step for lanes in which nothing slides, as where there are no others.
     """
+    one_step = one_step or not traced.can_slide
     loaded = machine_code(switching_text(traced, order, parameters, vector_width(), one_step))
     names = ("general_step" if one_step else "free_step", "general_step", "begin", "surfaces")
     addresses = [loaded.address(name) for name in names]
@@ -46,7 +47,9 @@ def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_
         addresses[switching_period.FREE] = 0
     dimension, count = len(traced.normals[0]), len(traced.surfaces)
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
-    context = np.array([*addresses, len(traced.motion.states), dimension, count, order, not aligned], dtype=np.int64)
+    project = traced.can_slide and not aligned
+    sizes = (len(traced.motion.states), dimension, count, order)
+    context = np.array([*addresses, *sizes, project, traced.is_coupled, *traced.counts], dtype=np.int64)
     move = switching_period.period(count == 1)
     return CompiledPeriod(move.address, loaded, context)
 
@@ -68,7 +71,7 @@ def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: i
     _write_surfaces(surfaces, traced, parameters)
     functions.append(begin.function("begin", "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %start"))
     arrays = ", ".join(f"ptr noalias %{output}" for output in _OUTPUTS)
-    functions.append(surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, {arrays}"))
+    functions.append(surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, {arrays}"))
     return module_text("\n".join(functions), begin, surfaces, *bodies)
 
 
@@ -80,9 +83,10 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
     with out.loop_over_lanes(LANES) as lane:
         address = functools.partial(_place, out, lane)
         scope = {**once, **{f"x{j}": out.load(address("%lanes", j), vector=True) for j in range(size)}}
-        lines, sides = _evaluated(traced.surfaces)
-        lines += [f"side{e} = 1.0 if {side} > 0.0 else -1.0" for e, side in enumerate(sides)]
-        lines += [f"open{e} = 1.0 if {side} == 0.0 else 0.0" for e, side in enumerate(sides)]
+        lines, sides = _evaluated(traced.beginnings)
+        for e, (side, counts) in enumerate(zip(sides, traced.counts, strict=True)):
+            lines.append(f"side{e} = " + (f"math.floor({side})" if counts else f"1.0 if {side} > 0.0 else -1.0"))
+            lines.append(f"open{e} = " + ("0.0" if counts else f"1.0 if {side} == 0.0 else 0.0"))
         lines += [f"flag = {' + '.join(f'open{e}' for e in range(count))}", "free = 0.0"]
         translate(out, lines, scope)
         out.store(out.as_vector(scope["t"]), address("%lanes", size))
@@ -107,6 +111,7 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
     lines, names = _evaluated(flat(outputs))
     scope = {**parameter_scope(out, parameters), "t": Value("%t")}
     scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(len(traced.normals[0]))}
+    scope |= {f"g{e}": out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))}
     places = [(array, i) for array, expressions in zip(_OUTPUTS, outputs, strict=True) for i in range(len(expressions))]
     translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
     for array, i in places:
@@ -114,10 +119,15 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
 
 
 def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]:
-    """Return statements that evaluate expressions of time t, state x0, x1, ... and parameters, and their names."""
+    """Return statements that evaluate expressions of time t, state x0, x1, ..., parameters and signs, and names."""
     nodes = in_order(expressions)
     numbers = {node: i for i, node in enumerate(nodes)}
-    inputs = {"state": lambda i: f"x{i}", "time": lambda _: "t", "parameter": lambda i: f"p{i}"}
+    inputs: dict[str, Callable[[int], str]] = {
+        "state": lambda i: f"x{i}",
+        "time": lambda _: "t",
+        "parameter": lambda i: f"p{i}",
+        "sign": lambda i: f"g{i}",
+    }
 
     def name(node: Expression) -> str:
         return input_name(node, inputs) or f"v{numbers[node]}"

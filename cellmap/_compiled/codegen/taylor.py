@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from .emit import dot, in_chains, input_name, library
-from .expression import Expression, in_order
+from .emit import assignment, dot, in_chains, input_name, library
+from .expression import ANALYTIC, Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
@@ -127,6 +127,8 @@ class Series:
         if k == 0 and node.operation == "pow":
             base, exponent = (self.name(a, 0) for a in node.arguments)
             return [f"{target} = {base} ** {exponent}", f"r{number} = 1.0 / {base}"]
+        if level == CONSTANT and node.operation not in ANALYTIC:
+            return [assignment(node, lambda a: self.name(a, 0), level)]
         rule: Callable[[Expression, int], str] = getattr(self, "_" + node.operation)
         lines = [f"r{number} = 1.0 / {self.name(node.arguments[1], 0)}"] if node.operation == "div" and k == 0 else []
         return [*lines, f"{target} = {rule(node, k) or '0.0'}"]
@@ -143,6 +145,11 @@ class Series:
     def _neg(self, node: Expression, k: int) -> str:
         term = self.name(node.arguments[0], k)
         return f"-{term}" if term else ""
+
+    def _select(self, node: Expression, k: int) -> str:
+        above, below = (self.name(a, k) for a in node.arguments[1:])
+        sign = self.name(node.arguments[0], 0)
+        return f"{above or '0.0'} if {sign} > 0.0 else {below or '0.0'}" if above or below else ""
 
     def _mul(self, node: Expression, k: int) -> str:
         a, b = node.arguments

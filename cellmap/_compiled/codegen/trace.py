@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import functools
-import math
 import random
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from .branches import BranchingGraph
 from .expression import (
     Expression,
-    Graph,
     UntraceableError,
     elementary_functions,
     in_order,
     is_analytic,
     operation_on_numbers,
 )
-from .rebind import rebind
+from .rebind import ARRAY_FUNCTIONS, rebind
 
 CONSTANT, TIMED, STATEFUL = range(3)
 """What an expression depends on: parameters alone, time as well, or the state."""
@@ -29,7 +31,7 @@ CONSTANT, TIMED, STATEFUL = range(3)
 class Trace:
     """Expressions of the components of a function of time, state and parameters."""
 
-    graph: Graph
+    graph: BranchingGraph
     states: tuple[Expression, ...]
     time: Expression
     parameters: tuple[Expression, ...]
@@ -37,6 +39,23 @@ class Trace:
 
     def __repr__(self) -> str:
         return f"Trace({len(self.outputs)} components, {len(in_order(self.outputs))} nodes)"
+
+    def run(
+        self, function: Callable[..., Sequence[Any]], names: Sequence[str], *further: Any
+    ) -> Callable[[], Sequence[Any]]:
+        """Return how to run ``function(t, x, p, ...)`` on the inputs; what it raises is the reason why that fails."""
+        record = parameter_record(tuple(names))(*self.parameters)
+
+        def run() -> Sequence[Any]:
+            try:
+                twin = rebind(function, elementary_functions())
+                return tuple(self.graph.lift(e) for e in twin(self.time, self.states, record, *further))
+            except UntraceableError:
+                raise
+            except Exception as error:
+                raise UntraceableError(f"{type(error).__name__}: {error}") from error
+
+        return run
 
     @functools.cached_property
     def nodes(self) -> list[Expression]:
@@ -47,6 +66,11 @@ class Trace:
     def is_analytic(self) -> bool:
         """Whether the components have power series."""
         return is_analytic(self.outputs)
+
+    @property
+    def has_branches(self) -> bool:
+        """Whether state or time decide what is computed."""
+        return any(n.operation in {"side", "floor"} and level != CONSTANT for n, level in self.levels().items())
 
     @property
     def resting(self) -> tuple[int, ...]:
@@ -75,30 +99,23 @@ def parameter_record(names: tuple[str, ...]) -> Any:
 
 
 def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Sequence[str]) -> Trace:
-    """Run ``function(t, x, p)`` on symbols.
+    """Run ``function(t, x, p)`` on symbols.  Branches become selections.
 
     Raises
     ------
     UntraceableError
-        Where that fails, with the reason: the function branches on a value, say, or has an error of its own.
+        Where that fails, with the reason: a loop ends on a value, say, or the function has an error of its own.
     """
-    graph = Graph()
+    inputs = empty_trace(dimension, len(parameters), modes=False)
+    return replace(inputs, outputs=inputs.graph.trace_paths(inputs.run(function, parameters)))
+
+
+def empty_trace(dimension: int, parameters: int, *, modes: bool) -> Trace:
+    """Return the inputs of a function, on a graph of their own."""
+    graph = BranchingGraph(modes)
     states = tuple(graph.node("state", value=i) for i in range(dimension))
-    symbols = tuple(graph.node("parameter", value=i) for i in range(len(parameters)))
-    time = graph.node("time")
-    record = parameter_record(tuple(parameters))
-    outputs = on_symbols(graph, function, time, states, record(*symbols))
-    return Trace(graph, states, time, symbols, outputs)
-
-
-def on_symbols(graph: Graph, function: Callable[..., Sequence[Any]], *arguments: Any) -> tuple[Expression, ...]:
-    """Run a function on expressions; whatever it raises becomes the reason of an UntraceableError."""
-    try:
-        return tuple(graph.lift(e) for e in rebind(function, elementary_functions())(*arguments))
-    except UntraceableError:
-        raise
-    except Exception as error:
-        raise UntraceableError(f"{type(error).__name__}: {error}") from error
+    symbols = tuple(graph.node("parameter", value=i) for i in range(parameters))
+    return Trace(graph, states, graph.node("time"), symbols, ())
 
 
 def is_faithful(
@@ -118,7 +135,8 @@ def is_faithful(
             continue  # outside the domain of the function
         if len(expected) != len(traced.outputs):
             return False
-        seen = evaluate(traced, t, state, parameters)
+        inputs = dict(zip((*traced.states, traced.time, *traced.parameters), (*state, t, *parameters), strict=True))
+        seen = [float(v) for v in evaluated(traced.outputs, inputs)]
         scale = max([1e-300, *(abs(v) for v in expected if v == v)])
         if any(
             not abs(a - b) <= 1e-9 * scale for a, b in zip(expected, seen, strict=True) if a == a and abs(a) < 1e300
@@ -127,16 +145,24 @@ def is_faithful(
     return True
 
 
-def evaluate(traced: Trace, t: float, state: Sequence[float], parameters: Sequence[float]) -> list[float]:
-    """Return the values of the expressions of a trace; NaN where an operation is not defined."""
-    inputs = {"time": lambda _: t, "state": state.__getitem__, "parameter": parameters.__getitem__, "constant": float}
-    values: dict[Expression, float] = {}
-    for node in traced.nodes:
-        if node.operation in inputs:
-            values[node] = inputs[node.operation](node.value)
-            continue
-        try:
-            values[node] = float(operation_on_numbers(node.operation)(*(values[a] for a in node.arguments)))
-        except (ArithmeticError, ValueError, TypeError):
-            values[node] = math.nan
-    return [values[e] for e in traced.outputs]
+_OF_ARRAYS: dict[str, Callable[..., Any]] = {
+    **ARRAY_FUNCTIONS,
+    **{"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative},
+    "select": lambda sign, a, b: np.where(sign > 0.0, a, b),
+    "side": lambda a: np.where(a > 0.0, 1.0, -1.0),
+}
+
+
+def evaluated(
+    expressions: Sequence[Expression], inputs: Mapping[Expression, Any]
+) -> list[NDArray[np.float64]]:
+    """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
+    known: dict[Expression, Any] = {}
+    with np.errstate(all="ignore"):
+        for node in in_order(expressions):
+            if not node.arguments:
+                known[node] = np.asarray(node.value if node.operation == "constant" else inputs[node], dtype=float)
+            else:
+                function = _OF_ARRAYS.get(node.operation) or np.vectorize(operation_on_numbers(node.operation))
+                known[node] = function(*(known[a] for a in node.arguments))
+    return [known[e] for e in expressions]

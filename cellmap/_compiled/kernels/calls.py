@@ -45,9 +45,9 @@ def call_begin(typing_context, address, lanes, series, p, start):
 
 
 @intrinsic
-def call_surfaces(typing_context, address, t, state, p, values, rates, gains, jumps, normals):
-    """Evaluate all that decides about modes: ``surfaces(t, state, p, values, rates, gains, jumps, normals)``."""
-    return types.void(address, t, state, p, values, rates, gains, jumps, normals), _caller()
+def call_surfaces(typing_context, address, t, state, p, signs, values, rates, gains, jumps, normals):
+    """Evaluate all that decides about modes: ``surfaces(t, state, p, signs, values, rates, gains, jumps, normals)``."""
+    return types.void(address, t, state, p, signs, values, rates, gains, jumps, normals), _caller()
 
 
 @intrinsic

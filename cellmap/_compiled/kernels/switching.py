@@ -168,14 +168,14 @@ def choose_mode(rates, gains, on_surface, signs, slides, held):
 
 @njit(**INLINE)
 def begin_on_surface(
-    surfaces, rates, gains, jumps, normals, signs, slides, fresh, state, zeros, on_surface, speeds, held
+    surfaces, rates, gains, jumps, normals, counts, signs, slides, fresh, state, zeros, on_surface, speeds, held
 ):
     """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event.
 
     Where it slides, neighbours on either side are drawn in along the jump, and with them the tangent vectors.
     """
     for e in range(surfaces.size):
-        on_surface[e] = 1.0 if surfaces[e] == 0.0 else 0.0
+        on_surface[e] = 1.0 if surfaces[e] == 0.0 and not counts[e] else 0.0
     choose_mode(rates, gains, on_surface, signs, slides, held)
     for e in range(surfaces.size):
         fresh[e] = on_surface[e] - slides[e]
@@ -272,13 +272,12 @@ def project(state, surfaces, normals, hits, slides, active, shifts):
 
 
 @njit(**INLINE)
-def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors, on_surface, before, after):
-    """Go over to the mode that follows an event.
+def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before, after):
+    """Go over to the mode that follows an event; return the surface that was entered, -1 if one was only left.
 
-    Errors, and tangent vectors if there are any, pass the event as its time depends on the state: by the saltation
-    matrix I + (f_after - f_before) grad h / (dh/dt before).
+    ``before`` and ``after`` receive the signs of all switches on either side of the event.
     """
-    count, dimension = normals.shape
+    count = rates.size
     equivalent_control(rates, gains, slides, signs, before)
     entered = -1
     for e in range(count):
@@ -288,11 +287,18 @@ def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, erro
             slides[e] = 0.0
             fresh[e] = 2.0
             on_surface[e] = 0.0
+        elif hits[e] and counts[e]:
+            speed = rates[e]
+            for k in range(count):
+                speed += gains[e, k] * before[k]
+            signs[e] += 1.0 if speed > 0.0 else -1.0
+            fresh[e] = 1.0
+            entered = e
         elif hits[e]:
             on_surface[e] = 1.0
             entered = e
     if entered < 0:
-        return
+        return entered
     choose_mode(rates, gains, on_surface, signs, slides, after)
     for e in range(count):
         if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0:
@@ -302,6 +308,27 @@ def switch(rates, gains, jumps, normals, hits, signs, slides, fresh, state, erro
         elif on_surface[e]:
             fresh[e] = 1.0 - slides[e]
     equivalent_control(rates, gains, slides, signs, after)
+    return entered
+
+
+@njit(**INLINE)
+def follow(surfaces, slides, hits, counts, signs, after):
+    """Put switches on the side where the change of another has left them; return how many there were."""
+    changed = 0
+    for e in range(signs.size):
+        if not (hits[e] or slides[e] or counts[e]) and signs[e] * surfaces[e] < 0.0:
+            signs[e] = after[e] = -signs[e]
+            changed += 1
+    return changed
+
+
+@njit(**INLINE)
+def pass_event(entered, rates, gains, jumps, normals, state, errors, before, after):
+    """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
+
+    It is the saltation matrix I + (f_after - f_before) grad h / (dh/dt before).
+    """
+    count, dimension = normals.shape
     speed = rates[entered]
     for e in range(count):
         speed += gains[entered, e] * before[e]

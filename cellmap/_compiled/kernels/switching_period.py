@@ -23,12 +23,12 @@ from numba import carray, cfunc, njit  # type: ignore[attr-defined]
 from .borrow import borrowed
 from .calls import PERIOD, call_begin, call_step, call_surfaces
 from .options import INLINE, KERNEL, LANES
-from .switching import NO_EVENT, begin_on_surface, land, project, switch
+from .switching import NO_EVENT, begin_on_surface, follow, land, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
 
-CONTEXT = 9  # numbers
+CONTEXT = 10  # numbers, and one more for each surface
 
 
 @njit(**INLINE)
@@ -84,6 +84,17 @@ def _store(lanes, i, t, state, signs, slides, errors, fresh):
         lanes[(2 * size + 1 + 2 * count + e) * LANES + i] = fresh[e]
 
 
+@njit(**INLINE)
+def _settle(
+    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, after
+):  # fmt: skip
+    """Let switches follow whose surfaces depend on the sides of others, until each is on its own side."""
+    for _ in range(signs.size):
+        call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
+        if not follow(values, slides, hits, counts, signs, after):
+            break
+
+
 @functools.cache
 def period(single):
     """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
@@ -93,11 +104,14 @@ def period(single):
         """Move blocks of states on by a period; no steps at all stand for a trial step, in which events do not count.
 
         The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
-        coordinates and of surfaces, the order, and whether lanes that slide are brought back at the end.
+        coordinates and of surfaces, the order, whether lanes that slide are brought back at the end, whether surfaces
+        depend on the sides of others, and for each surface whether its switch counts.
         """
         addresses = carray(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
+        coupled = addresses[9]
         count = 1 if single else addresses[6]
+        counts = carray(context, CONTEXT + count)[CONTEXT:]
         x, error = carray(blocks_of_states, (blocks, size, LANES)), carray(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
         local = (size + count) * length
@@ -140,10 +154,11 @@ def period(single):
             for i in range(LANES):
                 if series[flag + i] > 0.0:
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
-                    call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                    call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                     begin_on_surface(
-                        values, rates, gains, jumps, normals, signs, slides, fresh, state, hits, on_surface, held, after
-                    )
+                        values, rates, gains, jumps, normals, counts, signs, slides, fresh, state,
+                        hits, on_surface, held, after,
+                    )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
             rounds = 8 * steps[b] + 1024
             moving = 1
@@ -160,12 +175,18 @@ def period(single):
                         landed = land(series[i:], state, signs, slides, errors, fresh, hits, a, held, t, order, end)
                         if landed > NO_EVENT:
                             t = landed
-                            call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                            call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                             project(state, values, normals, hits, slides, on_surface, held)
-                            switch(
-                                rates, gains, jumps, normals, hits, signs, slides, fresh, state, errors,
-                                on_surface, held, after,
-                            )  # fmt: skip
+                            entered = switch(
+                                rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
+                            )
+                            if coupled:
+                                _settle(
+                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                    slides, hits, counts, after,
+                                )  # fmt: skip
+                            if entered >= 0:
+                                pass_event(entered, rates, gains, jumps, normals, state, errors, held, after)
                         _store(lanes, i, t, state, signs, slides, errors, fresh)
                     moving += lanes[size * LANES + i] < end
             if project_at_end:
@@ -174,7 +195,7 @@ def period(single):
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
                     if slides.max() > 0.0:
                         hits[:] = 0.0
-                        call_surfaces(addresses[SURFACES], t, state, p, values, rates, gains, jumps, normals)
+                        call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                         project(state, values, normals, hits, slides, on_surface, held)
                         for j in range(size):
                             lanes[j * LANES + i] = state[j]

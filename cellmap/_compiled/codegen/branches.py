@@ -1,0 +1,254 @@
+"""Branches of a plain function, located: both sides of each comparison are traced.
+
+A comparison a > b asks for the sign of the switching function h = a - b.  The function is run once for each sequence
+of answers, and the results become one expression: ``select(s, A, B)`` is A where the sign s of h is positive, else B.
+What both sides have in common stays outside of it.  The absolute value, the larger of two numbers, the sign and their
+like need no second run.  Whole parts (of floor, and of remainders) are counted by a switch of their own.
+
+For a motion the signs are inputs "sign", the modes of :mod:`cellmap._compiled.codegen.filippov`; what depends on
+parameters alone is decided where it stands.  For one application of a discrete map all of it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .expression import Comparison, Expression, Graph, UntraceableError, in_order
+
+MOST_PATHS = 256
+MOST_SWITCHES = 24
+_NEUTRAL = {"add": 0.0, "sub": 0.0, "mul": 1.0, "div": 1.0}
+_INPUTS = frozenset({"state", "time", "parameter", "constant", "sign", "slide"})
+
+
+@dataclass(frozen=True, eq=False)
+class Switch:
+    """A switching function and the expression of its sign; or, if it `counts`, of the whole number below it."""
+
+    sign: Expression
+    function: Expression
+    counts: bool = False
+
+    @property
+    def is_mode(self) -> bool:
+        """Whether its sign is an input."""
+        return self.sign.operation == "sign"
+
+
+Met = tuple[int, bool | None]
+"""A switch that a run has met, and the answer that it got; None where both sides were taken at once."""
+
+
+class BranchingGraph(Graph):
+    """A graph in which comparisons have answers: those that are given first, then yes.
+
+    With `modes`, signs that depend on state or time are inputs; then h and -h share a switch.  Without, signs stand for
+    themselves, and equality falls on the side that the comparison says.
+    """
+
+    def __init__(self, modes: bool) -> None:
+        super().__init__()
+        self.modes = modes
+        self.switches: list[Switch] = []
+        self._met: list[Met] = []
+        self._answers: Sequence[bool] = ()
+
+    def answer(self, function: Expression) -> bool:
+        """Decide in this run whether an expression is positive."""
+        if function.operation == "constant":
+            return bool(function.value > 0.0)
+        number, factor = self._switch(function, False)
+        before = [yes for n, yes in self._met if n == number and yes is not None]
+        if before:
+            return before[0] is (factor > 0)
+        asked = sum(yes is not None for _, yes in self._met)
+        yes = self._answers[asked] if asked < len(self._answers) else True
+        self._met.append((number, yes))
+        return yes is (factor > 0)
+
+    def choose(self, function: Expression, a: Any, b: Any) -> Expression:
+        """Return a where an expression is positive, else b."""
+        number, factor = self._switch(function, False)
+        sides = (self.lift(a), self.lift(b))
+        return self.selection(self.switches[number].sign, *(sides if factor > 0 else sides[::-1]))
+
+    def whole_part(self, a: Expression) -> Expression:
+        """Return the largest whole number that is not above an expression."""
+        return self.switches[self._switch(a, True)[0]].sign
+
+    def compare(self, a: Any, b: Any, *, strictly: bool) -> Comparison:
+        """Return the comparison a > b, or a >= b, which holds where b > a does not."""
+        return Comparison(self, self.difference(a, b) if strictly else self.difference(b, a), strictly)
+
+    def difference(self, a: Any, b: Any) -> Expression:
+        """Subtract expressions or numbers."""
+        left, right = self.lift(a), self.lift(b)
+        return left if right.vanishes else self.minus(left, right)
+
+    def apply(self, operation: str, *operands: Any) -> Expression:
+        """Apply an operation; those with kinks and jumps become selections."""
+        rule = _PIECES.get(operation)
+        arguments = tuple(self.lift(a) for a in operands)
+        if rule is None or all(a.operation == "constant" for a in arguments):
+            return super().apply(operation, *arguments)
+        return rule(self, *arguments)
+
+    def plain(self, operation: str, *operands: Any) -> Expression:
+        """Apply an operation as it is."""
+        return super().apply(operation, *operands)
+
+    def selection(self, sign: Expression, a: Expression, b: Expression) -> Expression:
+        """Return ``select(sign, a, b)``, with what both have in common outside of it."""
+        if a is b:
+            return a
+        if a.operation == b.operation and a.operation not in _INPUTS and len(a.arguments) == len(b.arguments):
+            pairs = list(zip(a.arguments, b.arguments, strict=True))
+            if len(pairs) == 1 or (len(pairs) == 2 and any(u is v for u, v in pairs)):
+                return self.plain(a.operation, *(self.selection(sign, u, v) for u, v in pairs))
+        # Where one side adds a term, or a factor, to the other: only that is selected.
+        for longer, shorter in ((a, b), (b, a)):
+            if longer.operation in _NEUTRAL and any(
+                shorter is e for e in longer.arguments[: 2 if longer.operation in {"add", "mul"} else 1]
+            ):
+                first, second = longer.arguments
+                term = second if first is shorter else first
+                sides = (term, self.constant(_NEUTRAL[longer.operation]))
+                chosen = self.selection(sign, *(sides if longer is a else sides[::-1]))
+                return self.plain(longer.operation, *((shorter, chosen) if first is shorter else (chosen, shorter)))
+        return self.plain("select", sign, a, b)
+
+    def add_switch(self, function: Expression) -> Expression:
+        """Add a switching function that is given; return the input of its sign."""
+        return self.switches[self._new(function, False)].sign
+
+    def trace_paths(self, run: Callable[[], Sequence[Any]]) -> tuple[Expression, ...]:
+        """Run a function for all sequences of answers and return its results as one.
+
+        The function of a switch that only some paths meet is selected where they do; elsewhere it leaves the sign
+        alone.
+        """
+        known = len(self.switches)
+        runs: list[tuple[tuple[Expression, ...], list[Met]]] = []
+        waiting: list[list[bool]] = [[]]
+        while waiting:
+            if len(runs) + len(waiting) > MOST_PATHS:
+                raise UntraceableError(f"its branches have more than {MOST_PATHS} combinations")
+            self._answers, self._met = waiting.pop(), []
+            outputs = tuple(self.lift(e) for e in run())
+            runs.append((outputs, self._met))
+            given = [yes for _, yes in self._met if yes is not None]
+            waiting += [[*given[:i], False] for i in range(len(self._answers), len(given))]
+        joined = self._joined(runs, 0)
+        for i in range(known, len(self.switches)):
+            own = self.switches[i]
+            where = [((own.function if any(n == i for n, _ in met) else _at_rest(self, own),), met) for _, met in runs]
+            self.switches[i] = replace(own, function=self._joined(where, 0)[0])
+        return joined
+
+    def _joined(self, runs: Sequence[tuple[tuple[Expression, ...], list[Met]]], place: int) -> tuple[Expression, ...]:
+        """Join the results of runs that have met the same switches up to a place."""
+        results, met = runs[0]
+        while len(runs) > 1 and met[place][1] is None:
+            place += 1
+        if len(runs) == 1:
+            return results
+        sides = [[run for run in runs if run[1][place][1] is yes] for yes in (True, False)]
+        pairs = zip(*(self._joined(side, place + 1) for side in sides), strict=True)
+        return tuple(self.selection(self.switches[met[place][0]].sign, a, b) for a, b in pairs)
+
+    def _switch(self, function: Expression, counts: bool) -> tuple[int, int]:
+        """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be."""
+        forms = [(function, 1)]
+        if self.modes and not counts:
+            forms.append((self.plain("neg", function), -1))
+            if function.operation == "sub":
+                forms.append((self.plain("sub", *reversed(function.arguments)), -1))
+        for form, factor in forms:
+            for number, switch in enumerate(self.switches):
+                if switch.counts == counts and (switch.function is form or (switch.sign is form and not counts)):
+                    self._met.append((number, None))
+                    return number, factor
+        return self._new(function, counts), 1
+
+    def _new(self, function: Expression, counts: bool) -> int:
+        number = len(self.switches)
+        if number >= MOST_SWITCHES:
+            raise UntraceableError(f"it makes more than {MOST_SWITCHES} comparisons")
+        moves = {"state", "time", "sign"}
+        if self.modes and any(e.operation in moves for e in in_order([function])):
+            sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
+        else:
+            sign = self.plain("floor" if counts else "side", function)
+        self.switches.append(Switch(sign, function, counts))
+        self._met.append((number, None))
+        return number
+
+
+def initial_functions(graph: BranchingGraph, modes: Sequence[Switch]) -> list[Expression]:
+    """Return the functions of switches without the signs of one another: at a beginning, nothing is a mode yet."""
+    functions: dict[Expression, Expression] = {}
+    signs: dict[Expression, Expression] = {}
+
+    def find(switch: Switch) -> None:
+        if switch.sign in functions:
+            return
+        needed = {e for e in in_order([switch.function]) if e.operation == "sign" and e is not switch.sign}
+        for other in modes:
+            if other.sign in needed:
+                find(other)
+        known = {**signs, switch.sign: graph.constant(1.0)}
+        (functions[switch.sign],) = graph.substituted([switch.function], known, graph.plain)
+        signs[switch.sign] = graph.plain("floor" if switch.counts else "side", functions[switch.sign])
+
+    for switch in modes:
+        find(switch)
+    return [functions[switch.sign] for switch in modes]
+
+
+def _at_rest(graph: BranchingGraph, switch: Switch) -> Expression:
+    """Return a function that leaves the sign of a switch as it is."""
+    return graph.plain("add", switch.sign, 0.5) if switch.counts else switch.sign
+
+
+def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    size = graph.apply("fabs", a)
+    return graph.choose(b, size, graph.apply("neg", size))
+
+
+def _sign(graph: BranchingGraph, a: Expression) -> Expression:
+    at_most_zero = -1.0 if graph.modes else graph.choose(graph.apply("neg", a), -1.0, 0.0)
+    return graph.choose(a, 1.0, at_most_zero)
+
+
+def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
+    return graph.apply("neg", graph.whole_part(graph.apply("neg", a)))
+
+
+def _truncated(graph: BranchingGraph, a: Expression) -> Expression:
+    return graph.choose(a, graph.whole_part(a), _negative_of_whole_part(graph, a))
+
+
+def _remainder(
+    whole: Callable[[BranchingGraph, Expression], Expression],
+) -> Callable[[BranchingGraph, Expression, Expression], Expression]:
+    """Return a - b whole(a/b)."""
+    return lambda graph, a, b: graph.apply(
+        "sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b)))
+    )
+
+
+_PIECES: dict[str, Callable[..., Expression]] = {
+    "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),
+    "fmax": lambda graph, a, b: graph.choose(graph.difference(a, b), a, b),
+    "fmin": lambda graph, a, b: graph.choose(graph.difference(b, a), a, b),
+    "copysign": _copysign,
+    "sign": _sign,
+    "floor": BranchingGraph.whole_part,
+    "ceil": _negative_of_whole_part,
+    "trunc": _truncated,
+    "mod": _remainder(BranchingGraph.whole_part),
+    "fmod": _remainder(_truncated),
+}
+"""How operations with kinks and jumps are written."""
