@@ -127,9 +127,7 @@ def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
     return found
 
 
-def _derivatives(
-    system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...]
-) -> NDArray[np.float64]:
+def _derivatives(system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known.
 
     Jumps are met as events: what is returned is the smooth side on which the state is at the time 0.

@@ -234,9 +234,7 @@ def _remainder(
     whole: Callable[[BranchingGraph, Expression], Expression],
 ) -> Callable[[BranchingGraph, Expression, Expression], Expression]:
     """Return a - b whole(a/b)."""
-    return lambda graph, a, b: graph.apply(
-        "sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b)))
-    )
+    return lambda graph, a, b: graph.apply("sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b))))
 
 
 _PIECES: dict[str, Callable[..., Expression]] = {

@@ -197,6 +197,7 @@ class Comparison:
         chosen: Expression = self.graph.choose(self.difference, *((a, b) if self.strictly else (b, a)))
         return chosen
 
+
 for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow".split():
 
     def _of_number(self: Comparison, *operands: Any, _method: str = f"__{_name}__") -> Any:
@@ -326,10 +327,19 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
 
     table = {name: make(name) for name in FUNCTIONS}
     table["pow"] = lambda base, exponent: base**exponent
+
+    def where(condition: Any, a: Any, b: Any) -> Any:
+        return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
+
+    def as_float(value: Any) -> Any:
+        return value if isinstance(value, Expression | Comparison) else float(value)
+
+    def as_int(value: Any, *base: Any) -> Any:
+        return table["trunc"](value) if isinstance(value, Expression) else int(value, *base)
+
     table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
-    table["where"] = lambda condition, a, b: condition.choose(a, b) if isinstance(condition, Comparison) else (a, b)[not condition]
-    table["heaviside"] = lambda value, at_zero: table["where"](value > 0.0, 1.0, table["where"](value < 0.0, 0.0, at_zero))
-    return table
+    table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
+    return {**table, "where": where, "float": as_float, "int": as_int}
 
 
 def in_order(outputs: Iterable[Expression]) -> list[Expression]:

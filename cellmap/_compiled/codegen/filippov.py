@@ -13,7 +13,7 @@ and 0 where it slides, "slide" is 1 where it slides and 0 where it is free.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -118,7 +118,7 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
     slopes = [derivative(direction, zero) for direction in unit]
     normals = tuple(tuple(slope[i] for slope in slopes) for i in range(count))
     free_events = tuple(
-        graph.apply("mul", graph.difference(s.function, s.sign), graph.difference(graph.apply("add", s.sign, 1.0), s.function))
+        graph.difference(s.function, graph.apply("add", s.sign, 0.5))
         if s.counts
         else graph.apply("mul", s.sign, s.function)
         for s in modes
@@ -134,7 +134,9 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
         # A coordinate that is held at zero stays there to the last bit.
         for slide, surface in zip(slides, surfaces, strict=True):
             if surface.operation == "state":
-                components[surface.value] = graph.apply("mul", graph.apply("sub", one, slide), components[surface.value])
+                components[surface.value] = graph.apply(
+                    "mul", graph.apply("sub", one, slide), components[surface.value]
+                )
         motion = replace(base, outputs=tuple(components))
         events = tuple(
             graph.apply("add", e, graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))))
@@ -165,12 +167,13 @@ def _affine(
     slopes = [along(graph, outputs, {sign: one}) for sign in signs]
     if len(given) == len(modes) and not any(_depends(slope, signs) for slope in slopes) and not _selects(outputs):
         return graph.substituted(outputs, dict.fromkeys(signs, zero)), tuple(slopes)
+    mine = set(given)
     for sign, slope in zip(signs, slopes, strict=True):
-        if sign in given and _depends(slope, [s for s in given if s is not sign]):
+        if sign in mine and _depends(slope, mine - {sign}):
             raise ValueError("rhs multiplies signs by one another: what they are on a surface is not defined")
     # Where a switch slides its input is zero; what is written with it then takes the side below, as selections do.
     factors = [s.sign if s.counts else graph.plain("select", s.sign, one, below) for s in modes]
-    outputs = graph.substituted(outputs, {s: f for s, f in zip(signs, factors, strict=True) if s in given})
+    outputs = graph.substituted(outputs, {s: f for s, f in zip(signs, factors, strict=True) if s in mine})
     jumps = []
     for switch in modes:
         if switch.counts:
@@ -182,9 +185,15 @@ def _affine(
         jumps.append((zero,) * len(outputs) if _is_continuous(switch, jump) else jump)
     if any(_depends(jump, signs) for jump in jumps):
         terms = [[graph.times(f, e) for e in jump] for f, jump in zip(factors, jumps, strict=True)]
-        return tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True)), tuple(jumps)
+        return tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True)), tuple(
+            jumps
+        )
     # No jump depends on another: what is left at the sides below, and half of each jump, is the same on all sides.
-    least = {s.sign: zero if s.counts else below for s, jump in zip(modes, jumps, strict=True) if not all(e.vanishes for e in jump)}
+    least = {
+        s.sign: zero if s.counts else below
+        for s, jump in zip(modes, jumps, strict=True)
+        if not all(e.vanishes for e in jump)
+    }
     halves = [jump for s, jump in zip(modes, jumps, strict=True) if not s.counts]
     smooth = graph.substituted(outputs, least)
     return tuple(_sum(graph, terms) for terms in zip(smooth, *halves, strict=True)), tuple(jumps)
@@ -268,7 +277,7 @@ def _held_signs(
     return held
 
 
-def _depends(expressions: Sequence[Expression], inputs: Sequence[Expression]) -> bool:
+def _depends(expressions: Sequence[Expression], inputs: Collection[Expression]) -> bool:
     return not set(in_order(expressions)).isdisjoint(inputs)
 
 

@@ -29,6 +29,7 @@ from .rebind import rebind
 from .taylor import taylor_steps
 from .trace import Trace, evaluated, parameter_record
 
+
 @dataclass(frozen=True, eq=False)
 class LinearKernel:
     """A compiled linearised period, and the expressions behind it.

@@ -35,7 +35,7 @@ def _canonical_names() -> dict[Any, str]:
     names[min] = names[np.minimum] = names[np.fmin] = "fmin"
     names[max] = names[np.maximum] = names[np.fmax] = "fmax"
     names[np.power] = names[pow] = "pow"
-    names[np.clip], names[np.where] = "clip", "where"
+    names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
     return names
 
 

@@ -56,14 +56,13 @@ def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_
 
 def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: int, one_step: bool = False) -> str:
     """Return the text of a module with the functions described above."""
-    count = len(traced.surfaces)
     steps = {"general_step": Series(traced.motion, order, extra=traced.events, one_clock=False)}
     if not one_step:
         steps["free_step"] = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
     functions, bodies = [], []
     for name, series in steps.items():
         out = Instructions(width)
-        _write_step(out, series, parameters, count, None if one_step else name == "general_step")
+        _write_step(out, series, parameters, traced.counts, None if one_step else name == "general_step")
         functions.append(out.function(name, _STEP_ARGUMENTS))
         bodies.append(out)
     begin, surfaces = Instructions(width), Instructions(1)
@@ -71,7 +70,9 @@ def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: i
     _write_surfaces(surfaces, traced, parameters)
     functions.append(begin.function("begin", "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %start"))
     arrays = ", ".join(f"ptr noalias %{output}" for output in _OUTPUTS)
-    functions.append(surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, {arrays}"))
+    functions.append(
+        surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, {arrays}")
+    )
     return module_text("\n".join(functions), begin, surfaces, *bodies)
 
 
@@ -135,9 +136,11 @@ def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]
     return [assignment(n, name, STATEFUL) for n in nodes if n.arguments], [name(e) for e in expressions]
 
 
-def _write_step(out: Instructions, series: Series, parameters: int, count: int, sliding: bool | None) -> None:
+def _write_step(
+    out: Instructions, series: Series, parameters: int, counts: Sequence[bool], sliding: bool | None
+) -> None:
     """Write the function that takes one step with the lanes that slide, with those that do not, or (None) with all."""
-    size = len(series.trace.states)
+    size, count = len(series.trace.states), len(counts)
     length, errors = series.order + 1, size + 1 + 2 * count
     local = (size + count) * length
     once = {**parameter_scope(out, parameters), "end": Value("%end"), "rate": Value("%rate")}
@@ -151,7 +154,7 @@ def _write_step(out: Instructions, series: Series, parameters: int, count: int, 
         mine = ">" if sliding else "=="
         if sliding is not None:
             translate(out, [f"mine = {' + '.join(f'u{e}' for e in range(count))} {mine} 0.0"], scope)
-        translate(out, _lane_step(series, size, count), scope)
+        translate(out, _lane_step(series, size, counts), scope)
 
         def store(base: str, row: int, name: str) -> None:
             place, value = address(base, row), out.as_vector(scope[name])
@@ -173,9 +176,9 @@ def _write_step(out: Instructions, series: Series, parameters: int, count: int, 
             store("%series", row, name)
 
 
-def _lane_step(series: Series, size: int, count: int) -> Iterable[str]:
+def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[str]:
     """Write one step of one lane."""
-    order, length = series.order, series.order + 1
+    order, length, count = series.order, series.order + 1, len(counts)
     # What is left is cut into equal steps, so that none of them is a sliver.
     yield "left = simd_math.fmax(math.ceil((end - t0) * rate - 1e-6), 1.0)"
     yield "h = (end - t0) / left"
@@ -192,9 +195,15 @@ def _lane_step(series: Series, size: int, count: int) -> Iterable[str]:
     yield "t1 = t0 + h if left > 1.0 else end"
     for e, event in enumerate(series.extra):
         yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
-        # Smallest value of the first three terms in the step, less all the others.
+        # Smallest value of the first three terms in the step (or largest size of it), less all the others.
         yield f"a{e} = event{e}_0; b{e} = event{e}_1; c{e} = event{e}_2"
         yield f"rest{e} = {' + '.join(f'abs(event{e}_{k})' for k in range(3, length))}"
+        if counts[e]:
+            yield f"ends{e} = simd_math.fmax(abs(a{e}), abs(a{e} + b{e} + c{e}))"
+            turns = f"b{e} * c{e} < 0.0 and abs(b{e}) < 2.0 * abs(c{e})"
+            yield f"top{e} = abs(a{e} - 0.25 * b{e} * b{e} / c{e}) if {turns} else 0.0"
+            yield f"quiet{e} = 0.5 - simd_math.fmax(ends{e}, top{e}) - rest{e}"
+            continue
         yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"
         yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
         yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"

@@ -153,9 +153,7 @@ _OF_ARRAYS: dict[str, Callable[..., Any]] = {
 }
 
 
-def evaluated(
-    expressions: Sequence[Expression], inputs: Mapping[Expression, Any]
-) -> list[NDArray[np.float64]]:
+def evaluated(expressions: Sequence[Expression], inputs: Mapping[Expression, Any]) -> list[NDArray[np.float64]]:
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
     known: dict[Expression, Any] = {}
     with np.errstate(all="ignore"):

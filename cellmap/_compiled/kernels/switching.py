@@ -193,7 +193,31 @@ def begin_on_surface(
 
 
 @njit(**INLINE)
-def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, order, end):
+def _load_event(event, least, factor, shift, a, length):
+    """Copy the coefficients of ``least + factor event``, from one of them on; return the sum of their sizes."""
+    total = 0.0
+    for k in range(length - shift):
+        a[k] = factor * event[(k + shift) * LANES] + (least if k + shift == 0 else 0.0)
+        total += abs(a[k])
+    return total
+
+
+@njit(**INLINE)
+def _leaves_between(event, shift, a, length):
+    """Return the first time at which an event leaves the interval from -1/2 to 1/2, else NEVER.
+
+    With a zero at the beginning, of the order `shift`, it begins on the nearer of both ends.
+    """
+    first = NEVER
+    for factor in (-1.0, 1.0):
+        begins = shift if factor * event[0] < 0.0 else 0
+        _load_event(event, 0.5, factor, begins, a, length)
+        first = min(first, first_root(a, length - 1 - begins))
+    return first
+
+
+@njit(**INLINE)
+def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, time, order, end):
     """Take a lane back to the first event in its last step; return its time then, NO_EVENT if there is none.
 
     Rows of ``series`` hold coefficients of states and events, then estimates of the local errors, step, and time before
@@ -212,16 +236,17 @@ def land(series, state, signs, slides, errors, fresh, hits, a, roots, time, orde
             return NO_EVENT
     first = NEVER
     for e in range(count):
-        shift, total = int(fresh[e]), 0.0
-        for k in range(length - shift):
-            a[k] = series[((size + e) * length + k + shift) * LANES]
-            total += abs(a[k])
+        shift, event = int(fresh[e]), series[(size + e) * length * LANES :]
+        total = _load_event(event, 0.0, 1.0, shift, a, length)
         if not total < np.inf:
             errors[:] = 1e300  # a mode that cannot be told is no mode
             return NO_EVENT
         if slides[e] > 0.0 and -10.0 * _TIE < a[0] < 0.0:
             a[0] = 0.0
-        roots[e] = first_root(a, order - shift)
+        if counts[e]:
+            roots[e] = _leaves_between(event, shift, a, length)
+        else:
+            roots[e] = first_root(a, order - shift)
         first = min(first, roots[e])
     if first > 1e-9:
         fresh[:] = 0.0

@@ -172,14 +172,14 @@ def period(single):
                 for i in range(LANES):
                     if series[flag + i] > 0.0:
                         t = _load(lanes, i, state, signs, slides, errors, fresh)
-                        landed = land(series[i:], state, signs, slides, errors, fresh, hits, a, held, t, order, end)
+                        landed = land(
+                            series[i:], state, signs, slides, counts, errors, fresh, hits, a, held, t, order, end
+                        )
                         if landed > NO_EVENT:
                             t = landed
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                             project(state, values, normals, hits, slides, on_surface, held)
-                            entered = switch(
-                                rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
-                            )
+                            entered = switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after)
                             if coupled:
                                 _settle(
                                     addresses, t, state, p, signs, values, rates, gains, jumps, normals,
