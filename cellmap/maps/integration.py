@@ -132,11 +132,11 @@ def _derivatives(system: ForcedSystem, times: NDArray[np.float64], state: tuple[
 
     Jumps are met as events: what is returned is the smooth side on which the state is at the time 0.
     """
-    names, signs = tuple(system.params), ()
+    names, signs = tuple(system.params), tuple[float, ...]()
     if has_events(system):
         in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
         traced = None if isinstance(in_modes, str) else in_modes.free_motion
-        signs = () if isinstance(in_modes, str) else in_modes.signs_at(0.0, state, _values(system))
+        signs = () if isinstance(in_modes, str) else in_modes.signs_at(0.0, state, tuple(system.params.values()))
     else:
         traced = None if unknown_formulas(system) else traced_function(system.rhs, system.dimension, names)
     if traced is not None:

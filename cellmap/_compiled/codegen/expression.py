@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -45,14 +44,6 @@ _FOLD: dict[str, Callable[..., float]] = {
     "select": lambda sign, a, b: a if sign > 0.0 else b,
 }
 """Operations without their like in :mod:`math`.  ``side`` is a sign, -1 at zero; ``select`` chooses by one."""
-
-_OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
-
-FUNCTIONS = (
-    "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
-    "hypot ceil asinh acosh atanh erf trunc fmod mod sign"
-).split()
-"""Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
 
 
 def operation_on_numbers(name: str) -> Callable[..., float]:
@@ -306,40 +297,6 @@ class Graph:
             return self.apply("mul", self._whole_power(base, exponent - 1), base)
         half = self._whole_power(base, exponent // 2)
         return self.apply("mul", half, half)
-
-
-def elementary_functions() -> dict[str, Callable[..., Any]]:
-    """Return functions by their names in :mod:`math` that build expressions when an argument is one."""
-
-    def make(name: str) -> Callable[..., Any]:
-        def function(*arguments: Any) -> Any:
-            if name in _OF_ANY_NUMBER:
-                several = tuple(arguments[0]) if len(arguments) == 1 else arguments
-                if len(several) != 2:
-                    return functools.reduce(function, several)
-                arguments = several
-            for argument in arguments:
-                if isinstance(argument, Expression):
-                    return argument.graph.apply(name, *arguments)
-            return operation_on_numbers(name)(*arguments)
-
-        return function
-
-    table = {name: make(name) for name in FUNCTIONS}
-    table["pow"] = lambda base, exponent: base**exponent
-
-    def where(condition: Any, a: Any, b: Any) -> Any:
-        return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
-
-    def as_float(value: Any) -> Any:
-        return value if isinstance(value, Expression | Comparison) else float(value)
-
-    def as_int(value: Any, *base: Any) -> Any:
-        return table["trunc"](value) if isinstance(value, Expression) else int(value, *base)
-
-    table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
-    table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
-    return {**table, "where": where, "float": as_float, "int": as_int}
 
 
 def in_order(outputs: Iterable[Expression]) -> list[Expression]:

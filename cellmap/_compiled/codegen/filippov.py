@@ -230,11 +230,11 @@ def _is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
         return evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
 
     (begin,), (end,) = (between(share, [switch.function]) for share in (low, high))
-    crosses = np.asarray(begin * end < 0.0)
+    crosses = np.asarray((begin < 0.0) & (end > 0.0) | (begin > 0.0) & (end < 0.0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         (value,) = between(middle, [switch.function])
-        same = value * begin > 0.0
+        same = (value > 0.0) == (begin > 0.0)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     there = np.abs(np.stack(np.broadcast_arrays(*between(low, jump))))[:, crosses]
     nearby = np.abs(np.stack(np.broadcast_arrays(*between(low + 0.1, jump))))[:, crosses]

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from .captured import kept
 from .derivative import along
-from .expression import Expression, Graph, UntraceableError, elementary_functions, in_order
+from .elementary import elementary_functions
+from .expression import Expression, Graph, UntraceableError, in_order
 from .kernel import PeriodKernel, finished, traced_function
 from .methods import choose_method, taylor_order
 from .period import compiled_period

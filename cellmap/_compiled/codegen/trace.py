@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .branches import BranchingGraph
+from .elementary import elementary_functions
 from .expression import (
     Expression,
     UntraceableError,
-    elementary_functions,
     in_order,
     is_analytic,
     operation_on_numbers,

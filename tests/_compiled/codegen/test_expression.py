@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cellmap._compiled.codegen.elementary import FUNCTIONS, elementary_functions
 from cellmap._compiled.codegen.expression import (
-    FUNCTIONS,
     Expression,
     Graph,
     UntraceableError,
-    elementary_functions,
     in_order,
     is_analytic,
 )

@@ -151,8 +151,8 @@ def test_tangents_are_the_derivatives_that_sympy_finds(function: Callable[[Any],
     formula_of_x = sympy.sympify(formula, locals={"x": x})
     for place in (0.3, 1.1):
         # Whole parts rest where they are: what is left has the slope of the formula.
-        held = formula_of_x.replace(sympy.Mod, lambda a, b: a - b * sympy.floor((a / b).subs(x, place)))
-        held = held.replace(sympy.floor, lambda a: sympy.floor(a.subs(x, place)))
+        held = formula_of_x.replace(sympy.Mod, lambda a, b: a - b * sympy.floor(a / b))
+        held = held.replace(sympy.floor, lambda a, at=place: sympy.floor(a.subs(x, at)))
         slope = sympy.diff(held, x)
         value, derivative = evaluate(tangent, 0.0, [place, 2.0], [])
         assert value == pytest.approx(function(place), rel=1e-15)

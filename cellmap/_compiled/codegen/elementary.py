@@ -1,0 +1,51 @@
+"""Elementary functions of expressions: what a traced right-hand side sees in the place of those of :mod:`math`."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from .expression import Comparison, Expression, operation_on_numbers
+
+_OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
+
+FUNCTIONS = (
+    "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
+    "hypot ceil asinh acosh atanh erf trunc fmod mod sign"
+).split()
+"""Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
+
+
+def elementary_functions() -> dict[str, Callable[..., Any]]:
+    """Return functions by their names in :mod:`math` that build expressions when an argument is one."""
+
+    def make(name: str) -> Callable[..., Any]:
+        def function(*arguments: Any) -> Any:
+            if name in _OF_ANY_NUMBER:
+                several = tuple(arguments[0]) if len(arguments) == 1 else arguments
+                if len(several) != 2:
+                    return functools.reduce(function, several)
+                arguments = several
+            for argument in arguments:
+                if isinstance(argument, Expression):
+                    return argument.graph.apply(name, *arguments)
+            return operation_on_numbers(name)(*arguments)
+
+        return function
+
+    table = {name: make(name) for name in FUNCTIONS}
+    table["pow"] = lambda base, exponent: base**exponent
+
+    def where(condition: Any, a: Any, b: Any) -> Any:
+        return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
+
+    def as_float(value: Any) -> Any:
+        return value if isinstance(value, Expression | Comparison) else float(value)
+
+    def as_int(value: Any, *base: Any) -> Any:
+        return table["trunc"](value) if isinstance(value, Expression) else int(value, *base)
+
+    table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
+    table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
+    return {**table, "where": where, "float": as_float, "int": as_int}
