@@ -60,7 +60,7 @@ def linear_kernel(
     rhs, period = functions
     d = len(equilibrium)
     traced = traced_function(rhs, d, names)
-    if traced is None:
+    if traced is None or traced.has_branches:
         return None
     graph = traced.graph
     try:
