@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import cos, floor, pi, sin
@@ -12,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap import ForcedSystem, Status, discrete_map, stroboscopic_map
+from cellmap.maps import jacobian
 
 PERIOD = 2.0 * pi
 TOLERANCE = 1e-9
@@ -160,3 +162,87 @@ def test_several_at_once(seed: int) -> None:
     worst, good = check(drawn(rng, 3), rng, 5)
     print(worst, good)
     assert worst < 10.0
+
+
+def test_a_conditional_is_the_switch_that_it_stands_for() -> None:
+    """An `if` and signs that are given are the same system; so are a sign and the friction that it stands for."""
+
+    def stop(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -x[0] - (p.k * (x[0] - 1.0) if x[0] > 1.0 else 0.0) - 0.1 * x[1] + cos(t)
+
+    def named_stop(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+        return x[1], -x[0] - 0.5 * (1.0 + s[0]) * p.k * (x[0] - 1.0) - 0.1 * x[1] + cos(t)
+
+    def rubs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -x[0] - 0.05 * p.k * np.sign(x[1]) + 1.2 * cos(t)
+
+    def named_rubs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+        return x[1], -x[0] - 0.05 * p.k * s[0] + 1.2 * cos(t)
+
+    points = np.random.default_rng(2).uniform(-2.0, 2.0, (100, 2))
+    for plain, named, surface in (
+        (stop, named_stop, lambda t, x, p: (x[0] - 1.0,)),
+        (
+            rubs,
+            named_rubs,
+            lambda t, x, p: (x[1],),
+        ),
+    ):
+        first = stroboscopic_map(ForcedSystem(plain, {"k": 20.0}, PERIOD, ("q", "v")))
+        second = stroboscopic_map(ForcedSystem(named, {"k": 20.0}, PERIOD, ("q", "v"), switches=surface))
+        np.testing.assert_allclose(first(points), second(points), rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(jacobian(first, points[:20]), jacobian(second, points[:20]), rtol=1e-9, atol=1e-9)
+
+
+def test_jacobians_hold_across_kinks_and_jumps() -> None:
+    """Against differences of images at 1e-13."""
+    pieces = Pieces((("wall", (0.3, 5.0)), ("chopper", (0.0, 0.8)), ("stairs", (0.1, 0.3))))
+    strobe = stroboscopic_map(
+        ForcedSystem(pieces, {"drive": 1.0, "damping": 0.2}, PERIOD, ("q", "v")), 0.0, 1e-13, 1e-13
+    )
+    points = np.random.default_rng(4).uniform(-2.0, 2.0, (10, 2))
+    step = 1e-6
+    columns = [(strobe(points + step * e) - strobe(points - step * e)) / (2.0 * step) for e in np.eye(2)]
+    np.testing.assert_allclose(jacobian(strobe, points), np.stack(columns, axis=-1), rtol=1e-5, atol=1e-5)
+
+
+def test_a_sliding_mode_is_met_where_both_sides_push_back() -> None:
+    """x' = -sign(x) + cos(t)/2 from x = 1: it reaches zero where t = 1 + sin(t)/2, and stays."""
+    strobe = stroboscopic_map(
+        ForcedSystem(lambda t, x, p: ((-1.0 if x[0] > 0.0 else 1.0) + 0.5 * cos(t),), {}, PERIOD, ("x",))
+    )
+    assert strobe([[1.0], [-0.7], [0.0]]) == pytest.approx(0.0, abs=1e-12)
+    assert strobe([[9.0]]) == pytest.approx(9.0 - PERIOD, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x, p: ((p.r * x[0] if x[0] < 0.5 else p.r * (1.0 - x[0])),),
+        lambda x, p: (p.r * min(x[0], 1.0 - x[0]),),
+        lambda x, p: ((p.r * x[0]) % 1.0,),
+        lambda x, p: (x[0] - floor(p.r * x[0]) / 2.0,),
+        lambda x, p: (float(np.sign(x[0] - 0.5)) * p.r * (0.25 <= x[0] <= 0.75),),
+        lambda x, p: (np.clip(p.r * x[0], 0.25, np.heaviside(x[0] - 0.5, 0.5)),),
+        lambda x, p: (int(p.r * (x[0] - 0.5)) + math.fmod(p.r * (x[0] - 0.5), 1.0),),
+        lambda x, p: (math.copysign(p.r, x[0] - 0.5) + math.trunc(3.0 * x[0]) + math.ceil(p.r * x[0]) // 2,),
+        lambda x, p: (np.where(x[0] >= 0.5, p.r, -abs(x[0] - 0.3)),),
+        lambda x, p: (sorted((x[0], 0.5, 1.0 - x[0]))[1],),
+    ],
+)
+def test_discrete_maps_with_branches_are_what_python_computes(function: Callable[..., Any]) -> None:
+    """Exactly, on either side and where numbers are equal."""
+    point_map = discrete_map(function, {"r": 1.75}, ("x",))
+    assert point_map.unknown_formulas == ""
+    parameters = type("P", (), {"r": 1.75})
+    for x in (0.0, 0.25, 0.3, 0.5, 0.7499, 0.75, 1.0, 0.123):
+        expected = float(function((x,), parameters)[0])
+        assert point_map([x])[0] == pytest.approx(expected, rel=1e-15, abs=1e-16), x
+
+
+@pytest.mark.slow  # 10,000 images against the restarting integrator: 20 minutes
+def test_no_image_that_is_said_to_be_good_is_wrong() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        worst, _ = check(drawn(rng, int(rng.integers(1, 4))), rng, 20)
+        assert worst < 10.0

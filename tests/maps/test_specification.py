@@ -182,7 +182,7 @@ def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCapture
         return (x[0].conjugate() * 0.5,)
 
     def branches(x: Any, p: Any) -> tuple[float]:
-        return (x[0] * 0.5 if x[0] > 0.0 else 0.0,)
+        return (x[0] * 0.5 if x[0] != 0.0 else 1.0,)
 
     def sorts(t: float, x: Any, p: Any) -> tuple[float]:
         return (-x[0] if isinstance(x[0], float) else -5.0 * x[0],)
@@ -204,10 +204,10 @@ def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCapture
 
 def test_switches_that_cannot_be_traced_say_why() -> None:
     system = ForcedSystem(
-        lambda t, x, p, s: (x[1], -x[0] - 0.1 * s[0] + (0.1 if x[0] > 1.0 else 0.0)),
+        lambda t, x, p, s: (x[1], -x[0] - 0.1 * s[0] + (0.1 if x[0] == 1.0 else 0.0)),
         {}, 1.0, ("q", "v"), switches=lambda t, x, p: (x[1],),
     )  # fmt: skip
-    with pytest.raises(TypeError, match=r"write branches with the signs s \(the value of a state variable, .* branch"):
+    with pytest.raises(TypeError, match=r"functions of math \(the value of a state variable, .* branch"):
         stroboscopic_map(system)
 
 

@@ -214,7 +214,7 @@ def _at_rest(graph: BranchingGraph, switch: Switch) -> Expression:
 
 def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
     size = graph.apply("fabs", a)
-    return graph.choose(b, size, graph.apply("neg", size))
+    return graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
 
 
 def _sign(graph: BranchingGraph, a: Expression) -> Expression:

@@ -40,12 +40,20 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
     def where(condition: Any, a: Any, b: Any) -> Any:
         return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
 
-    def as_float(value: Any) -> Any:
-        return value if isinstance(value, Expression | Comparison) else float(value)
-
-    def as_int(value: Any, *base: Any) -> Any:
-        return table["trunc"](value) if isinstance(value, Expression) else int(value, *base)
-
     table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
     table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
-    return {**table, "where": where, "float": as_float, "int": as_int}
+    return {**table, "where": where, "float": _Float, "int": _Int}
+
+
+class _Float(float):
+    """What ``float`` is to a traced function: expressions are numbers already."""
+
+    def __new__(cls, value: Any = 0.0) -> Any:
+        return value if isinstance(value, Expression | Comparison) else float(value)
+
+
+class _Int(int):
+    """What ``int`` is to a traced function: the whole part of an expression, towards zero."""
+
+    def __new__(cls, value: Any = 0, *base: Any) -> Any:
+        return value.graph.apply("trunc", value) if isinstance(value, Expression | Comparison) else int(value, *base)
