@@ -13,7 +13,8 @@ from peers import best_time, scipy_stacked
 import cellmap
 from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
 from cellmap.analysis.fractal import boundary_dimension, image_uncertainty_exponent, uncertainty_exponent
-from cellmap.analysis.fractal.label_boxes import LabelImage, count_boxes
+from cellmap.analysis.fractal.label_boxes import boundary_boxes, count_boxes
+from cellmap.analysis.fractal.label_images import label_image
 from systems import dimensionless_pendulum, forced_pendulum, two_well_duffing
 
 DISTANCES = 2.0 ** -np.arange(8.0, 19.0)
@@ -94,8 +95,8 @@ def test_box_counting(say: Callable[[str], None], one_thread: None) -> None:
     }
     sizes = [2**k for k in range(12)]
     for name, labels in images.items():
-        image = LabelImage.of(labels, (), None)
-        ours = best_time(lambda: count_boxes(image.boundary(), image.wraps, sizes, (0, 0)), rounds=5)  # noqa: B023
+        image = label_image(labels, (), None)
+        ours = best_time(lambda: count_boxes(boundary_boxes(image), image.wraps, sizes, (0, 0)), rounds=5)  # noqa: B023
         naive = best_time(lambda: naive_box_counts(labels, sizes), rounds=1)  # noqa: B023
         whole = best_time(lambda: boundary_dimension(labels, offsets=1), rounds=3)  # noqa: B023
         say(

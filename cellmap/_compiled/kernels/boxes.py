@@ -7,8 +7,8 @@ from numba import njit
 
 from .options import INLINE, KERNEL
 
-NO_BASIN = np.int16(-32768)
-"""Label of cells that belong to no basin."""
+NO_BASIN = np.int16(-1)
+"""Number of cells that belong to no basin."""
 
 _LOWEST = np.int16(32767)
 

@@ -11,7 +11,8 @@ from ..._lib.checks import affordable_number, random_numbers, whole_number
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .box_counting import BoxCount, averaged, checked_sizes, fitted
-from .label_boxes import LabelImage, count_boxes
+from .label_boxes import boundary_boxes, count_boxes
+from .label_images import LabelImage, label_image
 from .specks import are_noise, isolated_shares, without_specks
 
 _FEWEST_BOXES = 10
@@ -97,15 +98,15 @@ def boundary_dimension(
     >>> round(found.dimension, 1), found.fractal
     (1.0, False)
     """
-    image = LabelImage.of(basins, codes, wraps)
-    boundary = image.boundary()
+    image = label_image(basins, codes, wraps)
+    boundary = boundary_boxes(image)
     if not boundary.any():
         raise ValueError("labels: no two basins meet, so that there is no boundary; choose another window, or codes=")
     steps = 1 if samples is None else whole_number("samples", samples, at_least=1)
     chosen = _sizes(sizes, min(boundary.shape), steps)
     lengths = np.array(chosen, dtype=float)
     cleaned = without_specks(image)
-    rest = cleaned.boundary()
+    rest = boundary_boxes(cleaned)
     isolated = isolated_shares(boundary, rest, image.wraps, chosen)
     if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
         image, boundary = cleaned, rest
@@ -165,7 +166,7 @@ def _missed(
     """
     none = [0] * boundary.ndim
     half = image.every(2, none)
-    coarse = half.boundary()
+    coarse = boundary_boxes(half)
     twice = [2 << k for k in range(max(min(boundary.shape).bit_length() - 2, 0))]
     if not coarse.size or not twice:
         return np.zeros(len(sizes))
@@ -188,8 +189,8 @@ def sampled(
     step = size // samples
     found = []
     for _ in range(min(offsets * step, _MOST_OFFSETS)):
-        part = image.every(step, rng.integers(0, step, image.labels.ndim).tolist())
-        bits = part.boundary()
+        part = image.every(step, rng.integers(0, step, image.numbers.ndim).tolist())
+        bits = boundary_boxes(part)
         inside = rng.integers(0, samples, bits.ndim)
         found.append(
             count_boxes(bits, part.wraps, [samples], inside.tolist())[0] * cells / (step**bits.ndim * bits.size)

@@ -102,7 +102,7 @@ def basin_entropy(
     box: int | Sequence[int] = 5,
     positions: int | None = None,
     also: Sequence[int] = (),
-    wraps: Sequence[bool] = (),
+    wraps: Sequence[bool] | None = None,
     seed: int = 0,
 ) -> BasinEntropy:
     """Compute the basin entropy of a basin image.

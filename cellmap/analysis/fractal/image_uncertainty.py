@@ -27,7 +27,7 @@ def image_uncertainty_exponent(
     basins: Basins | ArrayLike,
     steps: ArrayLike | None = None,
     also: Sequence[int] = (),
-    wraps: Sequence[bool] = (),
+    wraps: Sequence[bool] | None = None,
     window: tuple[int, int] | None = None,
 ) -> UncertaintyExponent:
     """Compute the uncertainty exponent of a basin boundary from a basin image.

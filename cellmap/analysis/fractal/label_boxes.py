@@ -4,100 +4,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.kernels.boxes import NO_BASIN, halve, mixed_boxes
-from ..._lib.checks import is_sequence, shown, whole_number
+from ..._compiled.kernels.boxes import halve, mixed_boxes
 from ..._lib.threads import run_over, slices
-from ...basins.record import Basins
+from .label_images import LabelImage
 
 _ROWS = 1 << 20  # cells in a slice of work
 
 
-@dataclass(frozen=True, eq=False)
-class LabelImage:
-    """Labels of cells, ready to be compared.
+def boundary_boxes(image: LabelImage) -> NDArray[np.uint8]:
+    """Return which of the smallest boxes, between neighbouring cell centres, have corners in different basins."""
+    cells = image.numbers.shape
+    shape = tuple(n - (not w) for n, w in zip(cells, image.wraps, strict=True))
+    rows = _corner_rows(cells[:-1], shape[:-1])
+    flat = image.numbers.reshape(-1, cells[-1])
+    out = np.empty((len(rows), shape[-1]), np.uint8)
 
-    Parameters
-    ----------
-    labels : ndarray of int16, shape of the image without axes of one cell
-        Labels; `NO_BASIN` for cells that belong to none.
-    wraps : tuple of bool
-        Which axes are circles.
-    """
+    def work(part: slice) -> None:
+        mixed_boxes(flat, rows, part.start, part.stop, out)
 
-    labels: NDArray[np.int16]
-    wraps: tuple[bool, ...]
-
-    @classmethod
-    def of(cls, basins: Basins | NDArray[np.integer], codes: Sequence[int], wraps: Sequence[bool] | None) -> LabelImage:
-        """Check labels; negative ones are no basins, except those in `codes`."""
-        if isinstance(basins, Basins):
-            if basins.grid is None:
-                raise ValueError(
-                    f"basins of {basins.name}: boxes need the cells of a grid, and these are single initial conditions"
-                )
-            labels: NDArray[np.integer] = basins.labels
-            circles = basins.grid.wraps if wraps is None else tuple(map(bool, wraps))
-        else:
-            # What is masked gets a negative label that no code names: it is no basin.
-            if np.ma.isMA(basins) and basins.dtype.kind in "biu":
-                labels = np.ma.filled(basins.astype(np.int64), min((0, *codes)) - 1)
-            else:
-                labels = np.asarray(basins) if is_sequence(basins) else np.array(basins)
-            if labels.dtype.kind == "b":
-                labels = labels.astype(np.int16)
-            if labels.dtype.kind not in "iu":
-                raise TypeError(f"basins={shown(basins)}: give whole numbers as labels, or Basins")
-            circles = (False,) * labels.ndim if wraps is None else tuple(map(bool, wraps))
-        if len(circles) != labels.ndim:
-            raise ValueError(f"wraps={wraps!r}: give one entry for each of the {labels.ndim} axes")
-        if labels.size < 2:
-            raise ValueError(f"basins have the shape {labels.shape}: a boundary needs two cells at least")
-        chosen = tuple(whole_number(f"codes[{k}]", c, at_least=-(2**31)) for k, c in enumerate(codes))
-        nowhere = (labels < 0) & ~np.isin(labels, chosen) if labels.min() < 0 else None
-        if nowhere is not None and not nowhere.any():
-            nowhere = None
-        small = labels
-        if labels.dtype != np.int16:
-            if labels.min() <= NO_BASIN or labels.max() >= -int(NO_BASIN) - 1:
-                numbers = np.unique(labels, return_inverse=True)[1].reshape(labels.shape)
-                if numbers.max() > 32000:
-                    raise ValueError(f"labels: {numbers.max() + 1:,} different labels are no basins; give fewer")
-                small = numbers
-            small = small.astype(np.int16)
-        if nowhere is not None:
-            small = np.where(nowhere, NO_BASIN, small)
-        wide = [j for j, n in enumerate(labels.shape) if n > 1]
-        image = np.ascontiguousarray(small.reshape([labels.shape[j] for j in wide]))
-        return cls(image, tuple(circles[j] for j in wide))
-
-    @property
-    def ignored(self) -> float:
-        """Fraction of the cells that belong to no basin."""
-        return float(np.count_nonzero(self.labels == NO_BASIN) / self.labels.size)
-
-    def every(self, step: int, first: Sequence[int]) -> LabelImage:
-        """Return every so many cells along each axis; circles stay circles where the step goes into them."""
-        index = tuple(slice(a, None, step) for a in first)
-        wraps = tuple(w and n % step == 0 for w, n in zip(self.wraps, self.labels.shape, strict=True))
-        return LabelImage(np.ascontiguousarray(self.labels[index]), wraps)
-
-    def boundary(self) -> NDArray[np.uint8]:
-        """Return which of the smallest boxes, between neighbouring cell centres, have corners of different labels."""
-        shape = tuple(n - (not w) for n, w in zip(self.labels.shape, self.wraps, strict=True))
-        rows = _corner_rows(self.labels.shape[:-1], shape[:-1])
-        flat = self.labels.reshape(-1, self.labels.shape[-1])
-        out = np.empty((len(rows), shape[-1]), np.uint8)
-
-        def work(part: slice) -> None:
-            mixed_boxes(flat, rows, part.start, part.stop, out)
-
-        run_over(slices(len(rows), max(1, _ROWS // shape[-1])), work)
-        return out.reshape(shape)
+    run_over(slices(len(rows), max(1, _ROWS // shape[-1])), work)
+    return out.reshape(shape)
 
 
 def count_boxes(

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..._compiled.kernels.boxes import NO_BASIN as NO_BASIN
 from ..._lib.checks import whole_number
 from ...basins.record import LABEL_NAMES, Basins
 
-NO_BASIN = -1
-"""Number of cells without a basin in a :class:`LabelImage`."""
+_FEW = 64  # labels that are looked for one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +38,17 @@ class LabelImage:
         return f"LabelImage({shape} cells, {len(self.names)} basins)"
 
     @property
+    def ignored(self) -> float:
+        """Fraction of the cells without a basin."""
+        return float(np.count_nonzero(self.numbers == NO_BASIN) / self.numbers.size)
+
+    def every(self, step: int, first: Sequence[int]) -> LabelImage:
+        """Return every so many cells along each axis; circles stay circles where the step goes into them."""
+        index = tuple(slice(a, None, step) for a in first)
+        wraps = tuple(w and n % step == 0 for w, n in zip(self.wraps, self.numbers.shape, strict=True))
+        return LabelImage(np.ascontiguousarray(self.numbers[index]), self.names, wraps)
+
+    @property
     def complete(self) -> bool:
         """Whether each cell has a basin."""
         return bool(self.numbers.min() > NO_BASIN)
@@ -55,7 +65,10 @@ class LabelImage:
 
 
 def label_image(
-    source: Basins | ArrayLike, also: Sequence[int] = (), wraps: Sequence[bool] = (), name: str = "basins"
+    source: Basins | ArrayLike,
+    also: Sequence[int] = (),
+    wraps: Sequence[bool] | None = None,
+    name: str = "basins",
 ) -> LabelImage:
     """Read a label image from basins on a grid, or from an array of labels.
 
@@ -67,7 +80,7 @@ def label_image(
     also : sequence of int, optional
         Negative labels that count as basins all the same, such as (-2,) for the starts that diverge.
     wraps : sequence of bool, optional
-        Which axes of an array are circles; for basins the grid knows.
+        Which axes are circles; by default those of the grid of basins, and none of an array.
     name : str, optional
         Name of the argument in errors.
 
@@ -87,36 +100,52 @@ def label_image(
     LabelImage(2 x 3 cells, 3 basins)
     """
     counted = also_labels(also)
-    if isinstance(source, Basins):
-        if source.grid is None:
-            raise ValueError(
-                f"{name}: these basins are of single initial conditions, which have no neighbours; give basins on a "
-                "grid, or their labels if the initial conditions are in the order of a grid"
-            )
-        if len(tuple(wraps)):
-            raise ValueError(f"wraps={tuple(wraps)!r}: the grid of basins determines the periodic axes; leave it out")
-        labels: NDArray[Any] = source.labels
-        circles = source.grid.wraps
-        missing = np.zeros(labels.shape, bool)
-    else:
+    missing: NDArray[np.bool_] | None = None
+    if not isinstance(source, Basins):
         labels, missing = _whole(source, name)
-        circles = tuple(bool(w) for w in wraps) or (False,) * labels.ndim
-        if len(circles) != labels.ndim:
-            raise ValueError(
-                f"wraps={circles!r}: {name} has {labels.ndim} axes; give one entry for each, True if it is periodic"
-            )
+        circles = (False,) * labels.ndim
+    elif source.grid is None:
+        raise ValueError(
+            f"{name}: these basins are of single initial conditions, which have no neighbours; give basins on a grid, "
+            "or their labels if the initial conditions are in the order of a grid"
+        )
+    else:
+        labels, circles = source.labels, source.grid.wraps
+    if wraps is not None and len(tuple(wraps)):
+        circles = tuple(bool(w) for w in wraps)
+    if len(circles) != labels.ndim:
+        raise ValueError(
+            f"wraps={circles!r}: give one entry for each of the {labels.ndim} axes, True if it is periodic"
+        )
     if labels.size < 2:
         raise ValueError(f"{name} has {labels.size} cells of the shape {labels.shape}: give at least two cells")
-    wide = tuple(j for j, n in enumerate(labels.shape) if n > 1)
-    valid = ~missing & ((labels >= 0) | np.isin(labels, counted))
-    names = np.unique(labels[valid])
+    known = labels if missing is None else labels[~missing]
+    low, high = (int(known.min()), int(known.max())) if known.size else (0, -1)
+    if missing is not None:
+        labels = np.where(missing, low, labels)
+    if high - low < _FEW:
+        values, index = np.arange(low, high + 1), labels - low if low else labels
+        occurs = np.array([(known == v).any() for v in values.tolist()], bool)
+    else:
+        values, index = np.unique(labels, return_inverse=True)
+        occurs = np.ones(len(values), bool)
+    basins = np.flatnonzero(occurs & ((values >= 0) | np.isin(values, counted)))
+    names = values[basins]
     if not len(names):
         raise ValueError(f"{name}: no cell belongs to a basin; give labels from 0, or count others with also=")
     if len(names) > np.iinfo(np.int16).max:
         raise ValueError(f"{name} has {len(names)} labels: give labels of basins, not values of a field")
-    numbers = np.where(valid, np.searchsorted(names, labels), NO_BASIN).astype(np.int16)
-    shape = tuple(labels.shape[j] for j in wide)
-    return LabelImage(numbers.reshape(shape), tuple(int(v) for v in names), tuple(circles[j] for j in wide))
+    if names[0] == 0 and len(names) == high + 1:
+        numbers = np.maximum(labels, NO_BASIN).astype(np.int16, copy=False)
+    else:
+        table = np.full(len(values), NO_BASIN, np.int16)
+        table[basins] = np.arange(len(names))
+        numbers = table[index].reshape(labels.shape)
+    if missing is not None:
+        numbers[missing] = NO_BASIN
+    wide = [j for j, n in enumerate(labels.shape) if n > 1]
+    image = np.ascontiguousarray(numbers.reshape([labels.shape[j] for j in wide]))
+    return LabelImage(image, tuple(int(v) for v in names), tuple(circles[j] for j in wide))
 
 
 def also_labels(also: Sequence[int]) -> tuple[int, ...]:
@@ -128,8 +157,8 @@ def also_labels(also: Sequence[int]) -> tuple[int, ...]:
     return counted
 
 
-def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return labels as whole numbers, and which are missing."""
+def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.integer], NDArray[np.bool_] | None]:
+    """Return labels as whole numbers, and which are missing, if any are."""
     masked = np.ma.getmaskarray(source) if isinstance(source, np.ma.MaskedArray) else None
     try:
         values = np.asarray(np.ma.getdata(source) if masked is not None else source)
@@ -137,9 +166,9 @@ def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.int64], NDArray[np.
         raise ValueError(f"{name}: rows of different lengths; give an array of labels") from None
     if values.ndim == 0 or values.dtype.kind not in "iufb":
         raise TypeError(f"{name}={source!r}: give Basins, or an array of whole numbers")
-    missing = np.isnan(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
-    if masked is not None:
-        missing = missing | masked
+    if values.dtype.kind != "f":
+        return values if values.dtype == np.int16 else values.astype(np.int64), masked
+    missing = np.isnan(values) if masked is None else np.isnan(values) | masked
     whole = np.where(missing, NO_BASIN, values)
     labels = whole.astype(np.int64)
     if not (labels == whole).all():

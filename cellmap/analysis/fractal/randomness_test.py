@@ -99,7 +99,7 @@ def fractal_boundary_test(
     radius: float | None = None,
     discs: int = 2000,
     also: Sequence[int] = (),
-    wraps: Sequence[bool] = (),
+    wraps: Sequence[bool] | None = None,
     seed: int = 0,
 ) -> FractalTest:
     """Test whether a basin boundary is smooth in discs of a given radius.

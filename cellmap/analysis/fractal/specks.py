@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.boxes import NO_BASIN
-from .label_boxes import LabelImage, count_boxes
+from .label_boxes import count_boxes
+from .label_images import LabelImage
 
 _MOST = 4  # cells of a speck, which touch at least at their corners
 _ALONE = 0.05  # share of the boxes that may hold specks alone without deciding anything
@@ -18,11 +19,11 @@ _GROWTH = 1.2  # of the odds of such boxes, from the smallest size on, that roun
 
 def without_specks(image: LabelImage) -> LabelImage:
     """Return an image in which specks, of at most four cells, have a label of the cells around them."""
-    small = np.zeros(image.labels.shape, bool)
-    for value in np.unique(image.labels):
+    small = np.zeros(image.numbers.shape, bool)
+    for value in np.unique(image.numbers):
         if value != NO_BASIN:
-            small |= _pieces_of_few_cells(image.labels == value)
-    labels = image.labels.copy()
+            small |= _pieces_of_few_cells(image.numbers == value)
+    labels = image.numbers.copy()
     for _ in range(_MOST):
         places = np.nonzero(small)
         for axis in range(labels.ndim):
@@ -35,7 +36,7 @@ def without_specks(image: LabelImage) -> LabelImage:
                 chosen = tuple(p[known] for p in places)
                 labels[chosen] = labels[tuple(b[known] for b in beside)]
                 small[chosen] = False
-    return replace(image, labels=labels)
+    return replace(image, numbers=labels)
 
 
 def _pieces_of_few_cells(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

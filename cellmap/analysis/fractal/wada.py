@@ -86,7 +86,7 @@ def wada_merging(
     radius: float | None = None,
     tolerance: float = 0.001,
     also: Sequence[int] = (),
-    wraps: Sequence[bool] = (),
+    wraps: Sequence[bool] | None = None,
 ) -> MergingTest:
     """Test basins for the Wada property by merging them.
 

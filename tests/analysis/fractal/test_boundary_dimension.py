@@ -12,7 +12,8 @@ from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, set_t
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import boundary_dimension
 from cellmap.analysis.fractal.boundary_dimensions import sampled
-from cellmap.analysis.fractal.label_boxes import LabelImage, count_boxes
+from cellmap.analysis.fractal.label_boxes import boundary_boxes, count_boxes
+from cellmap.analysis.fractal.label_images import label_image
 from studies.known_fractals import CANTOR, KOCH, cantor_labels, snowflake_labels
 
 
@@ -39,8 +40,8 @@ def test_counts_equal_those_box_by_box(shape, circle):
     rng = np.random.default_rng(len(shape))
     labels = (rng.random(shape) < 0.03).astype(np.int16)
     wraps = (circle,) + (False,) * (len(shape) - 1)
-    image = LabelImage.of(labels, (), wraps)
-    boundary = image.boundary()
+    image = label_image(labels, (), wraps)
+    boundary = boundary_boxes(image)
     for offset in (np.zeros(len(shape), int), rng.integers(0, 8, len(shape))):
         sizes = [1, 2, 3, 4, 5, 8]
         expected = [counted(labels, s, offset, wraps) for s in sizes]
@@ -215,7 +216,7 @@ def test_moon_and_li():
     sizes = [1, 2, 4, 8]
     total = np.zeros(4)
     for labels in images:
-        image = LabelImage.of(labels, (), None)
+        image = label_image(labels, (), None)
         total += [sampled(image, 256, size, 1, 1, rng)[0] for size in sizes]
     dimension = -fit_line(np.log(sizes), np.log(total), (0, 3)).slope
     assert dimension == pytest.approx(1.776, abs=0.01)
@@ -319,10 +320,10 @@ def test_same_bits_for_any_number_of_threads(duffing):
 @pytest.mark.parametrize(
     ("labels", "arguments", "error", "message"),
     [
-        (np.zeros((50, 50)), {}, TypeError, "basins=.*: give whole numbers as labels, or Basins"),
+        (np.full((50, 50), 0.5), {}, ValueError, "basins holds 0.5: labels are whole numbers"),
         (np.zeros((50, 50), int), {}, ValueError, "no two basins meet"),
-        (np.zeros((0, 50), int), {}, ValueError, "two cells at least"),
-        (np.zeros((1, 1), int), {}, ValueError, "two cells at least"),
+        (np.zeros((0, 50), int), {}, ValueError, "at least two cells"),
+        (np.zeros((1, 1), int), {}, ValueError, "at least two cells"),
         (np.eye(6, dtype=int), {}, ValueError, "sizes of boxes lie between"),
         (np.eye(99, dtype=int), {"sizes": [1, 2, 500]}, ValueError, "a box of 500 cells is larger"),
         (np.eye(99, dtype=int), {"sizes": [1, 2, 2.5]}, ValueError, "whole numbers of cells"),
@@ -337,5 +338,5 @@ def test_errors(labels, arguments, error, message):
 
 def test_basins_of_single_starts_are_refused():
     halves = find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [[0.1], [0.2]])
-    with pytest.raises(ValueError, match="cells of a grid"):
+    with pytest.raises(ValueError, match="give basins on a grid"):
         boundary_dimension(halves)
