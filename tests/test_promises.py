@@ -38,8 +38,8 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.lookup import lookup_kernel
-from cellmap._compiled.codegen.machine_code import machine_code
 from cellmap._compiled.codegen.period import compiled_period
+from cellmap._compiled.machine_code import machine_code
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.05), (190, 180))  # three tiles
 SMALL = CellGrid((-1.5, -1.0), (1.5, 1.05), (60, 50))

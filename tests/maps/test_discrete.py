@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cellmap import PointMap, angle, discrete_map
-from cellmap._compiled.codegen.machine_code import machine_code
+from cellmap._compiled.machine_code import machine_code
 from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
 from cellmap.maps.orbit_batch import Status

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from cellmap import ForcedSystem, angle, stroboscopic_map
 from cellmap._compiled.codegen.kernel import flow_kernel
-from cellmap._compiled.codegen.machine_code import machine_code
-from cellmap._compiled.kernels.options import LANES
+from cellmap._compiled.kernels.blocks import LANES
+from cellmap._compiled.machine_code import machine_code
 from cellmap._lib.threads import set_threads
 from cellmap.maps.orbit_batch import CHUNK, Status
 from cellmap.maps.point_map import ToleranceWarning

@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from cellmap import ForcedSystem, stroboscopic_map, trajectory
 from cellmap._compiled.codegen.kernel import switching_kernel
 from cellmap._compiled.codegen.rebind import rebind
-from cellmap._compiled.kernels.options import LANES
+from cellmap._compiled.kernels.blocks import LANES
 from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
 from cellmap.maps.orbit_batch import CHUNK, Status

@@ -13,9 +13,9 @@ import pytest
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap._compiled.codegen.kernel import flow_kernel, traced_function
 from cellmap._compiled.codegen.lanes import lane_module
-from cellmap._compiled.codegen.machine_code import machine_code
 from cellmap._compiled.codegen.methods import choose_method
 from cellmap._compiled.codegen.trace import STATEFUL, TIMED, Trace
+from cellmap._compiled.machine_code import machine_code
 from systems import dimensionless_pendulum, driven_pendulum
 from systems.dimensionless import ScaledDamping, ScaledGravity, ScaledPendulum, ScaledVerticalDrive
 from systems.drives import VerticalDrive

@@ -249,3 +249,9 @@ class Instructions:
         """Return the text of the function whose body this is; `arguments` with their types."""
         body = "\n".join(self.lines)
         return f"define void @{name}({arguments}) #0 {{\nentry:\n{body}\n  ret void\n}}\n"
+
+
+def module_text(functions: str, *bodies: Instructions) -> str:
+    """Return the text of a module of functions, with the declarations that their bodies need."""
+    declared = "\n".join(sorted(set().union(*(body.declared for body in bodies))))
+    return f'{declared}\n{functions}\nattributes #0 = {{ nounwind "prefer-vector-width"="512" }}\n'

@@ -12,17 +12,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from numba import njit
-
 from ..kernels import simd_math
-from ..kernels.options import INLINE
+from ..loops import INLINE, Deferred, numba
+from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .lanes import StepCode, lane_module
-from .machine_code import MachineCode
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import module_in_memory
 from .period import CompiledPeriod, compiled_period, compiled_rows
@@ -218,9 +216,9 @@ def _tableau(method: Method) -> Any:
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names))
-    table = {name: f for name, f in vars(simd_math).items() if hasattr(f, "py_func")}
+    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, Deferred)}
     try:
-        scope = {"rhs": rebind(function, table, njit(**INLINE)), "Parameters": parameter_record(names)}
+        scope = {"rhs": rebind(function, table, numba().njit(**INLINE)), "Parameters": parameter_record(names)}
         advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
     except Exception as error:
         raise TypeError(

@@ -17,14 +17,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..kernels.options import LANES
+from ..kernels.blocks import LANES
 
 HEADER = """\
 import math
 from numba import carray, cfunc
 from cellmap._compiled.kernels import simd_math
 from cellmap._compiled.kernels.calls import PERIOD
-from cellmap._compiled.kernels.options import KERNEL
+from cellmap._compiled.loops import LOOP
 from cellmap._compiled.kernels.sums import dot
 
 """
@@ -51,7 +51,7 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
     """Return the text of a module with the function ``advance`` described above."""
     components = range(dimension)
     lines = [
-        "@cfunc(PERIOD, **{**KERNEL, 'cache': False})",
+        "@cfunc(PERIOD, **LOOP)",
         "def advance(context, states, steps, start, period, p, errors, blocks):",
         f"    x = carray(states, (blocks, {dimension}, {LANES}))",
         f"    error = carray(errors, (blocks, {dimension}, {LANES}))",

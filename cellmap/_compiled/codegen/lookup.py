@@ -31,8 +31,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .instructions import Instructions, Value, number
-from .machine_code import machine_code, module_text, vector_width
+from ..machine_code import machine_code, vector_width
+from .instructions import Instructions, Value, module_text, number
 from .spline_basis import basis_polynomials
 from .spline_sum import spline_sum
 from .statements import Scope, translate

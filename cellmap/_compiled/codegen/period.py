@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.options import LANES
-from .instructions import Instructions, Value, number
+from ..kernels.blocks import LANES
+from ..machine_code import MachineCode, machine_code, vector_width
+from .instructions import Instructions, Value, module_text, number
 from .lanes import CHECKED, StepCode
-from .machine_code import MachineCode, machine_code, module_text, vector_width
 from .statements import Scope, translate
 
 _ARGUMENTS = (

@@ -19,12 +19,12 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from ..kernels import switching_period
-from ..kernels.options import LANES
+from ..kernels.blocks import LANES
+from ..machine_code import machine_code, vector_width
 from .emit import assignment, input_name
 from .expression import Expression, in_order
 from .filippov import SwitchingTrace
-from .instructions import Instructions, Value
-from .machine_code import machine_code, module_text, vector_width
+from .instructions import Instructions, Value, module_text
 from .period import CompiledPeriod, parameter_scope
 from .statements import Scope, translate
 from .taylor import Series

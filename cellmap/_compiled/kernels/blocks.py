@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import INLINE, KERNEL, LANES
+from ..loops import inlined, loop
+
+LANES = 32
+"""Initial conditions that step together.  A block is always full (the last one is repeated), so each of them passes
+through the same machine code wherever it stands, and its image has the same bits."""
 
 MOST_TURNS = 1e15
 """Turns from which on an angle has no phase: floating-point numbers of that size lie a tenth of a turn apart."""
 
 
-@njit(**KERNEL)
+@loop
 def pack(points, members, blocks):
     """Copy rows of points into full blocks; the last member is repeated where members run out."""
     for b in range(blocks.shape[0]):
@@ -21,7 +24,7 @@ def pack(points, members, blocks):
                 blocks[b, j, i] = points[row, j]
 
 
-@njit(**KERNEL)
+@loop
 def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
     """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
 
@@ -40,7 +43,7 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
         ratios[row] = worst
 
 
-@njit(**KERNEL)
+@loop
 def wrap_rows(points, turns, lower, turn):
     """Bring angles back into their turn and count the whole turns taken away; what has no phase becomes NaN.
 
@@ -53,7 +56,7 @@ def wrap_rows(points, turns, lower, turn):
     return lost
 
 
-@njit(**INLINE)
+@inlined
 def wrap_angle(points, turns, i, j, lower, turn):
     """Bring a component of a row into its turn, counting whole turns; tell whether it has a phase."""
     x = points[i, j]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from numba.core import cgutils
-from numba.extending import intrinsic
+from ..loops import operation
 
 
-@intrinsic
+@operation
 def borrowed(typing_context, array):
     """Return a view that does not keep its memory alive; its owner must outlive it.
 
     Handing an array to an inlined function counts references up and down, atomically; a view without an owner does not.
     """
+    from numba.core import cgutils
 
     def generate(context, builder, signature, arguments):
         view = context.make_array(signature.args[0])(context, builder, arguments[0])

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 
-from .options import INLINE, KERNEL
-
-_ROUNDED: dict[str, Any] = {**KERNEL, "fastmath": False}  # an edge is where CellGrid has it, to the last bit
+from ..loops import inlined, loop
 
 
-@njit(**{**INLINE, "fastmath": False})
+@inlined(fastmath=False)
 def _along(lower, upper, width, n, number):
     """Return what :func:`cellmap.maps.grid.between` returns, with the same bits."""
     if 2.0 * number == n:
@@ -20,7 +15,7 @@ def _along(lower, upper, width, n, number):
     return lower + number * width if 2.0 * number < n else upper - (n - number) * width
 
 
-@njit(**_ROUNDED)
+@loop(fastmath=False)  # an edge is where CellGrid has it, to the last bit
 def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
     """Write the flat number (row-major) of the half-open cell of each row into `keys`, -1 for a point outside.
 
@@ -47,7 +42,7 @@ def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
         keys[i] = key
 
 
-@njit(**_ROUNDED)
+@loop(fastmath=False)  # an edge is where CellGrid has it, to the last bit
 def points_of_cells(keys, shape, lower, upper, widths, offsets, points):
     """Write the points at `offsets` (m, d), in widths of a cell, from the centre of each cell, cell after cell."""
     m, d = offsets.shape
@@ -60,7 +55,7 @@ def points_of_cells(keys, shape, lower, upper, widths, offsets, points):
                 points[b * m + i, j] = centre + offsets[i, j] * widths[j]
 
 
-@njit(**KERNEL)
+@loop
 def tally_rows(keys, begins, rows, targets, counts, lost):
     """Count equal keys between neighbouring entries of `begins`; return how many different ones there are.
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import INLINE, KERNEL
+from ..loops import inlined, loop
 
 NO_BASIN = np.int16(-1)
 """Number of cells that belong to no basin."""
@@ -13,7 +12,7 @@ NO_BASIN = np.int16(-1)
 _LOWEST = np.int16(32767)
 
 
-@njit(**KERNEL)
+@loop
 def mixed_boxes(labels, rows, first, last, out):
     """Write into ``out[r, j]`` whether the labels at the corners of a box between cell centres differ.
 
@@ -43,7 +42,7 @@ def mixed_boxes(labels, rows, first, last, out):
             target[j] = min(low[j], low[j + 1]) < max(high[j], high[j + 1])
 
 
-@njit(**KERNEL)
+@loop
 def halve(bits, rows, shift, first, last, out):
     """Write into ``out[r, j]`` whether any of the boxes that a box of twice their side holds is set.
 
@@ -66,7 +65,7 @@ def halve(bits, rows, shift, first, last, out):
             target[j] = joined[2 * j] | joined[2 * j + 1]
 
 
-@njit(**INLINE)
+@inlined
 def _spread(x):
     """Put a zero before each of the lower 31 bits."""
     x = (x | (x << np.uint64(16))) & np.uint64(0x0000FFFF0000FFFF)
@@ -76,7 +75,7 @@ def _spread(x):
     return (x | (x << np.uint64(1))) & np.uint64(0x5555555555555555)
 
 
-@njit(**KERNEL)
+@loop
 def morton_keys(points, scale, shift, boxes, bits, keys):
     """Write into ``keys`` (n,) of uint64 the bits of the boxes of points (n, d), the highest of all coordinates first.
 
@@ -99,7 +98,7 @@ def morton_keys(points, scale, shift, boxes, bits, keys):
         keys[i] = key
 
 
-@njit(**INLINE)
+@inlined
 def _highest_bit(x):
     """Return the number of the highest bit that is set, 0 for none."""
     h = 0
@@ -110,7 +109,7 @@ def _highest_bit(x):
     return h
 
 
-@njit(**KERNEL)
+@loop
 def separations(keys, bits, d, out):
     """Write into ``out[i]`` the first level at which the sorted keys i - 1 and i are in different boxes.
 
@@ -124,7 +123,7 @@ def separations(keys, bits, d, out):
         out[i] = bits + 1 if x == 0 else bits - _highest_bit(x) // d
 
 
-@njit(**KERNEL)
+@loop
 def occupancy(separate, bits, out):
     """Write into ``out[level]`` the number of boxes that hold any point, exactly one, exactly two."""
     n = len(separate) - 1
@@ -147,7 +146,7 @@ def occupancy(separate, bits, out):
             out[level, k] = total[k]
 
 
-@njit(**KERNEL)
+@loop
 def moments(separate, weights, level, orders, out):
     """Write into ``out[k]`` the sum over boxes of ``p**orders[k]``, with ``p ln p`` in the place of order 1.
 

@@ -4,59 +4,63 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
+from ..loops import Deferred, numba, operation
 
-_NUMBERS, _WHOLE_NUMBERS = types.CPointer(types.float64), types.CPointer(types.int64)
-PERIOD = types.void(
-    _WHOLE_NUMBERS, _NUMBERS, _WHOLE_NUMBERS, types.float64, types.float64, _NUMBERS, _NUMBERS, types.int64
-)
+PERIOD = "void(CPointer(i8), CPointer(f8), CPointer(i8), f8, f8, CPointer(f8), CPointer(f8), i8)"
 """Signature of a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
 
 
-def _caller() -> Any:
-    """Return a function that calls what is at an address with some numbers and the addresses of some arrays."""
+def _array_at(address: Any, shape: Any) -> Any:
+    """Return the array of a shape whose numbers are at an address."""
+
+
+array_at = Deferred(_array_at, lambda f: numba().carray)
+
+
+def _called(address: Any, *given: Any) -> Any:
+    """Return the signature and the code of a call of what is at an address, with numbers and addresses of arrays."""
+    from llvmlite import ir
+
+    types = numba().types
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kinds, given = [], []
+        handed = []
         for kind, value in zip(signature.args[1:], values[1:], strict=True):
             if isinstance(kind, types.Array):
                 value = context.make_array(kind)(context, builder, value).data
-            kinds.append(value.type)
-            given.append(value)
-        function = ir.FunctionType(ir.VoidType(), kinds).as_pointer()
-        builder.call(builder.inttoptr(values[0], function), given)
+            handed.append(value)
+        function = ir.FunctionType(ir.VoidType(), [value.type for value in handed]).as_pointer()
+        builder.call(builder.inttoptr(values[0], function), handed)
         return context.get_dummy_value()
 
-    return generate
+    return types.void(address, *given), generate
 
 
-@intrinsic
+@operation
 def call_step(typing_context, address, lanes, series, p, end, rate):
     """Take a step with all lanes of a block: ``step(lanes, series, p, end, rate)``."""
-    return types.void(address, lanes, series, p, end, rate), _caller()
+    return _called(address, lanes, series, p, end, rate)
 
 
-@intrinsic
+@operation
 def call_begin(typing_context, address, lanes, series, p, start):
     """Choose the modes in which all lanes of a block begin: ``begin(lanes, series, p, start)``."""
-    return types.void(address, lanes, series, p, start), _caller()
+    return _called(address, lanes, series, p, start)
 
 
-@intrinsic
+@operation
 def call_surfaces(typing_context, address, t, state, p, signs, values, rates, gains, jumps, normals):
     """Evaluate all that decides about modes: ``surfaces(t, state, p, signs, values, rates, gains, jumps, normals)``."""
-    return types.void(address, t, state, p, signs, values, rates, gains, jumps, normals), _caller()
+    return _called(address, t, state, p, signs, values, rates, gains, jumps, normals)
 
 
-@intrinsic
+@operation
 def call_rows(typing_context, address, rows, count, p):
     """Move states in rows on by a step, in place: ``step(rows, count, p)``."""
-    return types.void(address, rows, count, p), _caller()
+    return _called(address, rows, count, p)
 
 
-@intrinsic
+@operation
 def call_period(typing_context, address, context, x, steps, start, period, p, error, blocks):
     """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
-    return types.void(address, context, x, steps, start, period, p, error, blocks), _caller()
+    return _called(address, context, x, steps, start, period, p, error, blocks)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import KERNEL
+from ..loops import loop
 
 
-@njit(**KERNEL)
+@loop
 def capture(points, found, times, now, centres, metrics, owners, turn):
     """Write into ``found[i]`` the owner of the first ellipsoid that holds row i, and ``now`` into ``times[i]``.
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import KERNEL
+from ..loops import loop
 
 _NEW = -3
 _UNDER_WAY = -4
 
 
-@njit(**KERNEL)
+@loop
 def unravel(images, groups, steps, periods):
     """Write the group of each cell, the steps that it takes to a periodic cell, and the period of each group.
 

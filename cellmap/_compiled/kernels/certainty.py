@@ -10,15 +10,14 @@ import functools
 from math import floor, sqrt
 
 import numpy as np
-from numba import njit
 
-from .options import INLINE, KERNEL
+from ..loops import inlined, loop
 
 NONE, LOST = -10, -11
 """No region holds the error as a whole; it overlaps an edge of the window, beyond which orbits end."""
 
 
-@njit(**KERNEL)
+@loop
 def place_of(x, origin, inverse, circle):
     """Return where a coordinate is, in cells from the first edge; on a circle within its turn."""
     u = (x - origin) * inverse
@@ -28,7 +27,7 @@ def place_of(x, origin, inverse, circle):
     return u
 
 
-@njit(**KERNEL)
+@loop
 def touches(first, last, boxes):
     """Tell whether a box of cells shares one with any of others, whose first and last cells are given (n, 2, d)."""
     for m in range(len(boxes)):
@@ -40,7 +39,7 @@ def touches(first, last, boxes):
     return False
 
 
-@njit(**KERNEL)
+@loop
 def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs):
     """Return the owner that all cells of a box share, else NONE; LOST where it lies across an edge that ends orbits.
 
@@ -85,7 +84,7 @@ def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs
             return shared
 
 
-@njit(**KERNEL)
+@loop
 def claim_within(owners, table, neighbourhoods, turn):
     """Give cells that lie in an ellipsoid as a whole its owner; other arguments as for :func:`judge`."""
     origin, inverse, cells, _ = table
@@ -114,7 +113,7 @@ def claim_within(owners, table, neighbourhoods, turn):
                 owners[c] = numbers[m]
 
 
-@njit(**KERNEL)
+@loop
 def reach_ends(ends, fixed, first, last, cells, circle, beyond):
     """Find for each cell the ends that some path over images of cells can reach.
 
@@ -166,7 +165,7 @@ def reach_ends(ends, fixed, first, last, cells, circle, beyond):
         forward = not forward
 
 
-@njit(**KERNEL)
+@loop
 def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neighbourhoods, turn, found):
     """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
 
@@ -217,7 +216,7 @@ def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neigh
                 break
 
 
-@njit(**INLINE)
+@inlined
 def carry(spread, slope, radius, work, d):
     """Replace an ellipsoid by one that holds its image under a matrix plus a ball: the smallest in the sum of squares.
 
@@ -245,7 +244,7 @@ def carry(spread, slope, radius, work, d):
         spread[i, i] += (own + added) * added / d
 
 
-@njit(**KERNEL)
+@loop
 def carry_rows(spread, slopes, radii):
     """Carry errors over one period, given what the map makes of each and what the period adds."""
     d = spread.shape[1]
@@ -258,7 +257,7 @@ def carry_rows(spread, slopes, radii):
 def widening(d):
     """Return the function ``widen`` for a dimension: loops of known length vanish."""
 
-    @njit(**KERNEL)
+    @loop
     def widen(points, spread, table, slopes, bends, errors, unknown):
         """Carry errors over one period: what the map makes of them, and what the period adds.
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import KERNEL
+from ..loops import loop
 
 _FIRST_LOOK = 8  # sweeps before their number is foreseen
 
 
-@njit(**KERNEL)
+@loop
 def _relax_state(first, targets, shares, gain, values, state, sums):
     """Solve the equation of one state for its values; return the largest relative change."""
     m = values.shape[1]
@@ -33,7 +32,7 @@ def _relax_state(first, targets, shares, gain, values, state, sums):
     return change
 
 
-@njit(**KERNEL)
+@loop
 def relax(first, targets, shares, order, begin, closed, gain, values, number, last, patience, tolerance):
     """Solve ``values = gain + shares @ values`` on components that are not closed, from component `number` on.
 
@@ -72,7 +71,7 @@ def relax(first, targets, shares, order, begin, closed, gain, values, number, la
     return last
 
 
-@njit(**KERNEL)
+@loop
 def sweep(first, targets, shares, right, out):
     """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + shares @ out`` from 0."""
     n = len(right)
@@ -88,7 +87,7 @@ def sweep(first, targets, shares, right, out):
         out[i] = total / (1.0 - own)
 
 
-@njit(**KERNEL)
+@loop
 def eliminate(band, right, leak, pivots):
     """Take states out of a chain, the last one first, without a subtraction (Grassmann, Taksar, Heyman 1985).
 
@@ -116,7 +115,7 @@ def eliminate(band, right, leak, pivots):
             leak[i] += factor * leak[k]
 
 
-@njit(**KERNEL)
+@loop
 def substitute(band, right, pivots):
     """Write the solution into ``right``, after the elimination."""
     n, m = right.shape
@@ -130,7 +129,7 @@ def substitute(band, right, pivots):
             right[k, c] /= pivots[k]
 
 
-@njit(**KERNEL)
+@loop
 def balance(band, pivots, measure):
     """Write the invariant measure of a chain without leaks, after the elimination, up to a factor."""
     b = band.shape[1] // 2

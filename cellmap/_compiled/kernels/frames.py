@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numba import njit
 
+from ..loops import inlined, loop
 from .blocks import MOST_TURNS, wrap_angle
 from .borrow import borrowed
 from .calls import call_rows
-from .options import INLINE, KERNEL
 
 ROUNDING = 2.0**-52
 """Of the largest entry of a step: what is smaller is no number but noise."""
@@ -23,7 +22,7 @@ _LITTLE = 0.01  # of the square of a length: less is left with errors that a sec
 def carrying(d):
     """Return the function ``carry`` for a dimension: loops of known length vanish."""
 
-    @njit(**KERNEL)
+    @loop
     def carry(step, parameters, lower, turn, bound, points, turns, frames, ended, periods, growth):
         """Move orbits and their frames on; write the logarithms of what the frames have grown by.
 
@@ -88,7 +87,7 @@ def carrying(d):
     return carry
 
 
-@njit(**INLINE)
+@inlined
 def _orthonormalise(vectors, factors, d):
     """Make rows orthonormal, one after the other, and multiply factors by what remains of the length of each.
 
@@ -117,7 +116,7 @@ def _orthonormalise(vectors, factors, d):
             vectors[j, i] *= scale
 
 
-@njit(**INLINE)
+@inlined
 def _without_those_before(vectors, j, d):
     """Take out of a row the directions of those before it; return the length of what is left."""
     square = _square(vectors, j, d)
@@ -135,7 +134,7 @@ def _without_those_before(vectors, j, d):
     return np.sqrt(square)
 
 
-@njit(**INLINE)
+@inlined
 def _square(vectors, j, d):
     total = 0.0
     for i in range(d):

@@ -11,12 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from .blocks import pack, unpack, wrap_angle
+from ..loops import inlined, loop
+from .blocks import LANES, pack, unpack, wrap_angle
 from .calls import call_period
-from .options import INLINE, KERNEL, LANES
 from .step_numbers import DIVERGED as NOT_FINITE
 from .step_numbers import MISSED, next_rungs, sort_by_rung
 
@@ -74,7 +73,7 @@ class Motion(NamedTuple):
     trial: int
 
 
-@njit(**KERNEL)
+@loop
 def integrate(motion, points, turns, status, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
@@ -97,8 +96,9 @@ def integrate(motion, points, turns, status, lower, turn, periods):
         for m in range(alive):
             k = living[m]
             members[m], taken[m] = k, motion.probe
-            starts[k] = points[k]
-            before[k] = -1.0
+            for j in range(d):
+                starts[k, j] = points[k, j]
+            before[k, 0] = before[k, 1] = -1.0
         shortened = motion.length / PROBE
         _images(motion, starts, members[:alive], motion.trial, shortened, blocks, errors, numbers, points, ratios)
         total += alive
@@ -137,7 +137,7 @@ def integrate(motion, points, turns, status, lower, turn, periods):
     return total
 
 
-@njit(**KERNEL)
+@loop
 def iterate(function, context, parameters, bound, points, turns, status, lower, turn, periods):
     """Apply a discrete map to orbits some times; return how often it was applied.
 
@@ -174,7 +174,7 @@ def iterate(function, context, parameters, bound, points, turns, status, lower, 
     return total
 
 
-@njit(**INLINE)
+@inlined
 def _living(status, living):
     """Write the numbers of those orbits that have a point; return how many there are."""
     alive = 0
@@ -185,7 +185,7 @@ def _living(status, living):
     return alive
 
 
-@njit(**KERNEL)
+@loop
 def _images(motion, starts, members, steps, length, blocks, errors, numbers, images, ratios):
     """Integrate some orbits over a time with a number of steps, in full blocks of lanes."""
     used = -(-members.size // LANES)
@@ -196,7 +196,7 @@ def _images(motion, starts, members, steps, length, blocks, errors, numbers, ima
     unpack(blocks, errors, members, images, ratios, motion.largest, motion.rtol, motion.atol)
 
 
-@njit(**INLINE)
+@inlined
 def _wrap(points, turns, status, k, lower, turn):
     """Bring the angles of an orbit into their turns, or end it where one has no phase; tell whether it goes on."""
     for j in range(points.shape[1]):
@@ -206,7 +206,8 @@ def _wrap(points, turns, status, k, lower, turn):
     return True
 
 
-@njit(**INLINE)
+@inlined
 def _end(points, status, k):
     status[k] = DIVERGED
-    points[k] = np.nan
+    for j in range(points.shape[1]):
+        points[k, j] = np.nan

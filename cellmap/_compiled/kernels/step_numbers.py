@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import KERNEL
+from ..loops import loop
 
 MET, DIVERGED, MISSED = -1, -2, -3
 
@@ -13,7 +12,7 @@ KINK = 2.0  # order to which errors fall at best where a right-hand side has a k
 ASYMPTOTIC = 512.0  # steps a period from which on errors are taken to fall as they will
 
 
-@njit(**KERNEL)
+@loop
 def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safety, leap, rungs):
     """Choose the next rung of each member, or say why there is none.
 
@@ -55,7 +54,7 @@ def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safe
             rungs[m] = high
 
 
-@njit(**KERNEL)
+@loop
 def sort_by_rung(members, rungs, count, ordered, ordered_rungs, ends):
     """Sort members that have a rung by it, stably; ``ends[k]`` is where those of rung k end."""
     ends[:] = 0

@@ -5,15 +5,14 @@ from __future__ import annotations
 from math import log
 
 import numpy as np
-from numba import njit
 
-from .options import KERNEL
+from ..loops import loop
 
 EPSILON = 2.0**-52
 """A pivot that is smaller than this part of the largest entry is rounding: the matrix has no inverse."""
 
 
-@njit(**KERNEL)
+@loop
 def append_steps(matrices, there, size_there, back, size_back):
     """Multiply products (n, d, d) by one more step each: `there` from the left, `back` by its inverse from the right.
 
@@ -41,7 +40,7 @@ def append_steps(matrices, there, size_there, back, size_back):
             size_back[k] = np.inf
 
 
-@njit(**KERNEL)
+@loop
 def _scaled(source, target):
     """Write a matrix divided by its largest entry; return the logarithm of that, minus infinity for nothing."""
     largest = 0.0
@@ -54,7 +53,7 @@ def _scaled(source, target):
     return log(largest)
 
 
-@njit(**KERNEL)
+@loop
 def _divide(rows, matrix):
     """Replace rows by rows times the inverse of a matrix, by elimination of its columns; tell whether it has one."""
     d = len(matrix)

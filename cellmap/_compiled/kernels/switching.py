@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from .options import INLINE, LANES
+from ..loops import inlined
+from .blocks import LANES
 
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
@@ -19,7 +19,7 @@ _STALLS = 50  # events without progress after which a lane is given up
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
-@njit(**INLINE)
+@inlined
 def first_root(a, degree):
     """Return the first time in (0, 1] at which the polynomial of coefficients a becomes negative, else NEVER.
 
@@ -73,7 +73,7 @@ def first_root(a, degree):
     return NEVER
 
 
-@njit(**INLINE)
+@inlined
 def _value(a, degree, x):
     value = a[degree]
     for k in range(degree - 1, -1, -1):
@@ -81,7 +81,7 @@ def _value(a, degree, x):
     return value
 
 
-@njit(**INLINE)
+@inlined
 def _root_between(a, degree, low, high, x):
     """Halley's method for a polynomial that falls from low to high, kept between them."""
     x = min(max(x, low), high)
@@ -105,7 +105,7 @@ def _root_between(a, degree, low, high, x):
     return x
 
 
-@njit(**INLINE)
+@inlined
 def equivalent_control(rates, gains, slides, signs, held):
     """Fill in the sign of each switch: as it is where free, else the value that holds it on its surface."""
     count = rates.size
@@ -131,7 +131,7 @@ def equivalent_control(rates, gains, slides, signs, held):
         held[i] = known / matrix[i, i]
 
 
-@njit(**INLINE)
+@inlined
 def choose_mode(rates, gains, on_surface, signs, slides, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
@@ -166,7 +166,7 @@ def choose_mode(rates, gains, on_surface, signs, slides, held):
             signs[i] = 0.0 if slides[i] else held[i]
 
 
-@njit(**INLINE)
+@inlined
 def begin_on_surface(
     surfaces, rates, gains, jumps, normals, counts, signs, slides, fresh, state, zeros, on_surface, speeds, held
 ):
@@ -192,7 +192,7 @@ def begin_on_surface(
                 state[first + j] += held[e] * jumps[e, j]
 
 
-@njit(**INLINE)
+@inlined
 def _load_event(event, least, factor, shift, a, length):
     """Copy the coefficients of ``least + factor event``, from one of them on; return the sum of their sizes."""
     total = 0.0
@@ -202,7 +202,7 @@ def _load_event(event, least, factor, shift, a, length):
     return total
 
 
-@njit(**INLINE)
+@inlined
 def _leaves_between(event, shift, a, length):
     """Return the first time at which an event leaves the interval from -1/2 to 1/2, else NEVER.
 
@@ -216,7 +216,7 @@ def _leaves_between(event, shift, a, length):
     return first
 
 
-@njit(**INLINE)
+@inlined
 def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, time, order, end):
     """Take a lane back to the first event in its last step; return its time then, NO_EVENT if there is none.
 
@@ -267,7 +267,7 @@ def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, ti
     return min(begun + first * step, end)
 
 
-@njit(**INLINE)
+@inlined
 def project(state, surfaces, normals, hits, slides, active, shifts):
     """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them."""
     count, dimension = normals.shape
@@ -296,7 +296,7 @@ def project(state, surfaces, normals, hits, slides, active, shifts):
                 state[j] += normals[e, j] * shifts[e]
 
 
-@njit(**INLINE)
+@inlined
 def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before, after):
     """Go over to the mode that follows an event; return the surface that was entered, -1 if one was only left.
 
@@ -336,7 +336,7 @@ def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before,
     return entered
 
 
-@njit(**INLINE)
+@inlined
 def follow(surfaces, slides, hits, counts, signs, after):
     """Put switches on the side where the change of another has left them; return how many there were."""
     changed = 0
@@ -347,7 +347,7 @@ def follow(surfaces, slides, hits, counts, signs, after):
     return changed
 
 
-@njit(**INLINE)
+@inlined
 def pass_event(entered, rates, gains, jumps, normals, state, errors, before, after):
     """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
 

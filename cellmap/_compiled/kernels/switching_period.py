@@ -18,11 +18,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numba import carray, cfunc, njit  # type: ignore[attr-defined]
 
 from .borrow import borrowed
-from .calls import PERIOD, call_begin, call_step, call_surfaces
-from .options import INLINE, KERNEL, LANES
+from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
+from ..loops import inlined, loop_by_address
+from .blocks import LANES
 from .switching import NO_EVENT, begin_on_surface, follow, land, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
@@ -31,12 +31,12 @@ FREE, GENERAL, BEGIN, SURFACES = range(4)
 CONTEXT = 10  # numbers, and one more for each surface
 
 
-@njit(**INLINE)
+@inlined
 def _piece(whole, begin, size):
     return whole[begin : begin + size], begin + size
 
 
-@njit(**INLINE)
+@inlined
 def _step(addresses, lanes, series, p, end, rate, size, count):
     """Take a step; which one a lane takes is its own affair: an image must not depend on its neighbours."""
     if addresses[FREE] == 0:
@@ -54,7 +54,7 @@ def _step(addresses, lanes, series, p, end, rate, size, count):
         call_step(addresses[GENERAL], lanes, series, p, end, rate)
 
 
-@njit(**INLINE)
+@inlined
 def _load(lanes, i, state, signs, slides, errors, fresh):
     """Copy a lane to arrays of its own; return its time."""
     size, count = state.size, signs.size
@@ -69,7 +69,7 @@ def _load(lanes, i, state, signs, slides, errors, fresh):
     return lanes[size * LANES + i]
 
 
-@njit(**INLINE)
+@inlined
 def _store(lanes, i, t, state, signs, slides, errors, fresh):
     """Copy the arrays of a lane back."""
     size, count = state.size, signs.size
@@ -84,7 +84,7 @@ def _store(lanes, i, t, state, signs, slides, errors, fresh):
         lanes[(2 * size + 1 + 2 * count + e) * LANES + i] = fresh[e]
 
 
-@njit(**INLINE)
+@inlined
 def _settle(
     addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, after
 ):  # fmt: skip
@@ -99,7 +99,7 @@ def _settle(
 def period(single):
     """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
 
-    @cfunc(PERIOD, **KERNEL)
+    @loop_by_address(PERIOD)
     def advance(context, blocks_of_states, steps, start, period, p, blocks_of_errors, blocks):
         """Move blocks of states on by a period; no steps at all stand for a trial step, in which events do not count.
 
@@ -107,12 +107,12 @@ def period(single):
         coordinates and of surfaces, the order, whether lanes that slide are brought back at the end, whether surfaces
         depend on the sides of others, and for each surface whether its switch counts.
         """
-        addresses = carray(context, CONTEXT)
+        addresses = array_at(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
         coupled = addresses[9]
         count = 1 if single else addresses[6]
-        counts = carray(context, CONTEXT + count)[CONTEXT:]
-        x, error = carray(blocks_of_states, (blocks, size, LANES)), carray(blocks_of_errors, (blocks, size, LANES))
+        counts = array_at(context, CONTEXT + count)[CONTEXT:]
+        x, error = array_at(blocks_of_states, (blocks, size, LANES)), array_at(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
         local = (size + count) * length
         flag = (local + size + 2) * LANES
@@ -120,7 +120,8 @@ def period(single):
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
         rows = ((size + count) * length + size + 3) * LANES
-        memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + count * (count + 2 * dimension))
+        memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length)
+        squares, shifts, gradients = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
         # Views that count no references: counting would cost more than all else that is done at an event.
         whole = borrowed(memory)
         place = 0
@@ -138,12 +139,7 @@ def period(single):
         after, place = _piece(whole, place, count)
         fresh, place = _piece(whole, place, count + 1)
         a, place = _piece(whole, place, length)
-        flat, place = _piece(whole, place, count * count)
-        gains = flat.reshape((count, count))
-        flat, place = _piece(whole, place, count * dimension)
-        jumps = flat.reshape((count, dimension))
-        flat, place = _piece(whole, place, count * dimension)
-        normals = flat.reshape((count, dimension))
+        gains, jumps, normals = borrowed(squares), borrowed(shifts), borrowed(gradients)
         for b in range(blocks):
             lanes[errors_row * LANES :] = 0.0
             rate = max(steps[b], 1) / period
@@ -193,7 +189,10 @@ def period(single):
                 # Lanes that slide are brought back onto their surfaces, where rounding has led away.
                 for i in range(LANES):
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
-                    if slides.max() > 0.0:
+                    sliding = 0.0
+                    for e in range(count):
+                        sliding = max(sliding, slides[e])
+                    if sliding > 0.0:
                         hits[:] = 0.0
                         call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                         project(state, values, normals, hits, slides, on_surface, held)
@@ -205,6 +204,6 @@ def period(single):
                     x[b, j, i] = lanes[j * LANES + i]
                     error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
         # The views do not keep their memory alive.
-        memory[0] = 0.0
+        memory[0] = squares[0, 0] = shifts[0, 0] = gradients[0, 0] = 0.0
 
     return advance

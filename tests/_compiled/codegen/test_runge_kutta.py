@@ -16,7 +16,7 @@ from cellmap import ForcedSystem
 from cellmap._compiled.codegen.kernel import PeriodKernel, flow_kernel
 from cellmap._compiled.codegen.runge_kutta import Tableau
 from cellmap._compiled.codegen.tableaus import dop853, rk45
-from cellmap._compiled.kernels.options import LANES
+from cellmap._compiled.kernels.blocks import LANES
 
 
 def images(

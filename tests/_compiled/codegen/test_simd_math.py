@@ -9,16 +9,15 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from numba import njit
 
 from cellmap._compiled.kernels import simd_math
-from cellmap._compiled.kernels.options import KERNEL
+from cellmap._compiled.loops import loop
 
 
 def over_array(name: str) -> Callable[[Any], Any]:
     function = getattr(simd_math, name)
 
-    @njit(**{**KERNEL, "cache": False})
+    @loop
     def apply(values, results):  # type: ignore[no-untyped-def]
         for i in range(values.size):
             results[i] = function(values[i])

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
 from cellmap._compiled.codegen.kernel import traced_switching
 from cellmap._compiled.codegen.switching import compiled_switching
 from cellmap._compiled.kernels.switching import NEVER, first_root
+from cellmap._compiled.loops import loop
 from systems import driven_pendulum
 
 
-@njit
+@loop
 def root_of(coefficients: NDArray[np.float64]) -> float:
     return first_root(coefficients.copy(), coefficients.size - 1)
 

@@ -16,7 +16,7 @@ from cellmap._compiled.codegen.methods import choose_method, taylor_order
 from cellmap._compiled.codegen.period import compiled_period
 from cellmap._compiled.codegen.taylor import taylor_steps
 from cellmap._compiled.codegen.trace import Trace, parameter_record, trace
-from cellmap._compiled.kernels.options import LANES
+from cellmap._compiled.kernels.blocks import LANES
 
 
 def step(traced: Trace, start: list[float], t: float, h: float, parameters: list[float], order: int) -> Any:

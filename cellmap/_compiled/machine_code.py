@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
 
-from .instructions import Instructions
 from .object_cache import ObjectCache
 
 _LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
@@ -33,27 +34,54 @@ class MachineCode:
         return assembly_for(self.text, *_host())
 
 
-def module_text(functions: str, *bodies: Instructions) -> str:
-    """Return the text of a module of functions, with the declarations that their bodies need."""
-    declared = "\n".join(sorted(set().union(*(body.declared for body in bodies))))
-    return f'{declared}\n{functions}\nattributes #0 = {{ nounwind "prefer-vector-width"="512" }}\n'
-
-
 @functools.lru_cache(maxsize=256)
 def machine_code(text: str) -> MachineCode:
     """Return the compiled functions of a module, from disk where they have been compiled before."""
-    triple, cpu, features = _host()
+    return compiled_once(text, lambda: object_code(text, *_host()))
+
+
+def compiled_once(source: str, compiled: Callable[[], bytes]) -> MachineCode:
+    """Return the functions of an object file for this processor, compiled if it is not on disk.
+
+    The source is all that they are compiled from.
+    """
     cache = ObjectCache.of_user()
-    versions = (str(llvm.llvm_version_info), llvmlite.__version__, triple, cpu, features, str(_LEVEL))
-    key = hashlib.sha256("\0".join((text, *versions)).encode()).hexdigest()
+    versions = (str(llvm.llvm_version_info), llvmlite.__version__, *_host(), str(_LEVEL))
+    key = hashlib.sha256("\0".join((source, *versions)).encode()).hexdigest()
     found = cache.read(key)
     if found is None:
-        found = object_code(text, triple, cpu, features)
+        found = compiled()
         cache.write(key, found)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine(*_host()))
     engine.add_object_file(llvm.ObjectFileRef.from_data(found))
     engine.finalize_object()
-    return MachineCode(text, engine)
+    return MachineCode(source, engine)
+
+
+def linked(text: str, *others: str) -> bytes:
+    """Return one object file for this processor of modules that are optimised already and call one another.
+
+    Raises
+    ------
+    TypeError
+        Where they call what is in none of them, nor in the C library or Python: no process could load it.
+    """
+    machine = _target_machine(*_host())
+    module = llvm.parse_assembly(text)
+    for other in others:
+        part = llvm.parse_assembly(other)
+        part.triple, part.data_layout = module.triple, module.data_layout
+        module.link_in(part)
+    module.verify()
+    process = ctypes.CDLL(None)
+    missing = [
+        f.name
+        for f in module.functions
+        if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(process, f.name)
+    ]
+    if missing:
+        raise TypeError(f"functions that are called and nowhere to be found: {', '.join(missing)}")
+    return bytes(machine.emit_object(module))
 
 
 def object_code(text: str, triple: str, cpu: str, features: str) -> bytes:

@@ -10,18 +10,45 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import stat
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..._lib.files import written_whole
-from ..kernels.cache import cache_folder
+from platformdirs import user_cache_path
+
+from .._lib.files import written_whole
 
 LIMIT = 256 * 2**20
 """Bytes of all entries together; the least recently used go first."""
 
 _MAGIC = b"cellmap object 1\n"
 _ENDING = ".object"
+
+
+def cache_folder() -> Path | None:
+    """Return ``$CELLMAP_CACHE_DIR``, or a folder in the user's cache, made if need be.
+
+    None where the variable is empty, where the folder cannot be made, or where it is not the user's alone: compiled
+    code is not kept then.
+    """
+    chosen = os.environ.get("CELLMAP_CACHE_DIR")
+    if chosen == "":
+        return None
+    try:
+        folder = user_cache_path("cellmap") if chosen is None else Path(chosen)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private = _is_private(folder)
+    except (OSError, RuntimeError):  # RuntimeError: a user without a home
+        return None
+    if not private:
+        warnings.warn(
+            f"CELLMAP_CACHE_DIR={str(folder)!r}: it belongs to somebody else, or others can write to it, so that code "
+            "from there is not run and everything is compiled anew; empty it and take `chmod 700`, or give another one",
+            stacklevel=2,
+        )
+        return None
+    return folder
 
 
 @dataclass(frozen=True)
@@ -94,3 +121,8 @@ def _header(key: str, code: bytes) -> bytes:
 
 def _warn(path: Path, what: str) -> None:
     warnings.warn(f"cache of compiled code: {str(path)!r} {what}", RuntimeWarning, stacklevel=2)
+
+
+def _is_private(folder: Path) -> bool:
+    found = folder.stat()
+    return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cellmap._compiled.codegen.instructions import Instructions
-from cellmap._compiled.codegen.machine_code import MachineCode, machine_code, module_text
-from cellmap._compiled.codegen.object_cache import ObjectCache
-from cellmap._compiled.kernels.cache import cache_folder
+from cellmap._compiled.codegen.instructions import Instructions, module_text
+from cellmap._compiled.machine_code import MachineCode, machine_code
+from cellmap._compiled.object_cache import ObjectCache, cache_folder
 
 KEY, OTHER = "0123456789abcdef" * 4, "fedcba9876543210" * 4
 

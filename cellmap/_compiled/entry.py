@@ -1,0 +1,221 @@
+"""Entries of compiled loops: functions of Python's C interface, as LLVM instructions.
+
+An entry takes Python's arguments as they are, sees whether they have the types that the loop was compiled for, hands
+their numbers and the memory of arrays over, and returns what the loop returns.  It reads objects through functions of
+the interface that all versions of Python have, and arrays where NumPy's interface has their fields.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+MISFIT = object()
+"""What an entry returns where its arguments are of other types."""
+
+NAME = "entry"
+_HEAD = object.__basicsize__  # bytes of an object before its own fields; its type is the last of them
+_DATA, _DIMENSIONS, _SHAPE, _STRIDES, _DESCR, _FLAGS = (_HEAD + offset for offset in (0, 8, 16, 24, 40, 48))
+_C, _F, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400
+_FASTCALL = 0x80
+
+# Numba's arrays begin with a count of references: memory from here, aligned to 64 bytes, has it in the same block.
+MEMORY = """
+declare ptr @malloc(i64)
+declare void @free(ptr)
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %alignment) {
+  %room = add i64 %size, 128
+  %block = call ptr @malloc(i64 %room)
+  %missing = icmp eq ptr %block, null
+  br i1 %missing, label %end, label %found
+found:
+  %first = ptrtoint ptr %block to i64
+  %behind = add i64 %first, 127
+  %begin = and i64 %behind, -64
+  %data = inttoptr i64 %begin to ptr
+  %place = getelementptr i8, ptr %block, i64 24
+  store i64 1, ptr %block
+  store ptr %data, ptr %place
+  br label %end
+end:
+  ret ptr %block
+}
+define void @NRT_MemInfo_call_dtor(ptr %block) {
+  call void @free(ptr %block)
+  ret void
+}
+"""
+"""The functions of numba's runtime that compiled loops call."""
+
+_INTERFACE = """
+declare i64 @PyLong_AsLongLong(ptr)
+declare double @PyFloat_AsDouble(ptr)
+declare ptr @PyErr_Occurred()
+declare ptr @PyTuple_GetItem(ptr, i64)
+declare i64 @PyTuple_Size(ptr)
+declare ptr @PyLong_FromLongLong(i64)
+declare ptr @PyBool_FromLong(i64)
+declare ptr @PyFloat_FromDouble(double)
+declare ptr @PyBytes_FromStringAndSize(ptr, i64)
+declare ptr @PyEval_SaveThread()
+declare void @PyEval_RestoreThread(ptr)
+declare void @Py_IncRef(ptr)
+"""
+_RESULTS = {
+    "none": ("ptr", ""),
+    "int64": ("i64", "call ptr @PyLong_FromLongLong(i64 %value)"),
+    "bool": ("i8", "call ptr @PyBool_FromLong(i64 %wide)"),
+    "float64": ("double", "call ptr @PyFloat_FromDouble(double %value)"),
+}
+
+
+def key_of(argument: Any) -> Any:
+    """Return what is to be known of an argument: for one key there is one machine code."""
+    if isinstance(argument, np.ndarray):
+        flags = argument.flags
+        layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+        return argument.dtype.str, argument.ndim, layout, flags.writeable
+    if isinstance(argument, tuple):
+        return type(argument).__name__, *(key_of(item) for item in argument)
+    return type(argument).__name__
+
+
+def plain(argument: Any) -> Any:
+    """Return an argument as one of the types that entries know: ndarray, tuple, int, float."""
+    if isinstance(argument, np.ndarray):
+        array = argument.view(np.ndarray)
+        standard = np.dtype(array.dtype.str)  # of which there is one, to be known by its address
+        return array if array.dtype is standard else array.view(standard)
+    if isinstance(argument, tuple):
+        items = tuple(plain(item) for item in argument)
+        return items if type(argument) is tuple else type(argument)(*items)
+    return float(argument) if isinstance(argument, float | np.floating) else int(argument)
+
+
+class EntryText:
+    """The text of an entry for arguments of certain types, and the objects that it compares theirs with."""
+
+    def __init__(self, arguments: tuple[Any, ...]) -> None:
+        self.expected: list[Any] = [MISFIT, None]
+        self._lines: list[str] = []
+        self._handed: list[str] = []
+        self._count = 0
+        self._require(f"icmp eq i64 %number, {len(arguments)}")
+        for place, argument in enumerate(arguments):
+            self._take(self._field("%given", 8 * place), argument)
+
+    def text(self, function: str, result: str) -> str:
+        """Return the module of the entry to a function of numba's, which returns what is named by numba."""
+        kind, boxed = _RESULTS[result]
+        body = "\n".join(self._lines)
+        types = ", ".join(handed.split()[0] for handed in self._handed)
+        widened = "%wide = zext i8 %value to i64" if result == "bool" else ""
+        end = f"%result = {boxed}" if boxed else "%result = call ptr @PyTuple_GetItem(ptr %self, i64 1)"
+        kept = "" if boxed else "call void @Py_IncRef(ptr %result)"
+        return f"""{_INTERFACE}
+declare i32 @"{function}"(ptr, ptr, {types})
+define ptr @{NAME}(ptr %self, ptr %given, i64 %number) {{
+  %place = alloca {kind}
+  %complaint = alloca ptr
+{body}
+  %wrong = call ptr @PyErr_Occurred()
+  %right = icmp eq ptr %wrong, null
+  br i1 %right, label %begin, label %refused
+begin:
+  %thread = call ptr @PyEval_SaveThread()
+  %status = call i32 @"{function}"(ptr %place, ptr %complaint, {", ".join(self._handed)})
+  call void @PyEval_RestoreThread(ptr %thread)
+  %failed = icmp sgt i32 %status, 0
+  br i1 %failed, label %failure, label %success
+success:
+  %value = load {kind}, ptr %place
+  {widened}
+  {end}
+  {kept}
+  ret ptr %result
+failure:
+  %description = load ptr, ptr %complaint
+  %pickled = load ptr, ptr %description
+  %behind = getelementptr i8, ptr %description, i64 8
+  %short = load i32, ptr %behind
+  %size = sext i32 %short to i64
+  %bytes = call ptr @PyBytes_FromStringAndSize(ptr %pickled, i64 %size)
+  ret ptr %bytes
+refused:
+  ret ptr null
+misfit:
+  %sentinel = call ptr @PyTuple_GetItem(ptr %self, i64 0)
+  call void @Py_IncRef(ptr %sentinel)
+  ret ptr %sentinel
+}}
+"""
+
+    def _take(self, item: str, argument: Any) -> None:
+        """Check the type of an object, and hand over what is in it."""
+        self._require_object(self._field(item, _HEAD - 8), type(argument))
+        if isinstance(argument, np.ndarray):
+            self._take_array(item, argument)
+        elif isinstance(argument, tuple):
+            size = self._value(f"call i64 @PyTuple_Size(ptr {item})")
+            self._require(f"icmp eq i64 {size}, {len(argument)}")
+            for place, inner in enumerate(argument):
+                self._take(self._value(f"call ptr @PyTuple_GetItem(ptr {item}, i64 {place})"), inner)
+        elif isinstance(argument, float):
+            self._handed.append(f"double {self._value(f'call double @PyFloat_AsDouble(ptr {item})')}")
+        else:
+            self._handed.append(f"i64 {self._value(f'call i64 @PyLong_AsLongLong(ptr {item})')}")
+
+    def _take_array(self, item: str, array: np.ndarray[Any, Any]) -> None:
+        self._require_object(self._field(item, _DESCR), array.dtype)
+        dimensions = self._field(item, _DIMENSIONS, "i32")
+        self._require(f"icmp eq i32 {dimensions}, {array.ndim}")
+        layout = _C if array.flags.c_contiguous else _F if array.flags.f_contiguous else 0
+        looked_at = _ALIGNED | _WRITEABLE | _C | (0 if layout == _C else _F)
+        wanted = _ALIGNED | layout | (_WRITEABLE if array.flags.writeable else 0)
+        flags = self._value(f"and i32 {self._field(item, _FLAGS, 'i32')}, {looked_at}")
+        self._require(f"icmp eq i32 {flags}, {wanted}")
+        lengths = self._fields(self._field(item, _SHAPE), array.ndim)
+        strides = self._fields(self._field(item, _STRIDES), array.ndim)
+        items = "1"
+        for length in lengths:
+            items = self._value(f"mul i64 {items}, {length}")
+        self._handed += ["ptr null", "ptr null", f"i64 {items}", f"i64 {array.itemsize}"]
+        self._handed += [f"ptr {self._field(item, _DATA)}", *(f"i64 {number}" for number in (*lengths, *strides))]
+
+    def _require_object(self, found: str, expected: Any) -> None:
+        wanted = self._value(f"call ptr @PyTuple_GetItem(ptr %self, i64 {len(self.expected)})")
+        self.expected.append(expected)
+        self._require(f"icmp eq ptr {found}, {wanted}")
+
+    def _require(self, condition: str) -> None:
+        met = self._value(condition)
+        self._lines += [f"  br i1 {met}, label %after{self._count}, label %misfit", f"after{self._count}:"]
+
+    def _fields(self, base: str, count: int) -> list[str]:
+        return [self._field(base, 8 * place, "i64") for place in range(count)]
+
+    def _field(self, base: str, offset: int, kind: str = "ptr") -> str:
+        place = self._value(f"getelementptr i8, ptr {base}, i64 {offset}")
+        return self._value(f"load {kind}, ptr {place}")
+
+    def _value(self, operation: str) -> str:
+        self._count += 1
+        name = f"%v{self._count}"
+        self._lines.append(f"  {name} = {operation}")
+        return name
+
+
+class _Method(ctypes.Structure):
+    _fields_ = (("name", ctypes.c_char_p), ("call", ctypes.c_void_p), ("flags", ctypes.c_int), ("doc", ctypes.c_char_p))
+
+
+def python_function(address: int, expected: list[Any]) -> tuple[Callable[..., Any], Any]:
+    """Return the Python function of an entry, and what has to be kept as long as that is."""
+    method = _Method(NAME.encode(), address, _FASTCALL, None)
+    make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)(
+        ("PyCFunction_NewEx", ctypes.pythonapi)
+    )
+    return make(ctypes.addressof(method), tuple(expected), None), method
