@@ -167,7 +167,12 @@ def _compiled(what: Deferred, signature: tuple[Any, ...], others: Callable[[str,
     dispatcher = what.for_numba
     dispatcher.compile(signature)
     found = dispatcher.overloads[signature]
-    return linked(found.library.get_llvm_str(), *others(found.fndesc.llvm_func_name, str(found.signature.return_type)))
+    texts = others(found.fndesc.llvm_func_name, str(found.signature.return_type))
+    try:
+        return linked(found.library.get_llvm_str(), *texts)
+    except TypeError as error:
+        print("MISSING", what.function.__qualname__, error, file=__import__("sys").__stderr__, flush=True)
+        raise TypeError(f"{what.function.__qualname__} needs numba where it runs: {error}") from None
 
 
 def _called_by_address(function: str, signature: tuple[Any, ...]) -> str:

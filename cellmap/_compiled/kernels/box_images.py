@@ -6,6 +6,9 @@ import numpy as np
 
 from ..loops import inlined, loop
 
+_GAPS = (1750, 701, 301, 132, 57, 23, 10, 4, 1)
+"""Of Shell's method of sorting (M. Ciura, Lecture Notes in Computer Science 2138 (2001) 106)."""
+
 
 @inlined(fastmath=False)
 def _along(lower, upper, width, n, number):
@@ -65,15 +68,13 @@ def tally_rows(keys, begins, rows, targets, counts, lost):
     found = 0
     for b in range(begins.size - 1):
         part = keys[begins[b] : begins[b + 1]]
-        if part.size <= 32:
-            for i in range(1, part.size):
-                key, k = part[i], i - 1
+        for gap in _GAPS:
+            for i in range(gap, part.size):
+                key, k = part[i], i - gap
                 while k >= 0 and part[k] > key:
-                    part[k + 1] = part[k]
-                    k -= 1
-                part[k + 1] = key
-        else:
-            part.sort()
+                    part[k + gap] = part[k]
+                    k -= gap
+                part[k + gap] = key
         last = np.int64(-1)
         lost[b] = 0
         for key in part:

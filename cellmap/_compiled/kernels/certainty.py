@@ -134,7 +134,8 @@ def reach_ends(ends, fixed, first, last, cells, circle, beyond):
             if fixed[c] or known & (known - 1):
                 continue
             bits = known
-            here[:] = first[c]
+            for j in range(d):
+                here[j] = first[c, j]
             plain = first[c, e] >= 0 and last[c, e] < cells[e]
             while not bits & (bits - 1):
                 flat, inside = 0, True

@@ -46,9 +46,8 @@ def carrying(d):
         rows, given = borrowed(memory), borrowed(parameters)
         vectors = rows[:, d:]
         for k in range(len(points)):
-            growth[k] = 0.0
-            factors[:] = 1.0
             for j in range(d):
+                growth[k, j], factors[j] = 0.0, 1.0
                 for i in range(d):
                     rows[j, i], vectors[j, i] = points[k, i], frames[k, i, j]
             for _ in range(periods):
@@ -75,12 +74,12 @@ def carrying(d):
                             growth[k, j] += np.log(factors[j])
                             factors[j] = 1.0
                 else:
-                    growth[k] = np.nan
                     for j in range(d):
+                        growth[k, j] = np.nan
                         for i in range(d):
                             vectors[j, i] = 1.0 if i == j else 0.0
-            growth[k] += np.log(factors)
             for j in range(d):
+                growth[k, j] += np.log(factors[j])
                 for i in range(d):
                     frames[k, i, j] = vectors[j, i]
 

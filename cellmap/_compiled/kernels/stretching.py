@@ -6,7 +6,7 @@ from math import log
 
 import numpy as np
 
-from ..loops import loop
+from ..loops import inlined, loop
 
 EPSILON = 2.0**-52
 """A pivot that is smaller than this part of the largest entry is rounding: the matrix has no inverse."""
@@ -32,28 +32,29 @@ def append_steps(matrices, there, size_there, back, size_back):
         size_there[k] += _scaled(row, there[k])
         if size_back[k] == np.inf:
             continue
-        work[:] = matrices[k]
-        row[:] = back[k]
+        for i in range(d):
+            for j in range(d):
+                work[i, j], row[i, j] = matrices[k, i, j], back[k, i, j]
         if _divide(row, work):
             size_back[k] += _scaled(row, back[k])
         else:
             size_back[k] = np.inf
 
 
-@loop
+@inlined
 def _scaled(source, target):
     """Write a matrix divided by its largest entry; return the logarithm of that, minus infinity for nothing."""
     largest = 0.0
     for v in source.flat:
         largest = max(largest, abs(v))
-    if not largest > 0.0:
-        target[:] = 0.0
-        return -np.inf
-    target[:] = source / largest
+    scale = largest if largest > 0.0 else 1.0
+    for i in range(len(source)):
+        for j in range(len(source)):
+            target[i, j] = source[i, j] / scale
     return log(largest)
 
 
-@loop
+@inlined
 def _divide(rows, matrix):
     """Replace rows by rows times the inverse of a matrix, by elimination of its columns; tell whether it has one."""
     d = len(matrix)
