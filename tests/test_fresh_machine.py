@@ -54,3 +54,23 @@ def test_the_chosen_folder_keeps_what_was_compiled_and_later_processes_need_no_c
     assert list(folder.glob("*.object"))
     assert folder.stat().st_mode & 0o777 == 0o700
     assert started(installed, CELLMAP_CACHE_DIR=str(folder)) == ["1.5", "False"]
+
+
+TO_LABELS = """
+import sys
+from math import cos, pi
+from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
+def rhs(t, x, p):
+    return x[1], x[0] - x[0]**3 - 0.15 * x[1] + 0.2 * cos(t)
+grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (30, 30))
+basins = find_basins(interpolated_map(stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("q", "v"))), grid), grid)
+print(len(basins.attractors), sorted({"numba", "scipy", "sklearn", "tqdm"} & sys.modules.keys()))
+"""
+
+
+def test_what_takes_long_to_load_is_not_loaded_on_the_way_to_labels():
+    def run() -> str:
+        return subprocess.run([sys.executable, "-c", TO_LABELS], capture_output=True, text=True, check=True).stdout
+
+    run()  # compiles what has not been compiled on this machine
+    assert run() == "2 []\n"

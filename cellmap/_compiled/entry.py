@@ -8,6 +8,7 @@ the interface that all versions of Python have, and arrays where NumPy's interfa
 from __future__ import annotations
 
 import ctypes
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -92,7 +93,9 @@ def plain(argument: Any) -> Any:
     if isinstance(argument, tuple):
         items = tuple(plain(item) for item in argument)
         return items if type(argument) is tuple else type(argument)(*items)
-    return float(argument) if isinstance(argument, float | np.floating) else int(argument)
+    if isinstance(argument, float | np.floating):
+        return float(argument)
+    return int(argument) if isinstance(argument, np.bool_) else operator.index(argument)
 
 
 class EntryText:

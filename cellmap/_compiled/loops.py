@@ -83,10 +83,10 @@ class Loop(Deferred):
 
             with COMPILING:
                 code = compiled_once(f"{_source_of(self.function)}\n{key}", compiled)
-            entry, method = python_function(code.address(NAME), text.expected)
-            self._entries[key] = entry, (code, method)
-        self._entry = self._entries[key][0]
-        return self._entry(*arguments)
+            function, method = python_function(code.address(NAME), text.expected)
+            self._entries[key] = function, (code, method)
+        self._entry = entry = self._entries[key][0]
+        return entry(*arguments)
 
 
 class AddressedLoop(Deferred):
@@ -171,7 +171,6 @@ def _compiled(what: Deferred, signature: tuple[Any, ...], others: Callable[[str,
     try:
         return linked(found.library.get_llvm_str(), *texts)
     except TypeError as error:
-        print("MISSING", what.function.__qualname__, error, file=__import__("sys").__stderr__, flush=True)
         raise TypeError(f"{what.function.__qualname__} needs numba where it runs: {error}") from None
 
 

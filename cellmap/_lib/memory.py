@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-import psutil
-
 _GROUPS = Path("/sys/fs/cgroup")
 _OWN = Path("/proc/self/cgroup")
 
@@ -19,6 +17,8 @@ _FILES = {
 
 def memory_available() -> int:
     """Return the bytes that this process may still take without swapping, within what its container allows."""
+    import psutil
+
     return max(0, min([psutil.virtual_memory().available, *_left_in_groups()]))
 
 

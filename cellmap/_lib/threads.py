@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
-
-from tqdm import tqdm
 
 from .checks import whole_number
 from .signatures import checked
@@ -80,8 +79,10 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
 @contextmanager
 def progress_bar(total: int, description: str | None) -> Iterator[Callable[[int], object]]:
     """Show a bar on a terminal once the work has lasted two seconds; none without a description."""
-    if description is None:
+    if description is None or not sys.stderr.isatty():
         yield lambda _: None
         return
+    from tqdm import tqdm
+
     with tqdm(total=total, desc=description, disable=None, delay=2.0, leave=False) as bar:
         yield bar.update

@@ -15,7 +15,6 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
 from .._compiled.kernels.periods import iterate
-from .._compiled.machine_code import MachineCode
 from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates, turns_of

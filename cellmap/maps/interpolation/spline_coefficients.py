@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.codegen.spline_basis import WIDTH, basis_polynomials
+from ..._compiled.kernels.banded import solve_banded
 from ..._lib.threads import run_over, slices, thread_count
 from ..grid import CellGrid
 
@@ -84,26 +85,20 @@ def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[n
     The surplus is fixed at the ends by differences of order `order` + 1 of the coefficients that vanish: the
     polynomial pieces next to an end are one polynomial, so the order of convergence holds up to the end.
     """
-    from scipy.linalg import solve_banded
-
     nodes, half, reach = len(values), order // 2, order + 1
     size = nodes + 2 * half
-    band = np.zeros((2 * reach + 1, size))  # band[reach + row - column, column]
+    band = np.zeros((size, 3 * reach + 1))  # band[row, column - row + reach]
     spline = [row[0] for row in basis_polynomials(order)][:order]  # values at a node
     vanishing = [(-1.0) ** k * comb(reach, k) for k in range(reach + 1)]
     for k, value in enumerate(spline):
-        rows = np.arange(half, half + nodes)
-        columns = rows - half + k
-        band[reach + rows - columns, columns] = value
+        band[half : half + nodes, k - half + reach] = value
     for i in range(half):
         for k, value in enumerate(vanishing):
-            band[reach + i - (i + k), i + k] = value
-            row, column = size - 1 - i, size - 1 - i - k
-            band[reach + row - column, column] = value
+            band[i, k + reach] = band[size - 1 - i, reach - k] = value
     right = np.zeros((size, *values.shape[1:]))
     right[half : half + nodes] = values
-    solved: NDArray[np.float64] = solve_banded((reach, reach), band, right.reshape(size, -1), overwrite_b=True)
-    return solved.reshape(size, *values.shape[1:])
+    solve_banded(band, reach, right.reshape(size, -1))
+    return right
 
 
 def with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,162 @@
+"""Loops that are compiled once: their arguments, their errors, and processes that find them compiled."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from collections import namedtuple
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from cellmap._compiled.loops import Loop, inlined, loop
+
+Whole = np.ndarray[Any, np.dtype[Any]]
+
+
+class Scaled(NamedTuple):
+    """A factor, and numbers to be multiplied by it."""
+
+    factor: float
+    numbers: Whole
+
+
+@inlined
+def twice(x):  # type: ignore[no-untyped-def]
+    return x + x
+
+
+@loop
+def double(values, out):  # type: ignore[no-untyped-def]
+    n, d = values.shape
+    memory = np.zeros(d)
+    for i in range(n):
+        for j in range(d):
+            memory[j] = twice(values[i, j])
+        for j in range(d):
+            out[i, j] = memory[j]
+    return n * d
+
+
+@loop
+def scale(scaled, by, out):  # type: ignore[no-untyped-def]
+    for i in range(len(scaled.numbers)):
+        out[i] = scaled.factor * scaled.numbers[i] + by
+    return by > 1
+
+
+@loop
+def table(size):  # type: ignore[no-untyped-def]
+    return np.zeros(size)[0]
+
+
+@pytest.fixture
+def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def arrays() -> list[Whole]:
+    numbers = np.arange(12.0)
+    read_only = numbers.reshape(3, 4).copy()
+    read_only.flags.writeable = False
+    return [
+        numbers.reshape(3, 4),
+        np.asfortranarray(numbers.reshape(3, 4)),
+        numbers.reshape(2, 3, 2)[:, :, 0],
+        numbers.reshape(3, 4).astype(np.int64),
+        numbers.reshape(3, 4).view(np.dtype("f8", metadata={"from": "a file"})),
+        read_only,
+        np.zeros((0, 4)),
+    ]
+
+
+def test_arrays_of_every_layout_and_type_of_numbers_one_after_the_other() -> None:
+    """No array is taken for one of another type, whatever came before."""
+    for values in 2 * arrays():
+        out = np.full(values.shape, -1.0)
+        assert double(values, out) == values.size
+        assert np.array_equal(out, 2 * values)
+
+
+def test_tuples_and_numbers_of_every_kind() -> None:
+    numbers = np.arange(3.0)
+    for by in (1, 2.5, np.float64(0.5), np.int32(3), True):
+        for numbers in (np.arange(3.0), np.arange(6.0)[::2]):
+            out = np.empty(3)
+            assert scale(Scaled(2.0, numbers), by, out) is bool(by > 1)
+            assert np.array_equal(out, 2.0 * numbers + by)
+
+
+def test_a_tuple_of_another_class_is_not_taken_for_the_first() -> None:
+    other = namedtuple("Scaled", ["numbers", "factor"])
+    out = np.empty(3)
+    scale(Scaled(2.0, np.arange(3.0)), 1.0, out)
+    scale(other(np.arange(3.0), 3.0), 1.0, out)
+    assert np.array_equal(out, [1.0, 4.0, 7.0])
+
+
+def test_errors_of_a_loop_come_to_its_caller() -> None:
+    assert table(3) == 0.0
+    with pytest.raises(ValueError, match="negative dimensions"):
+        table(-3)
+    with pytest.raises(MemoryError):
+        table(2**58)
+    with pytest.raises(OverflowError):
+        table(2**70)
+    with pytest.raises(TypeError):
+        table("3")
+
+
+def test_what_needs_the_runtime_of_numba_is_refused() -> None:
+    @loop
+    def factorial(x):  # type: ignore[no-untyped-def]
+        return math.gamma(x + 1.0)
+
+    with pytest.raises(TypeError, match=r"factorial needs numba where it runs: .*numba_gamma"):
+        factorial(3.0)
+
+
+def counted(step: int) -> Loop:
+    @loop
+    def count(out):  # type: ignore[no-untyped-def]
+        for i in range(len(out)):
+            out[i] = step * i
+
+    return count
+
+
+def test_values_around_a_loop_belong_to_it(fresh: Path) -> None:
+    first, second = np.zeros(3), np.zeros(3)
+    counted(2)(first)
+    counted(3)(second)
+    assert first.tolist() == [0.0, 2.0, 4.0]
+    assert second.tolist() == [0.0, 3.0, 6.0]
+    assert len(list(fresh.glob("*.object"))) == 2
+    counted(2)(first)
+    assert len(list(fresh.glob("*.object"))) == 2
+
+
+PROGRAM = """
+import sys
+import numpy as np
+from cellmap._compiled.kernels.blocks import wrap_rows
+points, turns = np.array([[7.0, -1.0]]), np.zeros((1, 2), np.int64)
+wrap_rows(points, turns, np.zeros(2), np.array([5.0, 0.0]))
+print(points.tolist(), turns.tolist(), "numba" in sys.modules)
+"""
+
+
+def test_a_second_process_needs_no_numba(tmp_path: Path) -> None:
+    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path)}
+
+    def run() -> str:
+        command = [sys.executable, "-c", PROGRAM]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert run() == "[[2.0, -1.0]] [[1, 0]] True\n"
+    assert run() == "[[2.0, -1.0]] [[1, 0]] False\n"
