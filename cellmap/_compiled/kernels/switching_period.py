@@ -19,10 +19,10 @@ import functools
 
 import numpy as np
 
-from .borrow import borrowed
-from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from ..loops import inlined, loop_by_address
 from .blocks import LANES
+from .borrow import borrowed
+from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .switching import NO_EVENT, begin_on_surface, follow, land, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
@@ -121,7 +121,11 @@ def period(single):
         shared = (2 * size + 3 * count + 2) * LANES
         rows = ((size + count) * length + size + 3) * LANES
         memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length)
-        squares, shifts, gradients = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
+        squares, shifts, gradients = (
+            np.zeros((count, count)),
+            np.zeros((count, dimension)),
+            np.zeros((count, dimension)),
+        )
         # Views that count no references: counting would cost more than all else that is done at an event.
         whole = borrowed(memory)
         place = 0
