@@ -216,6 +216,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "plot_fit": lambda: {"result": sample("Fit")},
     "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
     "load_basins": lambda: {"path": saved_basins()},
+    "cluster_orbits": lambda: {"initial_conditions": POINTS, "transient": 2, "periods": 2},
     "rebuild_map": lambda: {"source": wells(), "recipe": dict(wells().recipe)},
     "recompute_basins": lambda: {"basins": sample("Basins"), "source": wells()},
     "set_threads": lambda: {"count": 2},
