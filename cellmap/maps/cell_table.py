@@ -36,6 +36,11 @@ class CellTable:
     indicator: NDArray[np.float32]
     rough: NDArray[np.bool_]
 
+    @classmethod
+    def unexamined(cls, grid: CellGrid, order: int, coefficients: NDArray[np.float64]) -> CellTable:
+        """Return a table whose errors are not known yet."""
+        return cls(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
+
     def __repr__(self) -> str:
         share = 100.0 * float(self.rough.mean())
         return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % fallback cells)"

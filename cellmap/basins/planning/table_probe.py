@@ -9,14 +9,13 @@ from threading import Lock
 
 import numpy as np
 
-from ..._compiled.codegen.spline_basis import WIDTH
 from ..._lib.memory import memory_available
 from ..._lib.threads import thread_count
 from ...maps.cell_table import CellTable
 from ...maps.grid import CellGrid
 from ...maps.interpolation.interpolated import interpolated_map, table_memory
 from ...maps.interpolation.look_ups import LookUps
-from ...maps.interpolation.spline_coefficients import tabulated_nodes
+from ...maps.interpolation.spline_coefficients import tabulated_nodes, with_spare_doubles
 from ...maps.orbit_batch import Orbits
 from ...maps.point_map import PointMap, follow
 from .extrapolation import sized
@@ -128,10 +127,8 @@ def _lookup_times(exact: PointMap, window: CellGrid, order: int, cells: int) -> 
     grid = sized(window, cells)
     while True:
         shape = (*(n + order for n in grid.shape), grid.dimension)
-        size = int(np.prod(shape, dtype=object))
-        coefficients = np.full(size + WIDTH, 1e-9)[:size].reshape(shape)
-        empty = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-        look_up = LookUps(exact, [empty], "escape")
+        coefficients = with_spare_doubles(np.full(shape, 1e-9))
+        look_up = LookUps(exact, [CellTable.unexamined(grid, order, coefficients)], "escape")
         seconds = median_seconds(lambda look=look_up: look(Orbits.starting(starts.copy()), 1))  # type: ignore[misc]
         found.append((table_memory(grid, order), seconds / BATCH))
         cells *= 4 if grid.dimension == 1 else 2

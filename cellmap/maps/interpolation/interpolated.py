@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,20 +16,17 @@ from ..._lib.files import as_target, locked
 from ..._lib.signatures import checked
 from ..._lib.tiles import check_client
 from ..cell_table import CellTable
-from ..coordinates import turns_of
-from ..grid import CellGrid, grid_points
-from ..orbit_batch import Cost, Orbits
+from ..grid import CellGrid
+from ..orbit_batch import Cost
 from ..point_map import PointMap
 from ..specification import MapSpec, specification, with_spec
 from .look_ups import LookUps
-from .spline_coefficients import ORDERS, PADDING, filtered, line_memory, nodes_of, tabulated_nodes, with_spare_doubles
-from .spline_errors import leading_errors
+from .spline_coefficients import ORDERS, line_memory, tabulated_nodes
+from .table_making import errors_in_cells, leap_table, spline_coefficients_of
 from .tabulation import TableTiles, table_checkpoint
 
 ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # error in a cell, in cell widths
 _LEAP = 0.01  # of that difference, for tables of several periods
-_FARTHEST = 100.0  # an image so many windows away counts as none
-_HERE = TableTiles()
 
 
 @checked
@@ -135,10 +132,10 @@ def interpolated_map(
             settings = {"order": order, "tolerance": tolerance}
             file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
         tiles = TableTiles(client, file)
-        coefficients, spoilt = _coefficients(exact, grid, order, progress, tiles)
+        coefficients, spoilt = spline_coefficients_of(exact, grid, order, progress, tiles)
         allowed = _allowed(grid, order, tolerance)
-        smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-        indicator, rough = _errors_in_cells(exact, smooth, allowed, progress, tiles)
+        smooth = CellTable.unexamined(grid, order, coefficients)
+        indicator, rough = errors_in_cells(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
     share = float(rough.mean())
     if share > 0.5:
@@ -181,7 +178,7 @@ class Interpolated(MapSpec[PointMap]):
         began = time.perf_counter()
         tables = [table]
         while 2 ** len(tables) <= self.leap:
-            tables.append(_leap_table(exact, tables, outside, allowed, progress))
+            tables.append(leap_table(exact, tables, outside, allowed, progress))
         advance = LookUps(exact, tables, outside)
         kept = replace(table, coefficients=advance.coefficients)
         seconds = self.cost.seconds + time.perf_counter() - began
@@ -252,114 +249,3 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     d, nodes = grid.dimension, tabulated_nodes(grid, order)
     along = sum(line_memory(n, nodes // n, order, wraps) for n, wraps in zip(grid.shape, grid.wraps, strict=True))
     return (16 * d * nodes + 6 * grid.size + along) * leap.bit_length()
-
-
-def _coefficients(
-    exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles = _HERE
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
-    values = _displacements(exact, nodes_of(grid, order), progress, tiles)
-    extent = np.array(grid.upper) - np.array(grid.lower)
-    with np.errstate(invalid="ignore"):
-        failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
-    if failed.any():
-        _fill_from_neighbours(values, failed)
-    for j in range(grid.dimension):
-        values = filtered(values, j, order, grid.wraps[j])
-    return with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
-
-
-def _displacements(
-    exact: PointMap, axes: list[NDArray[np.float64]], progress: bool, tiles: TableTiles = _HERE
-) -> NDArray[np.float64]:
-    """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
-    shape = tuple(map(len, axes))
-    moved = np.empty((int(np.prod(shape)), len(axes)))
-
-    def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
-        arrays["displacement"][part] = images - grid_points(axes, part)
-
-    bar = f"interpolation grid of {exact.name}" if progress else None
-    tiles.images(exact, axes, {"displacement": moved}, subtract, bar)
-    return moved.reshape(*shape, len(axes))
-
-
-def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.bool_]) -> None:
-    """Give nodes without image the value of the nearest node with one, lest they spoil the filter far around."""
-    if failed.all():
-        displacement[:] = 0.0
-        return
-    from scipy.ndimage import distance_transform_edt
-
-    nearest = distance_transform_edt(failed, return_distances=False, return_indices=True)
-    displacement[:] = displacement[tuple(nearest)]
-
-
-def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: int) -> NDArray[np.bool_]:
-    corner = failed
-    for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
-        first = 0 if wraps else PADDING[order]
-        lower = np.take(corner, np.arange(first, first + n), axis=j)
-        upper = np.take(corner, np.arange(first + 1, first + n + 1) % corner.shape[j], axis=j)
-        corner = lower | upper
-    return corner
-
-
-def _errors_in_cells(
-    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles = _HERE
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
-    grid = table.grid
-    indicator = np.empty(grid.size, np.float32)
-    rough = np.empty(grid.size, bool)
-    turn = turns_of(exact.coordinates)[1]
-    interpolated = LookUps(exact, [table], "escape")
-    axes = [grid.axis(j) for j in range(grid.dimension)]
-    leading = leading_errors(table.coefficients, table.order, grid.wraps)
-    sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
-
-    def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
-        orbits = Orbits.starting(grid_points(axes, part))
-        interpolated(orbits, 1)
-        with np.errstate(invalid="ignore", over="ignore"):
-            error = np.abs(images - (orbits.points + orbits.turns * turn) - sums[part])
-            error += 0.5 * (absolute[part] + np.abs(sums[part]))
-            worst = (error / grid.widths).max(axis=-1)
-            arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
-            arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
-
-    bar = f"interpolation errors of {exact.name}" if progress else None
-    tiles.images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
-    return indicator.reshape(grid.shape), rough.reshape(grid.shape)
-
-
-def _leap_table(
-    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
-) -> CellTable:
-    """Tabulate twice as many periods as the last table has, by look-ups of the table of one period."""
-    grid, order = tables[0].grid, tables[0].order
-    periods = 2 ** len(tables)
-    # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
-    carried = _several(exact, LookUps(exact, tables[:1], "integrate"), periods)
-    coefficients, spoilt = _coefficients(carried, grid, order, progress)
-    smooth = CellTable(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
-    single = _several(exact, LookUps(exact, tables[:1], outside), periods)
-    indicator, rough = _errors_in_cells(single, smooth, allowed, progress)
-    if outside == "escape":
-        ended = np.isnan(
-            _displacements(single, nodes_of(grid, order), progress)[..., 0]
-        )  # an end takes all coordinates
-        spoilt |= _cells_with_failed_corner(ended, grid, order)
-        # Where no corner of the cells around leaves the window on its way, no point of the cell does.
-        for j in range(grid.dimension):
-            spoilt |= np.roll(spoilt, 1, axis=j) | np.roll(spoilt, -1, axis=j)
-    return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
-
-
-def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
-    """Return the map whose step is several periods of a table."""
-
-    def make(orbits: Orbits, steps: int) -> None:
-        advance(orbits, steps * periods)
-
-    return replace(exact, advance=make, tangent=None, stretch=None)

@@ -1,0 +1,133 @@
+"""Tables of interpolated maps: coefficients from images of the nodes, errors in cells, tables of several periods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cell_table import CellTable
+from ..coordinates import turns_of
+from ..grid import CellGrid, grid_points
+from ..orbit_batch import Orbits
+from ..point_map import PointMap
+from .look_ups import LookUps
+from .spline_coefficients import PADDING, filtered, nodes_of, with_spare_doubles
+from .spline_errors import leading_errors
+from .tabulation import TableTiles
+
+_FARTHEST = 100.0  # an image so many windows away counts as none
+
+
+def spline_coefficients_of(
+    exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
+    values = _displacements(exact, nodes_of(grid, order), progress, tiles)
+    extent = np.array(grid.upper) - np.array(grid.lower)
+    with np.errstate(invalid="ignore"):
+        failed = ~(np.abs(values) <= _FARTHEST * extent).all(axis=-1)
+    if failed.any():
+        _fill_from_neighbours(values, failed)
+    for j in range(grid.dimension):
+        values = filtered(values, j, order, grid.wraps[j])
+    return with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
+
+
+def _displacements(
+    exact: PointMap, axes: list[NDArray[np.float64]], progress: bool, tiles: TableTiles | None = None
+) -> NDArray[np.float64]:
+    """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
+    shape = tuple(map(len, axes))
+    moved = np.empty((int(np.prod(shape)), len(axes)))
+
+    def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        arrays["displacement"][part] = images - grid_points(axes, part)
+
+    bar = f"interpolation grid of {exact.name}" if progress else None
+    (tiles or TableTiles()).images(exact, axes, {"displacement": moved}, subtract, bar)
+    return moved.reshape(*shape, len(axes))
+
+
+def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.bool_]) -> None:
+    """Give nodes without image the value of the nearest node with one, lest they spoil the filter far around."""
+    if failed.all():
+        displacement[:] = 0.0
+        return
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(failed, return_distances=False, return_indices=True)
+    displacement[:] = displacement[tuple(nearest)]
+
+
+def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: int) -> NDArray[np.bool_]:
+    corner = failed
+    for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
+        first = 0 if wraps else PADDING[order]
+        lower = np.take(corner, np.arange(first, first + n), axis=j)
+        upper = np.take(corner, np.arange(first + 1, first + n + 1) % corner.shape[j], axis=j)
+        corner = lower | upper
+    return corner
+
+
+def errors_in_cells(
+    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
+    grid = table.grid
+    indicator = np.empty(grid.size, np.float32)
+    rough = np.empty(grid.size, bool)
+    turn = turns_of(exact.coordinates)[1]
+    interpolated = LookUps(exact, [table], "escape")
+    axes = [grid.axis(j) for j in range(grid.dimension)]
+    leading = leading_errors(table.coefficients, table.order, grid.wraps)
+    sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
+
+    def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+        orbits = Orbits.starting(grid_points(axes, part))
+        interpolated(orbits, 1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            error = np.abs(images - (orbits.points + orbits.turns * turn) - sums[part])
+            error += 0.5 * (absolute[part] + np.abs(sums[part]))
+            worst = (error / grid.widths).max(axis=-1)
+            arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
+            arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
+
+    bar = f"interpolation errors of {exact.name}" if progress else None
+    (tiles or TableTiles()).images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
+    return indicator.reshape(grid.shape), rough.reshape(grid.shape)
+
+
+def leap_table(
+    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
+) -> CellTable:
+    """Tabulate twice as many periods as the last table has, by look-ups of the table of one period."""
+    grid, order = tables[0].grid, tables[0].order
+    periods = 2 ** len(tables)
+    # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
+    carried = _several(exact, LookUps(exact, tables[:1], "integrate"), periods)
+    coefficients, spoilt = spline_coefficients_of(carried, grid, order, progress)
+    smooth = CellTable.unexamined(grid, order, coefficients)
+    single = _several(exact, LookUps(exact, tables[:1], outside), periods)
+    indicator, rough = errors_in_cells(single, smooth, allowed, progress)
+    if outside == "escape":
+        ended = np.isnan(
+            _displacements(single, nodes_of(grid, order), progress)[..., 0]
+        )  # an end takes all coordinates
+        spoilt |= _cells_with_failed_corner(ended, grid, order)
+        # Where no corner of the cells around leaves the window on its way, no point of the cell does.
+        for j in range(grid.dimension):
+            spoilt |= np.roll(spoilt, 1, axis=j) | np.roll(spoilt, -1, axis=j)
+    return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
+
+
+def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
+    """Return the map whose step is several periods of a table."""
+
+    def make(orbits: Orbits, steps: int) -> None:
+        advance(orbits, steps * periods)
+
+    return replace(exact, advance=make, tangent=None, stretch=None)
