@@ -133,18 +133,9 @@ def scaling_window(
     """Return the largest window in which points are on a line: the numbers of its first and last point.
 
     A window counts if the slopes between all neighbours in it differ from the slope of its line by no more than
-    `tolerance` (times that slope where this is above 1).  Of the windows that are longest in x the one with the
-    steepest line is taken, since saturation, at either end, makes lines flat.  If there is none, the tolerance is
-    doubled.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Points in the order of x.
-    tolerance : float, optional
-        Largest deviation of slopes between neighbours.
-    fewest : int, optional
-        Points in the smallest window.
+    `tolerance` (times that slope where this is above 1).  Of the windows that are longest in x, of `fewest` points at
+    least, the one with the steepest line is taken, since saturation, at either end, makes lines flat.  If there is
+    none, the tolerance is doubled.
     """
     allowed = finite_number("tolerance", tolerance, above=0.0)
     usable = np.isfinite(x) & np.isfinite(y)
@@ -180,15 +171,9 @@ def steady_window(
     larger one; so this is the largest linear region.  Oscillations about the line, such as the counts of self-similar
     sets have, do not shorten it, and bends are found that are too slow to be seen between neighbours.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Points in the order of x; those that are not finite are outside every window.
-    fewest : int, optional
-        Points in the smallest window, or half of those that are finite if these are fewer, but 3 at least.
-    to_the_end : bool, optional
-        Take windows alone that end at the last finite point: a law for small sizes that are known to be free of
-        saturation.
+    Points that are not finite are outside every window.  A window has `fewest` points, or half of those that are finite
+    if these are fewer, but 3 at least; `to_the_end` takes windows alone that end at the last finite point: a law for
+    small sizes that are known to be free of saturation.
     """
     finite = int(np.count_nonzero(np.isfinite(x) & np.isfinite(y)))
     if finite < _FEWEST:
@@ -208,15 +193,6 @@ def window_spread(x: NDArray[np.float64], y: NDArray[np.float64], slope: float, 
 
     This is the root of the mean squared distance between the slopes of all windows and a given one, weighted by the
     inverse squares of the errors by which :func:`steady_window` chooses.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Points in the order of x; those that are not finite are outside every window.
-    slope : float
-        That of the chosen window.
-    to_the_end : bool, optional
-        As for :func:`steady_window`.
     """
     _, _, slopes, errors = np.array(_windows(x, y, to_the_end)).T
     weights = 1.0 / np.maximum(errors, 1e-9) ** 2

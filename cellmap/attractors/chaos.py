@@ -48,35 +48,7 @@ def chaotic_attractors(
     known: Sequence[Attractor] = (),
     age: int = 0,
 ) -> list[Attractor]:
-    """Return the chaotic attractors on which long-lived orbits move, without those that are known.
-
-    An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
-    1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
-    where it was is on an unstable periodic orbit.  Orbits that share boxes are on one attractor.
-
-    The orbits are followed for five times the periods that they have lasted.  If any of them leaves, or ends on a known
-    attractor that is not chaotic, all of them are transients.  Orbits that stay among the boxes of a known chaotic
-    attractor are on that attractor.  No orbit is on a new one if it shares boxes with a known chaotic attractor, or
-    with the transient of another orbit to one.
-
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; exponents come from its exact map.
-    states : ndarray, shape (n, dimension)
-        States that have outlived all transients.
-    extent : ndarray, shape (dimension,), optional
-        Size of the region of interest, 1 by default.
-    known : sequence of Attractor, optional
-        Attractors that the orbits might still end on.
-    age : int, optional
-        Periods that the orbits have lasted.
-
-    Returns
-    -------
-    list of Attractor
-        With a sample of their points and a cover.
-    """
+    """Return the chaotic attractors that :func:`examine` finds."""
     return list(examine(point_map, states, extent, known, age).attractors)
 
 
@@ -87,9 +59,17 @@ def examine(
     known: Sequence[Attractor] = (),
     age: int = 0,
 ) -> Examination:
-    """Find chaotic attractors as :func:`chaotic_attractors` does, and say why the other orbits are undecided.
+    """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
 
-    At most 32 of the states are followed, evenly spread.
+    An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
+    1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
+    where it was is on an unstable periodic orbit.  Orbits that share boxes are on one attractor.
+
+    At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have.
+    If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
+    stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it shares
+    boxes with a known chaotic attractor, or with the transient of another orbit to one.  The size of the region of
+    interest is 1 by default.
     """
     chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
     reach = np.ones(point_map.dimension) if extent is None else extent

@@ -1,4 +1,4 @@
-"""Attractors told apart by features of orbits where no trapping region proves them, such as quasi-periodic ones."""
+"""Attractors distinguished by features of orbits where no trapping region proves them, such as quasi-periodic ones."""
 
 from __future__ import annotations
 

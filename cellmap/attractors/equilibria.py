@@ -28,27 +28,11 @@ _PERIODS = 16  # in which orbits near the edge have to come closer
 def sets_of_equilibria(
     point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
 ) -> list[Attractor]:
-    """Return the attracting sets of equilibria on which some of the orbits rest.
+    """Return the attracting sets of equilibria on which some of the orbits rest, without those that are known.
 
     An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
-    axis, and forgets other small displacements, as its derivative tells: so it does where dry friction holds the state
-    with force to spare.  From there the set is explored, box by box, along those axes.
-
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; its exact map is used.
-    states : ndarray, shape (n, dimension)
-        Ends of orbits.
-    extent : ndarray, shape (dimension,)
-        Size of the region of interest.
-    known : sequence of Attractor, optional
-        Attractors that need not be found again.
-
-    Returns
-    -------
-    list of Attractor
-        With a sample of the points of each set, and boxes that hold it.
+    axis, and its derivative contracts in all other directions: so it does in the interior of the friction cone.  From
+    there the set is explored, box by box, along those axes.  A set has a sample of its points, and boxes that hold it.
     """
     exact = point_map.without_table
     left = states[_rests(exact, states, extent)]

@@ -40,26 +40,11 @@ def match_attractors(
     threshold: float,
     unlike: float = UNLIKE,
 ) -> dict[int, int]:
-    """Match attractors with labelled ones so that the sum of their distances is least.
+    """Match attractors with labelled ones so that the sum of their distances, in units of the extent, is least.
 
-    Parameters
-    ----------
-    found : sequence of Attractor
-        Attractors without labels.
-    known : mapping of int to Attractor
-        Attractors by their labels.
-    extent : ndarray, shape (dimension,)
-        Unit of distances.
-    threshold : float
-        Largest distance between attractors that are the same.
-    unlike : float, optional
-        Factor of the distances between attractors with different rotation numbers, or with periods of which none
-        divides the other; infinite where these are never the same.
-
-    Returns
-    -------
-    dict of int to int
-        Labels by places in `found`; without those that have no match.
+    Returns labels by places in `found`, without those that are farther away than the threshold.  Distances between
+    attractors with different rotation numbers, or with periods of which none divides the other, are multiplied by
+    `unlike`; infinite where these are never the same.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -39,22 +39,11 @@ def trapping_neighbourhood(
     that falls in every round leaves no other attractor in the ellipsoid.  (Close to a flip, two rounds count as one.)
 
     An orbit visits all points of the attractor, so that wide ellipsoids around a few are as good as around all: only
-    those grow that promise to be widest along the direction of slowest approach.
+    those grow that promise to be widest along the direction of slowest approach.  No half-width is larger than a
+    quarter of the extent of the region, unless the attractor lies more than a million times as far away from the
+    origin.
 
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; its exact map is used.
-    attractor : Attractor
-        A periodic attractor.
-    extent : ndarray, shape (dimension,)
-        Size of the region of interest; no half-width of an ellipsoid is larger than a quarter of it, unless the
-        attractor lies more than a million times as far away from the origin.
-
-    Returns
-    -------
-    Neighbourhood or None
-        None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
+    None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
     """
     exact = point_map.without_table
     turn = turns_of(exact.coordinates)[1]

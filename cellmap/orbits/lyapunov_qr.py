@@ -20,23 +20,11 @@ def is_positive(largest: NDArray[np.float64], errors: NDArray[np.float64]) -> ND
 
 
 def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the exponents of orbits, the largest first, and their standard errors, by QR factors.
+    """Return exponents (n, d) per step of orbits, the largest first, and their standard errors (n, d), by QR factors.
 
-    Parameters
-    ----------
-    matrices : ndarray, shape (n, steps, d, d)
-        Derivative of each step of each orbit, at least 20 steps.
-
-    Returns
-    -------
-    tuple of ndarray
-        Exponents (n, d) per step and standard errors (n, d), from the spread of the means over stretches of the orbit;
-        NaN where a derivative is not finite.
-
-    References
-    ----------
-    Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980) 9; Eckmann, Ruelle, Reviews of Modern Physics 57 (1985)
-    617.
+    ``matrices`` (n, steps, d, d) are the derivatives of at least 20 steps.  The errors are those of the means over
+    stretches of the orbit (Benettin, Galgani, Giorgilli, Strelcyn 1980; Eckmann, Ruelle 1985).  NaN where a derivative
+    is not finite.
 
     Examples
     --------
@@ -75,17 +63,10 @@ def stretching(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def exponents_of_cycles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the exponents of periodic orbits, the largest first, from their multipliers.
+    """Return the exponents (n, d) per step of periodic orbits, the largest first, from their multipliers.
 
-    Parameters
-    ----------
-    matrices : ndarray, shape (n, period, d, d)
-        Derivative of each step of one round of each orbit.
-
-    Returns
-    -------
-    ndarray, shape (n, d)
-        Exponents per step; minus infinity for a multiplier 0, NaN where a derivative is not finite.
+    ``matrices`` (n, period, d, d) are the derivatives of the steps of one round.  Minus infinity for a multiplier 0,
+    NaN where a derivative is not finite.
 
     Examples
     --------

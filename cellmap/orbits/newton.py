@@ -29,28 +29,13 @@ def newton(
     reach: float = 0.5,
     attracting: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^period(x) = x, up to whole turns of angles, from several guesses at once.
+    """Solve P^period(x) = x, up to whole turns of angles, from guesses (n, d), each for its period.
 
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; its exact map is used.
-    guesses : ndarray, shape (n, dimension)
-        Places to begin at.
-    periods : ndarray of int, shape (n,)
-        Steps after which each point is to return.
-    extent : ndarray, shape (dimension,)
-        Size of the region of interest.
-    reach : float, optional
-        A solution farther than this from its guess, in units of `extent`, does not count.
-    attracting : bool, optional
-        Leave out solutions that are unstable beyond doubt, and guesses that are too unstable to be close to others.
+    A guess from which the residual does not keep falling after the first steps is given up.  A solution farther than
+    `reach` from its guess, in units of the extent of the region, does not count; if `attracting`, nor does one that is
+    unstable beyond doubt, and guesses that are too unstable to be close to others are left out.
 
-    Returns
-    -------
-    tuple of ndarray
-        Solutions (n, dimension), wrapped, and which of them converged.  A guess from which the residual does not keep
-        falling after the first steps is given up.
+    Returns solutions (n, d) of the exact map, wrapped, and which of them converged.
     """
     exact = point_map.without_table
     points = np.array(guesses, dtype=float)
@@ -98,30 +83,11 @@ def damped_newton(
     periods: NDArray[np.int64],
     extent: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^period(x) = x, up to whole turns of angles, from guesses that may be far away.
+    """Solve P^period(x) = x, up to whole turns of angles, from guesses (n, d) that may be far away.
 
-    A step is halved until the next one, foreseen with the old derivative, is shorter (Deuflhard's natural monotonicity
-    test), so that saddles are found from as far as other orbits.
-
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; its exact map is used.
-    guesses : ndarray, shape (n, dimension)
-        Places to begin at.
-    periods : ndarray of int, shape (n,)
-        Steps after which each point is to return.
-    extent : ndarray, shape (dimension,)
-        Size of the region of interest; no step is longer than a quarter of it.
-
-    Returns
-    -------
-    tuple of ndarray
-        Solutions (n, dimension), wrapped, and which of them converged.
-
-    References
-    ----------
-    Deuflhard, *Newton Methods for Nonlinear Problems* (2004), section 3.3.
+    A step is halved until the next one, foreseen with the old derivative, is shorter, so that saddles are found from as
+    far as other orbits: the natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004),
+    3.3.  No step is longer than a quarter of the extent of the region.  Returns what :func:`newton` returns.
     """
     exact = point_map.without_table
     d, identity = exact.dimension, np.eye(exact.dimension)

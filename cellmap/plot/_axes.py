@@ -91,20 +91,10 @@ def multiple_of_pi(x: float) -> str:
 
 
 def cut_at_seams(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return an unwrapped curve with its angles within their period, interrupted at their branch cuts.
+    """Return an unwrapped curve (n, columns) with its angles within their period, interrupted at their branch cuts.
 
-    Parameters
-    ----------
-    curve : ndarray, shape (n, columns)
-        At least two points with unwrapped angles; the curve is straight between them.
-    coordinates : sequence of Coordinate
-        What the columns are.
-
-    Returns
-    -------
-    ndarray, shape (m, columns)
-        Points with wrapped angles.  At each crossing the curve runs up to the seam, a row of NaN lifts the pen, and it
-        goes on from the other side.
+    The curve is straight between its points, two at least.  At each crossing it runs up to the branch cut, a row of NaN
+    lifts the pen, and it goes on from the other side.
     """
     lower, turn = turns_of(coordinates)
     angles = np.flatnonzero(turn)

@@ -111,25 +111,11 @@ def solve_transient(
 ) -> None:
     """Solve ``values = gain + matrix @ values`` in the states that are not in closed components, in place.
 
+    ``values`` (states, k) are given in closed components and 0 elsewhere; ``gain`` (k,) is what a step adds.
     Components are solved one after the other, so that each has those that it leads to behind it: states alone by
     substitution, others by Gauss and Seidel's method.  Where this converges slowly, as it does where chance leaves a
-    component late, elimination takes its place, or GMRES for components whose states lead everywhere.
-
-    Parameters
-    ----------
-    matrix : csr_array
-        Row-stochastic.
-    components : Components
-        Of the matrix.
-    values : ndarray, shape (states, k)
-        Given in closed components, 0 elsewhere.
-    gain : ndarray, shape (k,)
-        What a step adds.
-
-    Warns
-    -----
-    RuntimeWarning
-        Where probabilities of a component are left with an error above 1e-5.
+    component late, elimination takes its place, or GMRES for components whose states lead everywhere; a RuntimeWarning
+    says where probabilities of a component are left with an error above 1e-5.
     """
     number, last = 0, len(components.closed)
     while True:

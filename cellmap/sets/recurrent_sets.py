@@ -33,22 +33,9 @@ def polished_sets(
 ) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
     """Return the attractors on which orbits of the exact map end that begin in sets of cells, and each set's label.
 
-    Parameters
-    ----------
-    point_map : PointMap
-        The map; its exact map is followed.
-    grid : CellGrid
-        Where the cells are.
-    cells, owners : ndarray of int, shape (n,)
-        Cells, and the numbers 0, 1, ... of the sets to which they belong.
-    limits : mapping
-        Further arguments of :func:`find_basins`.
-
-    Returns
-    -------
-    tuple
-        Attractors and labels; where the cells of a set end on different attractors, that of most of them.  Sets whose
-        orbits end have the number of a sink.
+    ``cells`` (n,) belong to the sets 0, 1, ... in ``owners`` (n,); `limits` are further arguments of
+    :func:`find_basins`.  Where the cells of a set end on different attractors, its label is that of most of them; sets
+    whose orbits end have the number of a sink.
     """
     if not len(cells):
         return (), np.empty(0, np.int64)
@@ -75,27 +62,10 @@ def adjacent_sets(
 ) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
     """Return sets of cells as attractors, those that touch as one, and each set's label.
 
-    Parameters
-    ----------
-    grid : CellGrid
-        Where the cells are.
-    coordinates : tuple of Coordinate
-        State variables.
-    cells, owners : ndarray of int, shape (n,)
-        Cells, and the numbers 0, 1, ... of the sets to which they belong.
-    images : ndarray of int, shape (n,)
-        The cell to which each of them goes, or most likely goes.
-    weights : ndarray, shape (n,)
-        What the cells weigh; the points of an attractor begin at the heaviest.
-    periods : ndarray of int, optional
-        Period of each set; by default the number of clusters of cells in which it lies, or of cells on its cycle.
-    alike : ndarray of int, shape (2, n), optional
-        Pairs of sets that are one as well.
-
-    Returns
-    -------
-    tuple
-        Attractors without multipliers, exponents or neighbourhoods, and labels.
+    ``cells`` (n,) belong to the sets 0, 1, ... in ``owners`` (n,) and go, or most likely go, to the cells ``images``
+    (n,); ``alike`` (2, m) are pairs of sets that are one as well.  The points of an attractor begin at the cell of the
+    largest weight.  Its period is that in `periods`, or the number of clusters of cells in which it lies, or of cells
+    on its cycle.  Multipliers, exponents and neighbourhoods are not known.
     """
     if not len(cells):
         return (), np.empty(0, np.int64)
@@ -126,15 +96,8 @@ def exchanging_sets(
     """Return pairs of sets between which an orbit changes, both ways, when it is moved by one cell; shape (2, pairs).
 
     Rounding to centres moves an orbit by up to half a cell in each step: a mapping cannot distinguish such sets.
-
-    Parameters
-    ----------
-    grid : CellGrid
-        Where the cells are.
-    cells, owners : ndarray of int, shape (n,)
-        Cells, and the numbers 0, 1, ... of the sets to which they belong.
-    ends : ndarray of int, shape (grid.size,)
-        The set in which each cell of the grid ends, negative for none.
+    ``cells`` (n,) belong to the sets in ``owners`` (n,); each cell of the grid ends in the set ``ends``, negative for
+    none.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -161,20 +124,8 @@ def ends_of_sets(
 
     Where a map attracts or repels weakly, rounding to centres keeps orbits in sets that are no attractors.  Orbits from
     some cells of each set are followed, for no more work than all cells of the grid have taken.  They end in another
-    set where all the cells that they visit in the second half of that time end there.
-
-    Parameters
-    ----------
-    point_map : PointMap
-        The map.
-    grid : CellGrid
-        Where the cells are.
-    cells, owners : ndarray of int, shape (n,)
-        Cells, and the numbers 0, 1, ... of the sets to which they belong.
-    ends : ndarray of int, shape (grid.size,)
-        The set in which each cell of the grid ends, negative for none.
-    periods : int
-        Steps of the map in one step of the mapping.
+    set where all the cells that they visit in the second half of that time end there.  Arguments are those of
+    :func:`exchanging_sets`, and the steps of the map in one step of the mapping.
     """
     if not len(cells):
         return np.empty(0, np.int64)

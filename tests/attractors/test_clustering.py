@@ -1,4 +1,4 @@
-"""Attractors told apart by features of orbits."""
+"""Attractors distinguished by features of orbits."""
 
 from __future__ import annotations
 

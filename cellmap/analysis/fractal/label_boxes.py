@@ -33,20 +33,10 @@ def boundary_boxes(image: LabelImage) -> NDArray[np.uint8]:
 def count_boxes(
     boundary: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int], offset: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Return the numbers of boxes of some sizes that hold boundary, on a grid with a given offset.
+    """Return the numbers of boxes of some sizes that hold boundary, on a grid with an offset in the smallest boxes.
 
-    Boxes that the edge of the image cuts count by the fraction of them that is inside.
-
-    Parameters
-    ----------
-    boundary : ndarray of uint8
-        Smallest boxes that hold boundary.
-    wraps : sequence of bool
-        Which axes are circles.
-    sizes : sequence of int
-        Sides of boxes, in rising order; powers of 2 are built one upon the other.
-    offset : sequence of int
-        Shift of the grid along each axis, in the smallest boxes.
+    ``boundary`` are the smallest boxes that hold boundary.  Boxes that the edge of the image cuts count by the fraction
+    of them that is inside.  Sizes are in rising order; powers of 2 are built one upon the other.
     """
     moved = [-int(o) if w else 0 for o, w in zip(offset, wraps, strict=True)]
     start = np.roll(boundary, moved, tuple(range(boundary.ndim))) if any(moved) else boundary

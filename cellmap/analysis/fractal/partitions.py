@@ -137,14 +137,7 @@ def distinct(space: Space) -> Space:
 def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
     """Sort points along a curve that visits the boxes of each dyadic size one after the other (Morton 1966).
 
-    Parameters
-    ----------
-    space : Space
-        Points.
-    offset : ndarray, shape (d,)
-        Shift of the grid in units of the largest box, in [0, 1).
-    ordered : bool, optional
-        Keep the order of the points.
+    ``offset`` (d,) is in units of the largest box, in [0, 1); `ordered` keeps the order of the points.
     """
     d, bits = space.dimension, len(dyadic_sizes(space))
     # The largest box of all, level 0, holds the set wherever the grid is.  On a circle whole numbers of boxes make up a
@@ -166,16 +159,8 @@ def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = 
 def partition(space: Space, size: float, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
     """Sort points into boxes of one size; the period of an angle is divided into the nearest whole number of them.
 
-    Parameters
-    ----------
-    space : Space
-        Points.
-    size : float
-        Side of a box in units of the scales.
-    offset : ndarray, shape (d,)
-        Shift of the grid in units of a box, in [0, 1).
-    ordered : bool, optional
-        Keep the order of the points.
+    The side of a box is in units of the scales, ``offset`` (d,) in units of a box, in [0, 1); `ordered` keeps the order
+    of the points.
     """
     places = np.empty(space.points.shape, np.int64)
     for j, turn in enumerate(space.turns):
@@ -207,29 +192,11 @@ def over_offsets(
     measure: Callable[[Partition], NDArray[Any]],
     ordered: bool = False,
 ) -> NDArray[np.float64]:
-    """Measure the partitions of all sizes at several offsets of the grid.
+    """Measure partitions at several offsets of the grid, drawn at random; return an array (offsets, sizes, ...).
 
-    Parameters
-    ----------
-    space : Space
-        Points.
-    sizes : ndarray or None
-        Sides of boxes; None for :func:`dyadic_sizes`.
-    origin : array_like or None
-        A corner of a box, instead of random offsets; circles are cut where they are.
-    offsets : int
-        Number of offsets, drawn at random.
-    seed : int
-        Seed of the draw.
-    measure : callable
-        ``measure(partition)`` returns an array whose first axis are the sizes that a partition stands for.
-    ordered : bool, optional
-        Keep the order of the points.
-
-    Returns
-    -------
-    ndarray, shape (offsets, sizes, ...)
-        What was measured.
+    Without sizes these are those of :func:`dyadic_sizes`.  An `origin` is a corner of a box, in the place of random
+    offsets; circles are cut where they are.  ``measure(partition)`` returns an array whose first axis are the sizes
+    that a partition stands for; `ordered` keeps the order of the points.
     """
     offsets = affordable_number("offsets", offsets, 8 * (space.dimension + 4 * _FINEST), at_least=1)
     if origin is not None:

@@ -198,27 +198,19 @@ def _run(usable: NDArray[np.bool_]) -> int:
 
 
 def fit_window(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64]) -> tuple[int, int]:
-    """Choose the distances for a fit of the exponent.
+    """Choose the distances for a fit of the exponent: the numbers of the first and of the last point.
 
-    The law holds in the limit of small distances, and at large ones the share saturates.  So a window always ends at
+    The law holds in the limit of small distances, and at large ones the fraction saturates.  So a window always ends at
     the smallest usable distance.  It may begin where the scatter of the points about the weighted line is what their
     errors let expect (chi-square, 5 %) and neither of its two largest distances lies more than two standard errors off
-    the line through the others.  Shares oscillate about the law on boundaries that are self-similar, by some percent;
-    3 % are therefore added to the error of each point for these tests.  Where pairs are few such tests let saturated
-    distances pass.  So of these windows the longest is taken in which the slope is known about as well as in the best
-    one (to a quarter), by its standard error and half of what the slopes of both halves differ by, in squares.
+    the line through the others.  Fractions oscillate about the law on boundaries that are self-similar, by some
+    percent; 3 % are therefore added to the error of each point for these tests.  Where pairs are few such tests let
+    saturated distances pass.  So of these windows the longest is taken in which the slope is known about as well as in
+    the best one (to a quarter), by its standard error and half of what the slopes of both halves differ by, in squares.
+    Where no window of four or more passes, it is the last three or four.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Logarithms of decreasing distances and of shares; NaN in y where a distance is not usable.
-    errors : ndarray, shape (n,)
-        Standard errors of y.
-
-    Returns
-    -------
-    tuple of int
-        Numbers of the first and of the last point; where no window of four or more passes, the last three or four.
+    ``x`` and ``y`` (n,) are logarithms of decreasing distances and of fractions, NaN in y where a distance is not
+    usable.
     """
     finite = np.flatnonzero(np.isfinite(y))
     last = first = int(finite[-1])

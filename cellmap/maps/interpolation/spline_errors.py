@@ -18,31 +18,16 @@ def leading_errors(
 
     Splines of odd degree k that take the values of a function f at the nodes, a distance h apart, differ from it along
     one axis by ``h**(k+1) f^(k+1) (B(t) - B(0)) / (k+1)!``, where B is the Bernoulli polynomial of degree k + 1 and t
-    the place between two nodes (Schoenberg 1973).  This has one sign and is largest at the middle, for any f.  Errors
-    along several axes add up.  At the centre of a cell those of different signs cancel, wholly so for holomorphic
-    functions on square cells and degrees 1 and 5; at the middle of an edge or a face others vanish, so that the largest
-    error in the cell is the sum of all positive ones or that of all negative ones: with the sums s and a that are
-    returned, ``(a + |s|) / 2``.  The derivative is that of the spline: its derivative of degree k jumps at a node by
-    the difference of k + 2 coefficients.
+    the place between two nodes (Schoenberg, *Cardinal Spline Interpolation*, 1973).  This has one sign and is largest
+    at the middle, for any f.  Errors along several axes add up.  At the centre of a cell those of different signs
+    cancel, wholly so for holomorphic functions on square cells and degrees 1 and 5; at the middle of an edge or a face
+    others vanish, so that the largest error in the cell is the sum of all positive ones or that of all negative ones:
+    with the sums s and a that are returned, ``(a + |s|) / 2``.  The derivative is that of the spline: its derivative of
+    degree k jumps at a node by the difference of k + 2 coefficients.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n_1 + order, ..., n_d + order, components)
-        B-spline coefficients.
-    order : {1, 3, 5}
-        Degree of the B-splines.
-    wraps : tuple of bool, length d
-        Axes that are periodic.
-
-    Returns
-    -------
-    sums, absolute : ndarray of float32, shape (n_1, ..., n_d, components)
-        Sums of the errors along all axes (function minus spline), and of their absolute values.  Along an interval of a
-        single cell the error is unknown, and counts as 0.
-
-    References
-    ----------
-    Schoenberg, *Cardinal Spline Interpolation* (1973), SIAM.
+    The coefficients have the shape (n_1 + order, ..., n_d + order, components).  The sums of the errors (function minus
+    spline) and of their absolute values have (n_1, ..., n_d, components); along an interval of a single cell the error
+    is unknown, and counts as 0.
     """
     d = len(wraps)
     shape = (*(n - order for n in coefficients.shape[:d]), coefficients.shape[d])
