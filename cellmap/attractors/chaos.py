@@ -17,7 +17,7 @@ from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.lyapunov_qr import BLOCKS, is_positive, stretching
 from ..orbits.newton import resolution
-from .settling import boxes_around, boxes_of, moved_boxes
+from .boxes import boxes_around, boxes_of, moved_boxes
 from .transients import Reason, follow_on
 
 _EXPONENT_PERIODS = 300

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.kernels.capture import AT_REST
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.point_map import PointMap, follow
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
-from .settling import AT_REST, boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
+from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
 _RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from .._compiled.kernels.capture import capture
-from ..maps.coordinates import turns_of
-from ..maps.orbit_batch import Orbits, Status, Tally, Work
+from .._compiled.kernels import labelling
+from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, ellipsoids_of
+from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
+from .._lib.threads import run_over, slices
+from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
+from ..maps.coordinates import turns_of, wrap
+from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Tally
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
+from .boxes import box_keys, boxes_around
+from .labels import LABELS_OF, Label
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
 
-AT_REST = 1e-13
-"""Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
-
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
-ESCAPED, DIVERGED, UNDECIDED, NO_RETURN = -1, -2, -3, -4
-"""Labels of starts without an attractor: left the table, grew beyond all bounds, not settled, not back."""
-
-_LABELS = np.full(max(Status) + 1, UNDECIDED)
-_LABELS[[Status.ESCAPED, Status.DIVERGED, Status.NO_RETURN]] = ESCAPED, DIVERGED, NO_RETURN
-
-
-def label_of(status: ArrayLike) -> NDArray[np.int64]:
-    """Return the labels of orbits that have come to no attractor, by how each stands: a :class:`Status`."""
-    return np.asarray(_LABELS[np.asarray(status)])
+Rule = Callable[[NDArray[np.float64]], NDArray[np.int64]]
+"""Tells of points (n, d) the number of the final state in which each is, -1 while it is in none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,60 +35,84 @@ class Catalogue:
     """Known attractors, in the form in which starts are tested against them."""
 
     attractors: tuple[Attractor, ...]
-    centres: NDArray[np.float64]
-    metrics: NDArray[np.float64]
-    owners: NDArray[np.int64]
+    regions: Regions
     covers: tuple[tuple[int, Cover, NDArray[np.int64]], ...]
+    boxes: Covers
     turn: NDArray[np.float64]
 
     @classmethod
     def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
         """Collect the neighbourhoods and covers of attractors."""
-        d = point_map.dimension
+        d, turn = point_map.dimension, turns_of(point_map.coordinates)[1]
         regions = [(k, a.neighbourhood) for k, a in enumerate(attractors) if a.neighbourhood is not None]
+        covers = tuple(
+            (k, a.cover, box_keys(a.cover.boxes, a.cover.corners))
+            for k, a in enumerate(attractors)
+            if a.cover is not None
+        )
         return cls(
             tuple(attractors),
-            np.concatenate([np.empty((0, d)), *(n.centres for _, n in regions)]),
-            np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
-            np.array([k for k, n in regions for _ in n.centres], np.int64),
-            tuple(
-                (k, a.cover, box_keys(a.cover.boxes, a.cover.corners))
-                for k, a in enumerate(attractors)
-                if a.cover is not None
+            Regions(
+                np.concatenate([np.empty((0, d)), *(n.centres for _, n in regions)]),
+                np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
+                np.array([k for k, n in regions for _ in n.centres], np.int64),
             ),
-            turns_of(point_map.coordinates)[1],
+            covers,
+            _boxes(covers, turn),
+            turn,
         )
 
     def owners_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the number of the attractor in whose neighbourhood each point is, -1 for none."""
-        found, when = np.full(len(points), -1, np.int64), np.empty(len(points), np.int64)
-        capture(points, found, when, 0, self.centres, self.metrics, self.owners, self.turn)
+        found, scratch = np.empty(len(points), np.int64), _scratch(points.shape[1])
+        for part in slices(len(points), LOOKED_AT):
+            some = found[part]
+            ellipsoids_of(points, part.start, len(some), self.regions, self.turn, *scratch[:2], some)
         return found
 
     def distances_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance to the nearest attractor, in radii of its neighbourhood; inf where there is none."""
-        if not len(self.owners):
+        if not len(self.regions.owners):
             return np.full(len(points), np.inf)
-        shift = points[:, None, :] - self.centres
+        shift = points[:, None, :] - self.regions.centres
         around = np.where(self.turn > 0, self.turn, 1.0)
         shift -= np.where(self.turn > 0, self.turn * np.round(shift / around), 0.0)
-        return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.metrics, shift)).min(axis=1))
+        return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.regions.metrics, shift)).min(axis=1))
 
     def shrunk(self, factor: float) -> Catalogue:
         """Return the catalogue with smaller neighbourhoods."""
-        return replace(self, metrics=self.metrics / factor**2)
+        return replace(self, regions=self.regions._replace(metrics=self.regions.metrics / factor**2))
+
+
+def _boxes(covers: Sequence[tuple[int, Cover, NDArray[np.int64]]], turn: NDArray[np.float64]) -> Covers:
+    """Return covers one behind the other in arrays."""
+    d = len(turn)
+    corners = np.array([cover.corners for _, cover, _ in covers], np.int64).reshape(-1, 2, d)
+    certain = [np.zeros(len(keys), bool) if c.certain is None else c.certain for _, c, keys in covers]
+    return Covers(
+        owners=np.array([k for k, _, _ in covers], np.int64),
+        corner=np.array([cover.lower for _, cover, _ in covers], float).reshape(-1, d),
+        widths=np.array([cover.widths for _, cover, _ in covers], float).reshape(-1, d),
+        around=np.array([boxes_around(cover.widths, turn) for _, cover, _ in covers], np.int64).reshape(-1, d),
+        low=corners[:, 0].copy(),
+        shape=corners[:, 1] - corners[:, 0] + 1,
+        begin=np.cumsum([0, *(len(keys) for _, _, keys in covers)], dtype=np.int64),
+        keys=np.concatenate([np.empty(0, np.int64), *(keys for _, _, keys in covers)]),
+        resting=np.array([cover.certain is not None for _, cover, _ in covers], bool),
+        certain=np.concatenate([np.empty(0, bool), *certain]),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
     """What became of a batch of starts.
 
-    ``labels`` (n,): number of the attractor, or ESCAPED, DIVERGED, UNDECIDED, NO_RETURN; ``times`` (n,): period in
-    which the start was first inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of
-    the undecided; ``tally``: what it took.
+    ``labels`` (n,): number of the attractor, or a :class:`Label`; ``times`` (n,): period in which the start was first
+    inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of the undecided; ``tally``:
+    what it took.
     """
 
-    labels: NDArray[np.int16]
+    labels: NDArray[Any]
     times: NDArray[np.int32]
     orbits: Orbits
     tally: Tally
@@ -100,187 +120,145 @@ class Settled:
     @property
     def undecided(self) -> NDArray[np.int64]:
         """Rows of the starts that are undecided."""
-        return np.flatnonzero(self.labels == UNDECIDED)
+        return np.flatnonzero(self.labels == Label.UNDECIDED)
 
 
 def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
     leap = point_map.leap
-    if leap == 1 and not len(catalogue.owners) and not catalogue.covers:
-        return _settle_nowhere(point_map, orbits, periods)
+    if not len(catalogue.regions.owners) and not catalogue.covers:
+        return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN)[0]
     # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
     if leap == 1 or leap > periods or catalogue.covers:
-        return _settle_singly(point_map, orbits, catalogue, periods, age)
-    return _settle_leaping(point_map, orbits, catalogue, periods, age, leap)
-
-
-def _settle_nowhere(point_map: PointMap, orbits: Orbits, periods: int) -> Settled:
-    """Iterate orbits where nothing captures them: all that can happen to one is to end, and ended ones stay so."""
-    n, done = len(orbits), 0
-    work, past = orbits.work, replace(orbits.work)
-    labels = np.full(n, UNDECIDED, np.int16)
-    members, now = np.arange(n), orbits
-    steps = 0
-    while True:
-        over = ~now.alive
-        if over.any():
-            labels[members[over]] = label_of(now.status[over])
-            members, now = members[~over], now[~over]
-        stride = min(periods - done, max(done, 1), _UNSEEN)
-        if not stride or not len(members):
-            break
-        point_map.advance(now, stride)
-        steps += stride * len(members)
-        done += stride
-    inaccurate = int(np.count_nonzero(now.status == Status.INACCURATE))
-    return Settled(labels, np.full(n, -1, np.int32), now, Tally(steps, inaccurate, *_since(past, work)))
-
-
-def _settle_leaping(
-    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int, leap: int
-) -> Settled:
-    """Settle orbits by leaps: their neighbourhoods hold them, so that those captured within a leap show at its end."""
-    n, end = len(orbits), age + periods
-    work, past = orbits.work, replace(orbits.work)
-    labels = np.full(n, UNDECIDED, np.int16)
-    times = np.full(n, -1, np.int32)
-    members, now = np.arange(n), orbits
-    entered, since = np.empty_like(orbits.points), np.full(n, -1)
-    inaccurate = steps = 0
-    for k in range(age, end, leap):
-        stride = min(leap, end - k)
-        before = now.points.copy()
-        point_map.advance(now, stride)
-        steps += stride * len(now)
-        found = catalogue.owners_of(now.points)
-        over = (found >= 0) | ~now.alive
-        if not over.any():
-            continue
-        done, keep = np.flatnonzero(over), np.flatnonzero(~over)
-        rows, status, owners = members[done], now.status[done], found[done]
-        labels[rows] = np.where(owners >= 0, owners, label_of(status))
-        times[rows] = np.where(owners >= 0, k + stride, -1)
-        entered[rows], since[rows] = before[done], k
-        inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
-        members, now = members[keep], now[keep]
-        if not len(members):
-            break
-    # The last leap of all starts together once more, by single periods, for the period in which it happened.
-    rows = np.flatnonzero(since >= 0)
-    again = _settle_singly(point_map, Orbits.starting(entered[rows]), catalogue, leap, 0)
-    told = again.labels != UNDECIDED
+        return _labelled(point_map, orbits, catalogue, periods, age, 1)[0]
+    found, since, before = _labelled(point_map, orbits, catalogue, periods, age, leap)
+    # The last leap once more, by single periods, for the period in which it happened.
+    rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
+    again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, leap, 0, 1)[0]
+    told = again.labels != Label.UNDECIDED
     rows = rows[told]
-    labels[rows] = again.labels[told]
-    times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
-    inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
-    tally = Tally(steps, inaccurate, *_since(past, work)).plus(again.tally._replace(inaccurate=0))
-    return Settled(labels, times, now, tally)
+    found.labels[rows] = again.labels[told]
+    found.times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
+    return replace(found, tally=found.tally.plus(again.tally._replace(inaccurate=0)))
 
 
-def _settle_singly(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int) -> Settled:
-    n = len(orbits)
-    work, past = orbits.work, replace(orbits.work)
-    labels = np.full(n, UNDECIDED, np.int16)
-    times = np.full(n, -1, np.int32)
-    members = np.arange(n)
-    now = orbits
-    found, when = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
-    residence = np.zeros((len(catalogue.covers), n), np.int64)
-    before = np.full(now.points.shape, np.nan)
-    inaccurate = steps = 0
-    for k in range(age, age + periods + 1):
-        capture(now.points, found, when, k, catalogue.centres, catalogue.metrics, catalogue.owners, catalogue.turn)
-        for row, (owner, cover, keys) in enumerate(catalogue.covers):
-            if cover.certain is None:
-                residence[row] = np.where(inside_cover(cover, now.points, point_map, keys), residence[row] + 1, 0)
-                resident, since = residence[row] >= RESIDENCE, max(k - RESIDENCE + 1, 0)
-            else:
-                resident, since = _held(cover, cover.certain, now.points, before, point_map, keys), k
-            resident &= found < 0
-            found[resident], when[resident] = owner, since
-        last = k == age + periods
-        over = (found >= 0) | ~now.alive
-        if last or np.count_nonzero(over) * 4 > len(over):
-            done, keep = np.flatnonzero(over), np.flatnonzero(~over)  # numpy gathers by numbers faster than by marks
-            rows, status, owners = members[done], now.status[done], found[done]
-            inaccurate += int(np.count_nonzero(status == Status.INACCURATE))
-            labels[rows] = np.where(owners >= 0, owners, label_of(status))
-            times[rows] = np.where(owners >= 0, when[done], -1)
-            members, now, found, when = members[keep], now[keep], found[keep], when[keep]
-            residence = residence[:, keep]
-        if last or not len(members):
-            break
-        steps += len(members)
-        before = now.points.copy() if catalogue.covers else before
-        point_map.advance(now, 1)
-    inaccurate += int(np.count_nonzero(now.status == Status.INACCURATE))
-    return Settled(labels, times, now, Tally(steps, inaccurate, *_since(past, work)))
+@dataclass(frozen=True, eq=False)
+class Classified:
+    """Labels and settling times of points, as in :class:`Settled`, and what they took."""
+
+    labels: NDArray[Any]
+    times: NDArray[np.int32]
+    tally: Tally
 
 
-def _since(past: Work, now: Work) -> tuple[int, int]:
-    """Return what was counted in between."""
-    return now.evaluations - past.evaluations, now.look_ups - past.look_ups
-
-
-def inside_cover(
-    cover: Cover, points: NDArray[np.float64], point_map: PointMap, keys: NDArray[np.int64] | None = None
-) -> NDArray[np.bool_]:
-    """Tell which points lie in the boxes of a cover; its sorted keys may be given."""
-    known = box_keys(cover.boxes, cover.corners) if keys is None else keys
-    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
-    place = np.minimum(np.searchsorted(known, places), len(known) - 1)
-    return np.asarray(known[place] == places)
-
-
-def _held(
-    cover: Cover,
-    certain: NDArray[np.bool_],
-    points: NDArray[np.float64],
-    before: NDArray[np.float64],
+def classify(
     point_map: PointMap,
-    keys: NDArray[np.int64],
-) -> NDArray[np.bool_]:
-    """Tell which points are in boxes of equilibria for certain, or rest in one of the others."""
-    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
-    place = np.minimum(np.searchsorted(keys, places), len(keys) - 1)
-    with np.errstate(invalid="ignore"):
-        rests = (np.abs(points - before) <= AT_REST * (1.0 + np.abs(points))).all(axis=-1)
-    return np.asarray((keys[place] == places) & (rests | certain[place]))
+    catalogue: Catalogue,
+    points: NDArray[np.float64],
+    periods: int,
+    rule: Rule | None = None,
+    size: int = CHUNK,
+    progress: str | None = None,
+) -> Classified:
+    """Label points (n, d) on all threads, as many as `size` at a time; angles may have any number of turns.
+
+    With a rule an orbit is in a final state as soon as the rule says so, and no attractors are needed.
+    """
+    parts = slices(len(points), size)
+    labels: NDArray[Any] = np.empty(len(points), np.int16 if rule is None else np.int64)
+    times = np.empty(len(points), np.int32)
+    tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
+
+    def work(number: int) -> None:
+        part = parts[number]
+        orbits = Orbits.starting(wrap(points[part], point_map.coordinates))
+        if rule is None:
+            settled = settle(point_map, orbits, catalogue, periods)
+        else:
+            settled, *_ = _labelled(point_map, orbits, catalogue, periods, 0, 1, rule)
+        labels[part], times[part], tallies[number] = settled.labels, settled.times, settled.tally
+
+    run_over(range(len(parts)), work, progress)
+    return Classified(labels, times, Tally(*tallies.sum(axis=0).tolist()))
 
 
-def boxes_of(
-    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
-) -> NDArray[np.int64]:
-    """Return whole-number places of boxes; along an angle they wrap."""
-    turn = turns_of(point_map.coordinates)[1]
-    with np.errstate(invalid="ignore"):
-        places = np.floor((points - lower) / widths)
-    places = np.where(np.isfinite(places), np.clip(places, -(2.0**40), 2.0**40), -(2.0**40)).astype(np.int64)
-    return wrapped_boxes(places, boxes_around(widths, turn))
+def _labelled(
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int,
+    stride: int,
+    rule: Rule | None = None,
+) -> tuple[Settled, NDArray[np.int64], NDArray[np.float64]]:
+    """Label orbits, looking at them after every `stride` periods; also return the last look before, and points there.
+
+    What the compiled loop cannot call it asks for.
+    """
+    advance = point_map.advance
+    compiled = advance if isinstance(advance, CompiledAdvance) and rule is None else None
+    step = UNKNOWN_STEP._replace(turn=catalogue.turn) if compiled is None else compiled.step
+    n, d = orbits.points.shape
+    work, past = orbits.work, replace(orbits.work)
+    outcome = Outcome(
+        orbits.points,
+        orbits.turns,
+        orbits.status,
+        labels=np.full(n, Label.UNDECIDED, np.int64),
+        times=np.full(n, -1, np.int32),
+        since=np.full(n, -1),
+        before=np.full((n, d), np.nan),
+        residence=np.zeros((len(catalogue.covers), n), np.int64),
+        told=np.full(0 if rule is None else n, -1),
+        labels_of=LABELS_OF,
+    )
+    size = min(n, POOL) if step.table.function else n
+    pool, waiting, scratch = _rows(size, d), _rows(size if step.table.function else 0, d), _scratch(d, size)
+    counts = np.zeros(labelling.COUNTS, np.int64)
+    limits = Limits(age, age + periods, stride, RESIDENCE, PERIODS_AT_ONCE)
+    if rule is not None:
+        _tell(rule, outcome, np.arange(n), orbits)
+    while True:
+        reason = labelling.label(
+            step, catalogue.regions, catalogue.boxes, limits, outcome, pool, waiting, scratch, counts
+        )
+        if reason == labelling.FINISHED:
+            break
+        if reason == labelling.ASKS_FOR_POOL:
+            now = _orbits(pool, counts[labelling.ACTIVE], orbits)
+            advance(now, int(scratch.made[0]))
+            if rule is not None:
+                _tell(rule, outcome, pool.member[: len(now)], now)
+        elif reason == labelling.ASKS_FOR_WAITING:
+            assert point_map.exact is not None
+            point_map.exact.advance(_orbits(waiting, counts[labelling.WAITING], orbits), 1)
+    if compiled is not None:
+        work.evaluations += int(counts[labelling.APPLIED]) * compiled.stages
+    work.look_ups += int(counts[labelling.LOOK_UPS])
+    made = work.evaluations - past.evaluations, work.look_ups - past.look_ups
+    tally = Tally(int(counts[labelling.PERIODS]), int(counts[labelling.MISSED]), *made)
+    left = np.flatnonzero(outcome.labels == Label.UNDECIDED)
+    labels: NDArray[Any] = outcome.labels if rule is not None else outcome.labels.astype(np.int16)
+    return Settled(labels, outcome.times, orbits[left], tally), outcome.since, outcome.before
 
 
-def boxes_around(widths: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return how many boxes make the turn of each angle; 0 for other coordinates."""
-    return np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0).astype(np.int64)
+def _rows(size: int, dimension: int) -> Rows:
+    whole = [np.empty(size, np.int64) for _ in range(3)]
+    state = np.empty((size, dimension)), np.empty((size, dimension), np.int64), np.empty(size, np.uint8)
+    return Rows(*state, *whole)
 
 
-def wrapped_boxes(places: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bring places of boxes along an angle into its turn."""
-    return np.where(around > 0, places % np.maximum(around, 1), places)
+def _scratch(dimension: int, rows: int = 0) -> Scratch:
+    whole = [np.zeros(size, np.int64) for size in (LOOKED_AT, rows, 1)]
+    return Scratch(np.empty((2 * dimension, LOOKED_AT)), np.empty(LOOKED_AT), *whole)
 
 
-def moved_boxes(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return all boxes that lie some steps away from others, each once, sorted."""
-    moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
-    return np.unique(wrapped_boxes(moved, around), axis=0)
+def _orbits(rows: Rows, count: int, like: Orbits) -> Orbits:
+    """Return rows as a batch of orbits, whose work counts as that of others."""
+    return Orbits(rows.points[:count], rows.turns[:count], rows.status[:count], like.work)
 
 
-def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number boxes row-major in the bounding box of the reference; -1 outside of it."""
-    low, high = reference.min(axis=0), reference.max(axis=0)
-    shape = high - low + 1
-    inside = ((boxes >= low) & (boxes <= high)).all(axis=-1)
-    keys = np.zeros(len(boxes), np.int64)
-    for j in range(boxes.shape[1]):
-        keys = keys * shape[j] + np.where(inside, boxes[:, j] - low[j], 0)
-    return np.where(inside, keys, -1)
+def _tell(rule: Rule, outcome: Outcome, members: NDArray[np.int64], orbits: Orbits) -> None:
+    """Write which orbits are in a final state by a rule, which sees those that have a point."""
+    alive = np.flatnonzero(orbits.alive)
+    outcome.told[members[alive]] = rule(orbits.points[alive])

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
-from .settling import RESIDENCE, UNDECIDED, Catalogue, settle
+from .labels import Label
+from .settling import RESIDENCE, Catalogue, settle
 
 _ENDURANCE = 5  # times its age that a chaotic orbit has to last on
 _RECOGNISED = 4 * RESIDENCE  # and periods in which one on a known chaotic attractor is seen to stay there
@@ -63,18 +64,18 @@ def follow_on(
     catalogue = Catalogue.of(known, point_map)
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
     periods = max(_ENDURANCE * age, _RECOGNISED if len(strange) else 0)
-    owners, times = np.full(len(points), UNDECIDED), np.full(len(points), -1)
+    owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
     lasting, orbits = np.arange(len(points)), Orbits.starting(points.copy())
     for begin in range(0, periods, _STRETCH):
         settled = settle(point_map, orbits, catalogue, min(_STRETCH, periods - begin), begin)
         owners[lasting], times[lasting] = settled.labels, settled.times
         lasting, orbits = lasting[settled.undecided], settled.orbits
-        if (chaotic & (owners != UNDECIDED) & ~np.isin(owners, strange)).any():
+        if (chaotic & (owners != Label.UNDECIDED) & ~np.isin(owners, strange)).any():
             lasting, orbits = lasting[:0], orbits[:0]
         if not len(lasting):
             break
     reasons = np.where(owners >= 0, Reason.LATE, Reason.ENDING).astype(object)
-    reasons[chaotic | (owners == UNDECIDED)] = Reason.TRANSIENT
+    reasons[chaotic | (owners == Label.UNDECIDED)] = Reason.TRANSIENT
     resident = np.isin(owners, strange)
     reasons[resident] = np.where(times[resident] < RESIDENCE, Reason.KNOWN, Reason.TRANSIENT)
     late = resident & (times >= RESIDENCE)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import real_array, shown, whole_number
-from .._lib.threads import run_over, slices
+from ..attractors.labels import LABEL_NAMES
 from ..attractors.search import check_attractors
-from ..attractors.settling import UNDECIDED, Catalogue, label_of, settle
-from ..maps.coordinates import Coordinate, wrap
-from ..maps.orbit_batch import CHUNK, Orbits
+from ..attractors.settling import Catalogue, Classified, Rule, classify
+from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .record import LABEL_NAMES, Basins
+from .record import Basins
 
 _MAX_PERIODS = 2000
-_STRIDE = 4  # periods of a map that costs less than to look where the orbits are
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,72 +34,26 @@ class Labeller:
         Their neighbourhoods.
     max_periods : int
         Periods after which a point that has not settled is undecided.
+    rule : callable or None
+        What tells final states in the place of attractors.
     """
 
     point_map: PointMap
     attractors: tuple[Attractor, ...]
     catalogue: Catalogue
     max_periods: int
+    rule: Rule | None = None
 
     def __repr__(self) -> str:
         return f"Labeller({self.point_map.name}, {len(self.attractors)} attractors, {self.max_periods} periods)"
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
         """Return the labels of points (n, dimension); angles may have any number of turns."""
-        cheap = self.point_map.table is not None or not self.point_map.is_flow
-        if self.catalogue.covers or not cheap:
-            return self.settle(points)[0]  # where an orbit has to stay for some periods, each one counts
-        labels = np.empty(len(points), np.int16)
+        return self.settle(points).labels
 
-        def work(part: slice) -> None:
-            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
-            ends = self.catalogue.owners_of
-            labels[part] = labels_at_the_end(self.point_map, orbits, ends, self.max_periods, _STRIDE)
-
-        run_over(slices(len(points), CHUNK), work)
-        return labels
-
-    def settle(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int16], NDArray[np.int32]]:
+    def settle(self, points: NDArray[np.float64]) -> Classified:
         """Return the labels and the settling times of points (n, dimension)."""
-        labels, times = np.empty(len(points), np.int16), np.empty(len(points), np.int32)
-
-        def work(part: slice) -> None:
-            orbits = Orbits.starting(wrap(points[part], self.point_map.coordinates))
-            settled = settle(self.point_map, orbits, self.catalogue, self.max_periods)
-            labels[part], times[part] = settled.labels, settled.times
-
-        run_over(slices(len(points), CHUNK), work)
-        return labels, times
-
-
-def labels_at_the_end(
-    point_map: PointMap,
-    now: Orbits,
-    ends: Callable[[NDArray[np.float64]], NDArray[np.int64]],
-    periods: int,
-    stride: int = 1,
-) -> NDArray[np.int64]:
-    """Iterate orbits until their ends are known, and return their labels; only where they end counts, not when.
-
-    `ends` returns for points the number of the final state in which each is, -1 for none.  With a stride above 1 it is
-    asked after so many periods only: no orbit may leave a final state.
-    """
-    labels = np.full(len(now), UNDECIDED, np.int64)
-    members = np.arange(len(now))
-    found = np.full(len(now), -1, np.int64)
-    period = 0
-    while True:
-        found = np.where((found < 0) & now.alive, ends(now.points), found)
-        over = (found >= 0) | ~now.alive
-        last = period >= periods
-        if last or np.count_nonzero(over) * 8 > len(over):
-            labels[members[over]] = np.where(found >= 0, found, label_of(now.status))[over]
-            members, now, found = members[~over], now[~over], found[~over]
-        if last or not len(members):
-            return labels
-        step = min(stride, periods - period)
-        point_map.advance(now, step)
-        period += step
+        return classify(self.point_map, self.catalogue, points, self.max_periods, self.rule)
 
 
 def labeller(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
+from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import match_attractors, thinned
 from ..attractors.search import find_attractors, longest_period, region_extent
 from ..maps.coordinates import state_points, wrap
@@ -22,7 +23,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .continuation_record import BasinContinuation, ContinuationInterrupt, number_of_starts
 from .finding import find_basins
-from .record import LABEL_NAMES, Basins, basins_memory
+from .record import Basins, basins_memory
 
 _SEEDS = 4  # points of a former attractor from which it is sought again,
 _ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may have lost its stability

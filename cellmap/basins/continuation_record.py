@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from .._lib.checks import one_of
 from .._lib.signatures import checked
+from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..orbits.attractor import Attractor, distinct_names
-from .record import LABEL_NAMES
 
 
 class ContinuationInterrupt(KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import whole_number
-from ..maps.coordinates import wrap
+from ..attractors.settling import Catalogue
 from ..maps.grid import CellGrid
-from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .classification import Labeller, labeller, labels_at_the_end
+from .classification import Labeller, labeller
 from .finding import find_basins
 from .record import Basins
 
@@ -31,38 +31,24 @@ class FinalStates:
 
     Parameters
     ----------
-    point_map : PointMap
-        The map.
+    label : Labeller
+        What labels them: by known attractors, or by a rule in their place.
     region : CellGrid
         Window of the starts; an axis of one cell is held at its centre.
-    known : Labeller or None
-        Known attractors; label k is that of attractor k.
-    outcome : callable or None
-        Final states in the place of attractors.
-    max_periods : int
-        Periods after which a start is undecided.
     """
 
-    point_map: PointMap
+    label: Labeller
     region: CellGrid
-    known: Labeller | None
-    outcome: Outcome | None
-    max_periods: int
+
+    @property
+    def point_map(self) -> PointMap:
+        """The map."""
+        return self.label.point_map
 
     @property
     def attractors(self) -> tuple[Attractor, ...]:
         """Attractors that are told apart."""
-        return () if self.known is None else self.known.attractors
-
-    def labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the labels of starts (n, d), which are no more than CHUNK."""
-        known = self.known
-        if known is not None:
-            return known(points).astype(np.int64)
-        assert self.outcome is not None
-        outcome = self.outcome
-        orbits = Orbits.starting(wrap(points, self.point_map.coordinates))
-        return labels_at_the_end(self.point_map, orbits, lambda places: _numbers(outcome, places), self.max_periods)
+        return self.label.attractors
 
 
 def final_states(
@@ -91,12 +77,13 @@ def final_states(
     if outcome is not None:
         if not callable(outcome):
             raise TypeError(f"outcome={outcome!r}: give a function of points (n, {point_map.dimension})")
-        return FinalStates(point_map, region, None, outcome, max_periods)
+        known = Labeller(point_map, (), Catalogue.of((), point_map), max_periods, functools.partial(_numbers, outcome))
+        return FinalStates(known, region)
     if not attractors:
         attractors = find_basins(point_map, _coarse(region), max_periods).attractors
     if not attractors:
         raise ValueError("no attractor was found in this region: define the final states with outcome=")
-    return FinalStates(point_map, region, labeller(point_map, attractors, max_periods=max_periods), None, max_periods)
+    return FinalStates(labeller(point_map, attractors, max_periods=max_periods), region)
 
 
 def _coarse(region: CellGrid) -> CellGrid:

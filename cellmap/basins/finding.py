@@ -20,8 +20,9 @@ from .._lib.signatures import checked
 from .._lib.threads import slices
 from .._lib.tiles import check_client, run_tiles
 from ..attractors.chaos import chaotic_attractors, examine
+from ..attractors.labels import Label
 from ..attractors.search import Examined, check_attractors, longest_period, region_extent, search, sort_out
-from ..attractors.settling import UNDECIDED, Settled
+from ..attractors.settling import Settled
 from ..attractors.transients import Reason
 from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid
@@ -233,7 +234,7 @@ class _Run:
             states = self._label(now, states)
             self.spent.append(time.perf_counter() - began)
             now = replace(now, tally=now.tally.plus(self.kept.tallies.sum(axis=0)))
-            left = self.kept.where(lambda labels: labels == UNDECIDED)
+            left = self.kept.where(lambda labels: labels == Label.UNDECIDED)
             if not len(left):
                 return now, ()
             if states is None:

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.threads import slices
+from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import Examined
-from ..attractors.settling import UNDECIDED, Settled
+from ..attractors.settling import Settled
 from ..maps.orbit_batch import CHUNK, NOTHING, Tally
 from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import BLOCK, Rows
-from .record import LABEL_NAMES, Basins
+from .record import Basins
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ class Kept:
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape, self.total = shape, int(np.prod(shape, dtype=object))
-        self.labels = np.full(self.total, UNDECIDED, np.int16)
+        self.labels = np.full(self.total, Label.UNDECIDED, np.int16)
         self.times = np.full(self.total, -1, np.int32)
         self.tallies = np.zeros((0, len(NOTHING)), np.int64)
 

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .._lib.sealed import array_of, get_number, within
 from .._lib.threads import slices
+from ..attractors.labels import LABEL_NAMES
 from ..attractors.search import Examined
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import Tally
 from ..orbits.attractor import Attractor
 from .initial_conditions import BLOCK, Rows
 from .passes import Kept, Pass
-from .record import LABEL_NAMES, Basins
+from .record import Basins
 from .store import is_picture, mapped_picture, write_picture
 from .stored_attractors import read_attractors, write_attractors
 

@@ -9,20 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.binomial import binomial_interval
-from .._lib.checks import affordable_number, one_of, random_numbers
+from .._lib.checks import affordable_number, one_of
 from .._lib.signatures import checked
-from .._lib.threads import run_over, slices
-from ..attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED, Catalogue, settle
+from .._lib.threads import slices
+from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
-from ..maps.orbit_batch import CHUNK, Cost, Orbits
+from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, distinct_names
 from .initial_conditions import BLOCK, Starts
-
-LABEL_NAMES = {ESCAPED: "escaped", DIVERGED: "diverged", UNDECIDED: "undecided", NO_RETURN: "did not return"}
-"""Names of the labels that are not attractors."""
+from .verification import Verification, verified
 
 HELD = 2**20
 """Starts whose states are kept from one pass over the starts to the next; of more the states are computed again."""
@@ -48,45 +45,6 @@ class Fraction:
     share: float
     standard_error: float
     count: int
-
-
-@dataclass(frozen=True)
-class Verification:
-    """Agreement of labels with exact integration.
-
-    Parameters
-    ----------
-    starts : int
-        Random initial conditions that were compared.
-    wrong : int
-        Initial conditions whose label differs.
-    share : float
-        ``wrong / starts``.
-    low, high : float
-        95 % confidence interval of that fraction (Wilson 1927), of all initial conditions drawn but the excluded ones:
-        from none of the undecided being wrong to all of them.
-    excluded : int
-        Initial conditions drawn whose orbits escaped, so that there is nothing to compare.
-    undecided : int
-        Initial conditions drawn that are undecided, also with the exact map: neither right nor wrong, and not in
-        `starts`.
-    """
-
-    starts: int
-    wrong: int
-    share: float
-    low: float
-    high: float
-    excluded: int
-    undecided: int = 0
-
-    @classmethod
-    def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
-        """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
-        (low, _), (_, high) = np.transpose(
-            binomial_interval([wrong, wrong + undecided], starts + undecided, method="Wilson")
-        ).tolist()
-        return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,36 +154,9 @@ class Basins:
         if self.point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
         n = affordable_number("n", n, 8 * (3 * len(self.coordinates) + 5), at_least=1)
-        exact = self.point_map.exact or self.point_map
-        drawn = random_numbers(seed).integers(0, self.labels.size, n)
-        drawn = drawn[self.labels.ravel()[drawn] != ESCAPED]
-        starts = Starts(self.grid, self.starts).wrapped(drawn, exact)
-        # Far inside the neighbourhoods, so that these are not taken on trust.
-        catalogue = Catalogue.of(self.attractors, exact)
-        close = catalogue.shrunk(0.01)
-        labels = np.empty(len(drawn), np.int16)
-        # Neighbourhoods of a cycle are not all of one size, and in a round an orbit visits each.
-        round_ = max((a.period for a in self.attractors), default=1)
-
-        def label(part: slice) -> None:
-            orbits = Orbits.starting(starts[part].copy())
-            half = self.settings["max_periods"] // 2
-            early = settle(exact, orbits, close, half)
-            labels[part] = early.labels
-            before = _closest(exact, early.orbits, catalogue, round_)
-            late = settle(exact, early.orbits, close, self.settings["max_periods"] - half, half)
-            # One that converges slowly is still on its way; one at rest elsewhere is not.
-            slow = late.undecided
-            nearer = _closest(exact, late.orbits, catalogue, round_) < before[slow] * (1.0 - 1e-9)
-            owners = settle(exact, late.orbits, catalogue, round_).labels
-            late.labels[slow] = np.where((owners >= 0) & nearer, owners, UNDECIDED)
-            labels[part.start + early.undecided] = late.labels
-
-        run_over(slices(len(drawn), CHUNK // 8), label)
-        given = self.labels.ravel()[drawn]
-        wrong = int(np.count_nonzero(labels != given))
-        undecided = int(np.count_nonzero((labels == UNDECIDED) & (given == UNDECIDED)))
-        return Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided)
+        starts = Starts(self.grid, self.starts)
+        periods = self.settings["max_periods"]
+        return verified(self.point_map.without_table, self.attractors, starts, self.labels.ravel(), periods, n, seed)
 
 
 def basins_memory(starts: int, checkpoint: bool = False) -> int:
@@ -253,13 +184,3 @@ def basins_disk(starts: int) -> int:
     1225
     """
     return 2 * (6 * starts + starts // 8) + 2**20 // 4
-
-
-def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:
-    """Return how close orbits come to attractors within some periods, in radii of their neighbourhoods."""
-    moving = Orbits.starting(orbits.points.copy())
-    closest = catalogue.distances_of(moving.points)
-    for _ in range(periods - 1):
-        exact.advance(moving, 1)
-        closest = np.fmin(closest, catalogue.distances_of(moving.points))
-    return closest

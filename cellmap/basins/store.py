@@ -34,10 +34,11 @@ from .._lib.sealed import (
     write_sealed,
 )
 from .._lib.signatures import checked
+from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
-from .record import LABEL_NAMES, Basins, basins_memory
+from .record import Basins, basins_memory
 from .stored_attractors import read_attractors, write_attractors
 
 FORMAT = "cellmap basins"

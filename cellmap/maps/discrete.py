@@ -14,11 +14,11 @@ from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untrac
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
-from .._compiled.kernels.periods import iterate
 from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
+from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .orbit_batch import Orbits, Status, legs
+from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
 from .specification import MapSpec
@@ -108,12 +108,9 @@ class Discrete(MapSpec[PointMap]):
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
 
-        def advance(orbits: Orbits, periods: int) -> None:
-            _apply(kernel, parameters, lower, turn, orbits, periods)
-
         def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             compiled = derivatives_of(name, self._kernel(True))
-            return tangent_by_lanes(functools.partial(_apply, compiled, parameters, anywhere, anywhere), points, d)
+            return tangent_by_lanes(DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere), points, d)
 
         def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
             step = derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params))).address("step")
@@ -127,7 +124,7 @@ class Discrete(MapSpec[PointMap]):
             name=name,
             coordinates=self.coordinates,
             params=self.params,
-            advance=advance,
+            advance=DiscreteAdvance(kernel, parameters, _BOUND, lower, turn),
             tangent=derivative,
             stretch=None if self._formulas else stretch,
             unknown_formulas=self._formulas,
@@ -155,22 +152,6 @@ def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
 
     at_any_time.__qualname__ = getattr(function, "__qualname__", type(function).__name__)  # for error messages
     return at_any_time
-
-
-def _apply(
-    kernel: CompiledPeriod,
-    parameters: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    orbits: Orbits,
-    times: int = 1,
-) -> None:
-    """Apply a compiled map some times, in place; a turn of 0 leaves a coordinate as it is."""
-    state = (orbits.points, orbits.turns, orbits.status)
-    for some in legs(times, len(orbits)):
-        orbits.work.evaluations += iterate(
-            kernel.address, kernel.context, parameters, _BOUND, *state, lower, turn, some
-        )
 
 
 def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:

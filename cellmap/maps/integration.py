@@ -172,7 +172,7 @@ class Flow:
     fewest_steps: int
 
     @functools.cached_property
-    def _motion(self) -> Motion:
+    def numbers(self) -> Motion:
         """The numbers that the integrator takes."""
         ladder, tolerance = self._ladder, max(self.rtol, self.atol)
         margin = self.kernel.margin(tolerance)
@@ -209,5 +209,5 @@ class Flow:
     def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
         """Move orbits on by some periods in place, with angles brought back into their turns."""
         for some in legs(periods, len(orbits)):
-            steps = integrate(self._motion, orbits.points, orbits.turns, orbits.status, lower, turn, some)
+            steps = integrate(self.numbers, orbits.points, orbits.turns, orbits.status, lower, turn, some)
             orbits.work.evaluations += steps * self.kernel.stages

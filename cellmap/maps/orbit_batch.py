@@ -35,7 +35,9 @@ class Status(IntEnum):
     """The orbit did not return to the Poincaré section."""
 
 
-_PERIODS_AT_ONCE = 2**15  # of all orbits together
+PERIODS_AT_ONCE = 2**15
+"""Periods of all orbits together after which a compiled loop returns for a moment, so that Ctrl-C is heard."""
+
 _FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more than the comparison
 
 
@@ -98,7 +100,7 @@ NOTHING = Tally()
 
 def legs(periods: int, orbits: int) -> Iterator[int]:
     """Cut periods into numbers of them that compiled loops take at once: between two of them Ctrl-C is heard."""
-    most = max(1, _PERIODS_AT_ONCE // max(1, orbits))
+    most = max(1, PERIODS_AT_ONCE // max(1, orbits))
     for done in range(0, periods, most):
         yield min(most, periods - done)
 

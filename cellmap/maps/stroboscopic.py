@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.checks import finite_number, one_of, whole_number
 from .._lib.signatures import checked
+from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
 from .integration import Flow, flow, tangent_flow, unknown_formulas
-from .orbit_batch import Orbits
 from .parameters_as_states import swept_system
 from .point_map import PointMap
 from .specification import MapSpec, no_source
@@ -124,10 +124,6 @@ class Stroboscopic(MapSpec[PointMap]):
     def make(self) -> PointMap:
         """Return the map, without its specification."""
         system, motion = self.system, self.motion
-        lower, turn = turns_of(system.axes)
-
-        def advance(orbits: Orbits, periods: int) -> None:
-            motion.advance(orbits, periods, lower, turn)
 
         def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             return tangent_by_lanes(derivatives_of(system.name, self._tangent_motion), points, system.dimension)
@@ -136,7 +132,7 @@ class Stroboscopic(MapSpec[PointMap]):
             name=system.name,
             coordinates=system.axes,
             params=system.params,
-            advance=advance,
+            advance=FlowAdvance(motion, *turns_of(system.axes)),
             period=system.length,
             tolerance=(self.rtol, self.atol),
             tangent=tangent,

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import is_color_like, to_rgb
 
 from .._lib.checks import shown
-from ..attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
+from ..attractors.labels import Label
 from ..basins.record import Basins
 
 Colour = tuple[float, float, float]
@@ -23,7 +23,12 @@ COLOURS = (
 white, greys and black, for normal and for red-, green- and blue-blind eyes (distances in Ottosson's Oklab, 2020; eyes
 after Machado, Oliveira, Fernandes 2009)."""
 
-CODE_COLOURS = {ESCAPED: "0.72", DIVERGED: "0.45", UNDECIDED: "black", NO_RETURN: "0.24"}
+CODE_COLOURS: dict[int, str] = {
+    Label.ESCAPED: "0.72",
+    Label.DIVERGED: "0.45",
+    Label.UNDECIDED: "black",
+    Label.NO_RETURN: "0.24",
+}
 """Colours of the labels that are not attractors: escaped, diverged, undecided, not returned."""
 
 

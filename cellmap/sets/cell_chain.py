@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.signatures import checked
-from ..attractors.settling import UNDECIDED
+from ..attractors.labels import Label
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -239,7 +239,7 @@ class CellChain:
         return basins_from_cells(
             self.point_map if verifiable else None,
             self.grid,
-            np.where(likely >= at_least, labels, UNDECIDED),
+            np.where(likely >= at_least, labels, Label.UNDECIDED),
             found,
             np.round(self.expected_times.ravel()),
             self.point_map,

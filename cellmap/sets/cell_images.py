@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import warn_caller
-from ..attractors.settling import label_of
+from ..attractors.labels import Label, label_of
 from ..maps.coordinates import wrap
 from ..maps.grid import CellGrid, Locator, grid_points
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap, ToleranceWarning
 
-LEFT, DIVERGED = -1, -2
+LEFT, DIVERGED = int(Label.ESCAPED), int(Label.DIVERGED)
 """Sink cells for images outside the window, and for images that do not exist.
 
 An image does not exist where the orbit diverges or does not return to the Poincaré section of a map.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..attractors.settling import NO_RETURN
+from ..attractors.labels import Label
 from ..basins.finding import find_basins
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
@@ -44,7 +44,7 @@ def polished_sets(
     found = find_basins(point_map.without_table, centres_of(grid, followed), **limits)
     columns = len(found.attractors) + 3  # codes behind the attractors, where their negative numbers lead
     votes = np.zeros((len(chosen), columns), np.int64)
-    ends = np.where(found.labels == NO_RETURN, DIVERGED, found.labels)
+    ends = np.where(found.labels == Label.NO_RETURN, DIVERGED, found.labels)
     np.add.at(votes, (np.arange(len(chosen))[:, None], ends[where.reshape(chosen.shape)]), 1)
     label = votes.argmax(axis=1)
     return found.attractors, np.where(label < len(found.attractors), label, label - columns)

@@ -9,8 +9,9 @@ import pytest
 
 import systems
 from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap.attractors.boxes import inside_cover
 from cellmap.attractors.chaos import chaotic_attractors, lyapunov_exponents
-from cellmap.attractors.settling import UNDECIDED, inside_cover
+from cellmap.attractors.labels import Label
 from cellmap.orbits import Kind
 
 DAMPED = systems.dimensionless_pendulum(0.25, 0.55, 0.05)
@@ -191,7 +192,7 @@ def test_undecided_rather_than_chaotic(name):
     grid = CellGrid(*window, (8,) * len(coordinates))
     basins = find_basins(discrete_map(function, {}, coordinates), grid, max_periods=300)
     assert basins.attractors == ()
-    assert (basins.labels == UNDECIDED).all()
+    assert (basins.labels == Label.UNDECIDED).all()
 
 
 def test_chaotic_transient_that_ends_is_no_attractor():

@@ -20,7 +20,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.captured import captured
-from cellmap.attractors.settling import UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 from cellmap.orbits.newton import newton, stable_orbit
@@ -362,7 +362,7 @@ def test_weakly_attracting_cycles(name):
     starts = grid_of((-2.5, -2.5), (2.5, 2.5), 6)
     basins = find_basins(stroboscopic_map(system), starts, max_periods=600)
     assert [a.period for a in basins.attractors] == periods
-    assert np.count_nonzero(basins.labels == UNDECIDED) <= undecided
+    assert np.count_nonzero(basins.labels == Label.UNDECIDED) <= undecided
     longer = find_basins(stroboscopic_map(system), starts, attractors=basins.attractors)
     decided = basins.labels >= 0
     assert (longer.labels >= 0).all()
@@ -382,7 +382,7 @@ def test_no_guess_is_polished_twice(monkeypatch):
     starts = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
     basins = find_basins(stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), starts, max_periods=600)
     assert [a.period for a in basins.attractors] == [6]
-    assert (basins.labels == UNDECIDED).any()
+    assert (basins.labels == Label.UNDECIDED).any()
     assert len(guesses) == len(set(guesses)) > 100
 
 

@@ -23,17 +23,9 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.settling import (
-    DIVERGED,
-    ESCAPED,
-    RESIDENCE,
-    UNDECIDED,
-    Catalogue,
-    box_keys,
-    boxes_of,
-    inside_cover,
-    settle,
-)
+from cellmap.attractors.boxes import box_keys, boxes_of, inside_cover
+from cellmap.attractors.labels import Label
+from cellmap.attractors.settling import RESIDENCE, Catalogue, settle
 from cellmap.maps.coordinates import difference
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
@@ -67,9 +59,9 @@ MAPS = {
 def step_by_step(point_map: PointMap, starts: np.ndarray, attractors, periods: int) -> tuple[np.ndarray, np.ndarray]:
     """Labels and times by plain iteration: the first period in which an orbit is inside an attractor's region."""
     orbit = point_map.orbit(starts, periods)
-    labels = np.full(len(starts), UNDECIDED)
-    labels[orbit.status[-1] == Status.ESCAPED] = ESCAPED
-    labels[orbit.status[-1] == Status.DIVERGED] = DIVERGED
+    labels = np.full(len(starts), Label.UNDECIDED)
+    labels[orbit.status[-1] == Status.ESCAPED] = Label.ESCAPED
+    labels[orbit.status[-1] == Status.DIVERGED] = Label.DIVERGED
     times = np.full(len(starts), -1)
     covers = {k: set(map(tuple, a.cover.boxes.tolist())) for k, a in enumerate(attractors) if a.cover is not None}
     residence = np.zeros((len(attractors), len(starts)), int)
@@ -134,7 +126,7 @@ def test_undecided_orbits_are_returned_at_their_age(periods):
     point_map = pendulum(0.003)
     starts = WIDE.centres().reshape(-1, 2)[::7]
     settled = settle(point_map, Orbits.starting(starts.copy()), Catalogue.of((), point_map), periods)
-    assert (settled.labels == UNDECIDED).all()
+    assert (settled.labels == Label.UNDECIDED).all()
     assert (settled.times == -1).all()
     assert np.array_equal(settled.orbits.points, point_map.iterate(starts, periods).points)
 
@@ -157,7 +149,7 @@ def test_orbits_that_nothing_captures_are_labelled_by_their_ends(periods):
         image = exact.iterate(points[~diverged], 1)
         points[~diverged] = image.points
         diverged[~diverged] = image.status == Status.DIVERGED
-    assert np.array_equal(settled.labels, np.where(diverged, DIVERGED, UNDECIDED))
+    assert np.array_equal(settled.labels, np.where(diverged, Label.DIVERGED, Label.UNDECIDED))
     assert (settled.times == -1).all()
     assert np.array_equal(settled.orbits.points, points[~diverged])
     assert sum(calls) == periods
@@ -175,15 +167,18 @@ def test_codes_of_starts_without_attractor():
     icm = interpolated_map(exact, CellGrid((-1.0, -0.5), (1.0, 0.9), (20, 20)), outside="escape")
     starts = [[0.0, 0.5], [0.0, 0.0], [0.5, -0.4]]
     basins = find_basins(icm, starts, max_periods=20)
-    assert basins.labels.tolist() == [ESCAPED, UNDECIDED, ESCAPED]
-    assert find_basins(exact, [[0.0, 2.0], [0.0, 0.0]], max_periods=20).labels.tolist() == [DIVERGED, UNDECIDED]
-    assert len({ESCAPED, DIVERGED, UNDECIDED}) == 3
-    assert max(ESCAPED, DIVERGED, UNDECIDED) < 0
+    assert basins.labels.tolist() == [Label.ESCAPED, Label.UNDECIDED, Label.ESCAPED]
+    assert find_basins(exact, [[0.0, 2.0], [0.0, 0.0]], max_periods=20).labels.tolist() == [
+        Label.DIVERGED,
+        Label.UNDECIDED,
+    ]
+    assert len({Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED}) == 3
+    assert max(Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED) < 0
 
 
 def test_ended_orbits_have_no_settling_time():
     basins = find_basins(henon(), CellGrid((-2.0, -2.0), (2.0, 2.0), (20, 20)))
-    assert (basins.settling_time[basins.labels == DIVERGED] == -1).all()
+    assert (basins.settling_time[basins.labels == Label.DIVERGED] == -1).all()
     assert (basins.settling_time[basins.labels >= 0] >= 0).all()
 
 
@@ -264,4 +259,4 @@ def test_visit_to_a_cover_shorter_than_the_residence_does_not_count():
     assert chaotic.kind is Kind.CHAOTIC
     orbit = henon().orbit(basins.grid.centres(), 2000)
     diverged = orbit.status[-1] == Status.DIVERGED
-    assert np.array_equal(basins.labels == DIVERGED, diverged)
+    assert np.array_equal(basins.labels == Label.DIVERGED, diverged)

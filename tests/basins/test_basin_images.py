@@ -18,15 +18,15 @@ from PIL import Image
 
 import systems
 from cellmap import Basins, CellGrid, PointMap, find_basins, interpolated_map, stroboscopic_map
-from cellmap.attractors.settling import DIVERGED, ESCAPED, UNDECIDED
+from cellmap.attractors.labels import Label
 
 REFERENCE = Path(__file__).parents[1] / "reference"
-CODES = {ESCAPED: 253, DIVERGED: 254, UNDECIDED: 255}
+CODES = {Label.ESCAPED: 253, Label.DIVERGED: 254, Label.UNDECIDED: 255}
 PALETTE = {
     **dict(enumerate([(0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0)])),
-    CODES[ESCAPED]: (184, 184, 184),
-    CODES[DIVERGED]: (115, 115, 115),
-    CODES[UNDECIDED]: (0, 0, 0),
+    CODES[Label.ESCAPED]: (184, 184, 184),
+    CODES[Label.DIVERGED]: (115, 115, 115),
+    CODES[Label.UNDECIDED]: (0, 0, 0),
 }
 
 

@@ -26,7 +26,7 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
-from cellmap.attractors.settling import DIVERGED, ESCAPED, UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.basins.record import basins_memory
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference
@@ -205,7 +205,7 @@ def test_bounded_share_of_henons_map():
     basins = find_basins(systems.henon_map(), np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1))
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC]
     assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.00006)
-    assert set(basins.fractions) == {0, DIVERGED}
+    assert set(basins.fractions) == {0, Label.DIVERGED}
 
 
 def test_bounded_share_of_henons_map_on_a_coarse_grid():
@@ -235,7 +235,7 @@ def test_vertically_driven_pendulum_has_mirrored_basins(parameters):
     """
     basins = find_basins(stroboscopic_map(systems.dimensionless_pendulum(*parameters)), circle_grid(4.0, 100))
     partner = [mirror_image(a, basins.attractors) for a in basins.attractors]
-    mirrored = np.append(partner, UNDECIDED)[basins.labels][::-1, ::-1]
+    mirrored = np.append(partner, Label.UNDECIDED)[basins.labels][::-1, ::-1]
     assert np.array_equal(mirrored, basins.labels)
 
 
@@ -358,7 +358,7 @@ def test_labels_of_any_grid_are_those_of_its_centres(both_wells, cells, lower, l
     sign = np.sign(grid.axis(0))
     for label, place in zip(basins.labels, sign, strict=True):
         if place == 0:
-            assert label == UNDECIDED
+            assert label == Label.UNDECIDED
         else:
             assert np.sign(basins.attractors[label].points[0, 0]) == place
 
@@ -455,12 +455,12 @@ def test_orbits_that_leave_the_window_keep_their_own_code():
     exact = stroboscopic_map(systems.driven_pendulum())
     lost = find_basins(interpolated_map(exact, circle_grid(100.0, 128), outside="escape"), circle_grid(100.0, 100))
     kept = find_basins(exact, circle_grid(100.0, 100))
-    escaped = lost.labels == ESCAPED
+    escaped = lost.labels == Label.ESCAPED
     leaves = exact.orbit(lost.grid.centres(), 60).points[..., 1]
     assert 0 < escaped.mean() < 0.5
     assert np.array_equal(lost.labels[~escaped], kept.labels[~escaped])
     assert (np.abs(leaves) > 100.0).any(axis=0)[escaped].all()
-    assert lost.label_name(ESCAPED) == "escaped"
+    assert lost.label_name(Label.ESCAPED) == "escaped"
     assert lost.verify(200).excluded > 0
 
 
@@ -471,8 +471,8 @@ def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():
     kept = find_basins(interpolated_map(exact, window), window)
     lost = find_basins(interpolated_map(exact, window, outside="escape"), window)
     left = window.centres()[..., 0] < 0.0
-    assert ESCAPED not in kept.labels
-    assert np.array_equal(lost.labels == ESCAPED, left)
+    assert Label.ESCAPED not in kept.labels
+    assert np.array_equal(lost.labels == Label.ESCAPED, left)
     for basins, starts in ((kept, np.ones_like(left)), (lost, ~left)):
         places = np.array([a.points[0, 0] for a in basins.attractors])
         assert places[basins.labels[starts]] == pytest.approx(np.where(left, -0.957504, 0.957504)[starts], abs=1e-6)
@@ -484,19 +484,19 @@ def test_diverging_orbits_have_their_own_code():
     basins = find_basins(discrete_map(lambda x, p: (x[0] ** 3,), {}, ("x",)), grid)
     inside = np.abs(grid.axis(0)) < 1
     assert (basins.labels[inside] == 0).all()
-    assert (basins.labels[~inside] == DIVERGED).all()
-    assert basins.label_name(DIVERGED) == "diverged"
+    assert (basins.labels[~inside] == Label.DIVERGED).all()
+    assert basins.label_name(Label.DIVERGED) == "diverged"
 
 
 def test_system_with_no_attractor_in_the_window():
     basins = find_basins(discrete_map(lambda x, p: (2 * x[0] + 1,), {}, ("x",)), CellGrid((0.0,), (1.0,), (10,)))
     assert basins.attractors == ()
-    assert (basins.labels == DIVERGED).all()
+    assert (basins.labels == Label.DIVERGED).all()
     drift = discrete_map(lambda x, p: (x[0] + 1,), {}, ("x",))
     table = interpolated_map(drift, CellGrid((0.0,), (5.0,), (10,)), outside="escape")
     basins = find_basins(table, CellGrid((0.0,), (5.0,), (10,)))
     assert basins.attractors == ()
-    assert (basins.labels == ESCAPED).all()
+    assert (basins.labels == Label.ESCAPED).all()
 
 
 def test_attractor_outside_the_window_is_found_all_the_same():
@@ -583,7 +583,7 @@ def test_undecided_starts_are_never_right():
     """A rotation has no attractor: by both maps all starts are undecided, and nothing says that this is right."""
     turning = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
     basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
-    assert (basins.labels == UNDECIDED).all()
+    assert (basins.labels == Label.UNDECIDED).all()
     check = basins.verify(80)
     assert (check.starts, check.wrong, check.undecided) == (0, 0, 80)
     assert (check.low, check.high) == (0.0, 1.0)
@@ -610,7 +610,7 @@ def test_verify_leaves_out_what_has_no_answer():
     basins = find_basins(icm, circle_grid(100.0, 40))
     check = basins.verify(500)
     assert check.starts + check.excluded == 500
-    assert check.excluded / 500 == pytest.approx(basins.fractions[ESCAPED].share, abs=0.05)
+    assert check.excluded / 500 == pytest.approx(basins.fractions[Label.ESCAPED].share, abs=0.05)
     assert check.wrong == 0
 
 

@@ -12,7 +12,8 @@ from scipy.sparse.csgraph import connected_components, shortest_path
 import cellmap
 from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap._compiled.kernels.certainty import carry_rows, reach_ends
-from cellmap.attractors.settling import UNDECIDED, Catalogue, settle
+from cellmap.attractors.labels import Label
+from cellmap.attractors.settling import Catalogue, settle
 from cellmap.attractors.transients import Reason
 from cellmap.basins import Certificate, Evidence
 from cellmap.basins.certification.cell_owners import within
@@ -179,11 +180,11 @@ def test_starts_that_settle_late_or_never(contraction):
     icm = interpolated_map(exact, CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)), outside="escape")
     basins = find_basins(icm, CellGrid((-1.2, -1.2), (1.2, 1.2), (40, 40)), max_periods=20)
     certificate = certify(basins, audit=50)
-    assert (certificate.basins.labels == UNDECIDED).any()
+    assert (certificate.basins.labels == Label.UNDECIDED).any()
     np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
-    assert (certificate.evidence[certificate.basins.labels == UNDECIDED] == Evidence.OPEN).all()
+    assert (certificate.evidence[certificate.basins.labels == Label.UNDECIDED] == Evidence.OPEN).all()
     assert certificate.basins.undecided == {Reason.REGULAR: min(certificate.undecided, 32)}  # spirals
-    undecided = (certificate.basins.labels == UNDECIDED).mean()
+    undecided = (certificate.basins.labels == Label.UNDECIDED).mean()
     assert certificate.undecided == round(undecided * certificate.evidence.size)
     assert certificate.wrong[0] == 0.0
     assert undecided < certificate.wrong[1] < undecided + 0.1  # none of these labels counts as right
@@ -215,7 +216,7 @@ def test_attractors_that_the_table_has_not_shown():
     window = CellGrid((-3.1,), (3.1,), (100,))
     icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (6,)), 1, "integrate", tolerance=COARSE)
     basins = find_basins(icm, window, max_periods=300)
-    assert (basins.labels == UNDECIDED).all()
+    assert (basins.labels == Label.UNDECIDED).all()
     assert sum(basins.undecided.values()) > 0
     certificate = certify(basins, audit=50)
     assert certificate.basins.undecided == {}
@@ -234,7 +235,7 @@ def test_an_attractor_that_the_table_has_not_shown():
     icm = interpolated_map(exact, CellGrid((-pi, -9.0), (pi, 9.0), (16, 16)), 3, "integrate", tolerance=COARSE)
     basins = find_basins(icm, window, max_periods=500)
     assert "chaotic" not in [a.kind for a in basins.attractors]
-    assert (basins.labels == UNDECIDED).any()
+    assert (basins.labels == Label.UNDECIDED).any()
     certificate = certify(basins, audit=50)
     direct = find_basins(exact, window, max_periods=500)
     assert [a.kind for a in certificate.basins.attractors] == ["rotating", "rotating", "chaotic"]

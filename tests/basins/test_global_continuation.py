@@ -12,8 +12,8 @@ import pytest
 
 import systems
 from cellmap import Attractor, CellGrid, angle, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap.attractors.labels import Label
 from cellmap.attractors.matching import attractor_distance, match_attractors
-from cellmap.attractors.settling import DIVERGED, UNDECIDED
 from cellmap.basins import BasinContinuation, ContinuationInterrupt, continue_basins
 from cellmap.basins import continuation as global_continuation
 from cellmap.orbits import Kind
@@ -210,8 +210,8 @@ def test_starts_without_an_attractor_have_their_own_labels():
     """x^2 + c has bounded orbits in abs(x) < (1 + sqrt(1 - 4 c))/2, for c from -2 to 1/4."""
     values = np.array([-0.5, 0.0, 0.2, 0.5])
     sweep = continue_basins(discrete_map(parabola, {"c": 0.0}, ("x",)), "c", values, LINE)
-    assert sweep.labels == (0, DIVERGED)
-    assert sweep.label_name(DIVERGED) == "diverged"
+    assert sweep.labels == (0, Label.DIVERGED)
+    assert sweep.label_name(Label.DIVERGED) == "diverged"
     bounded = np.where(values < 0.25, (1 + np.sqrt(np.maximum(1 - 4 * values, 0))) / 4, 0.0)
     assert sweep.fractions[:, 0] == pytest.approx(bounded, abs=1 / 100 + 1e-9)
     assert (sweep.counts.sum(axis=1) == 100).all()
@@ -226,7 +226,7 @@ def test_undecided_starts_are_counted():
 
     maps, starts = discrete_map(circle, {"rate": 0.0}, (angle("a"),)), CellGrid((-pi,), (pi,), (40,))
     sweep = continue_basins(maps, "rate", [0.03, (3 - sqrt(5)) / 2], starts, max_periods=200)
-    assert sweep.labels == (0, UNDECIDED)
+    assert sweep.labels == (0, Label.UNDECIDED)
     assert sweep.counts.tolist() == [[40, 0], [0, 40]]
 
 

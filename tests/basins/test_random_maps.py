@@ -19,7 +19,7 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.settling import UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.basins import Certificate, Evidence
 from cellmap.basins.certification.cell_owners import within
 from cellmap.basins.certification.table_errors import TableErrors
@@ -244,7 +244,7 @@ def different(certificate: Certificate, truth: Basins) -> np.ndarray:
     mine = certificate.basins.attractors
     numbers = [next((k for k, a in enumerate(mine) if a is b), len(mine) + 1) for b in truth.attractors]
     labels = np.where(truth.labels >= 0, np.array([*numbers, 0])[np.maximum(truth.labels, -1)], truth.labels)
-    return (labels != certificate.basins.labels) & (truth.labels != UNDECIDED)
+    return (labels != certificate.basins.labels) & (truth.labels != Label.UNDECIDED)
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from cellmap import Basins, CellGrid, ForcedSystem, PointMap, angle, find_basins, interpolated_map, stroboscopic_map
+from cellmap.attractors.boxes import inside_cover
+from cellmap.attractors.labels import LABEL_NAMES, Label
 from cellmap.attractors.search import region_extent
-from cellmap.attractors.settling import UNDECIDED, Catalogue, inside_cover, settle
-from cellmap.basins.record import LABEL_NAMES
+from cellmap.attractors.settling import Catalogue, settle
 from cellmap.maps.coordinates import difference, wrap
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
@@ -142,9 +143,9 @@ def check(seed: int) -> tuple[int, int, int, int]:
         by_table = find_basins(table, grid, PERIODS)
     for basins in (exact, by_table):
         assert repeated(basins) == [], f"seed {seed}: {basins.attractors}"
-        assert bool(basins.undecided) == bool((basins.labels == UNDECIDED).any())
+        assert bool(basins.undecided) == bool((basins.labels == Label.UNDECIDED).any())
     ours, theirs = matched_labels(exact, by_table)
-    undecided = (ours != theirs) & ((ours == UNDECIDED) | (theirs == UNDECIDED))
+    undecided = (ours != theirs) & ((ours == Label.UNDECIDED) | (theirs == Label.UNDECIDED))
     rows = np.flatnonzero((ours != theirs) & ~undecided)
     allowed = int(np.count_nonzero(sensitive(exact, table, rows))) if len(rows) else 0
     return int(np.count_nonzero(ours == theirs)), int(np.count_nonzero(undecided)), allowed, len(rows) - allowed

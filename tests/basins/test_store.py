@@ -31,7 +31,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._lib.sealed import seal
-from cellmap.attractors.settling import DIVERGED, ESCAPED, UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.basins import StoreError
 
 GRID = CellGrid((-pi, -100.0), (pi, 100.0), (24, 20))
@@ -128,7 +128,7 @@ def test_every_code_is_stored(made, tmp_path):
     codes = set()
     for basins in made.values():
         codes |= set(np.unique(load_basins(save_basins(basins, tmp_path / "b.h5")).labels).tolist())
-    assert {ESCAPED, DIVERGED, UNDECIDED, 0, 1} <= codes
+    assert {Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED, 0, 1} <= codes
 
 
 def test_several_pictures_in_one_file(made, tmp_path):

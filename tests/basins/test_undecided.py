@@ -12,7 +12,8 @@ import systems
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors.chaos import Examination, chaotic_attractors, examine
 from cellmap.attractors.equilibria import sets_of_equilibria
-from cellmap.attractors.settling import RESIDENCE, UNDECIDED
+from cellmap.attractors.labels import Label
+from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
 from cellmap.basins import finding as basin_finding
 from cellmap.basins.finding import _REPEATS
@@ -65,11 +66,11 @@ def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, pas
     assert len(passes) <= 3
     assert len(basins.attractors) <= 1
     if max_periods < RESIDENCE - 1:
-        assert (basins.labels == UNDECIDED).all()
+        assert (basins.labels == Label.UNDECIDED).all()
     if max_periods > RESIDENCE:
         assert (basins.labels == 0).all()
     assert set(basins.undecided) <= {Reason.KNOWN}
-    assert sum(basins.undecided.values()) == min(np.count_nonzero(basins.labels == UNDECIDED), 32)
+    assert sum(basins.undecided.values()) == min(np.count_nonzero(basins.labels == Label.UNDECIDED), 32)
 
 
 def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(passes) -> None:
@@ -81,7 +82,7 @@ def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(passes
     decided = basins.labels >= 0
     side = np.array([np.sign(a.points[0, 2]) for a in basins.attractors])
     assert (side[basins.labels[decided]] == np.sign(s[decided])).all()
-    assert (basins.labels[np.abs(s) < 0.5] == UNDECIDED).all()
+    assert (basins.labels[np.abs(s) < 0.5] == Label.UNDECIDED).all()
     assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN}
     assert basins.undecided[Reason.TRANSIENT] > 0
 

@@ -21,7 +21,7 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.settling import DIVERGED, UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.maps import jacobian
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
@@ -57,7 +57,7 @@ def test_unstable_equilibrium_on_a_node_is_no_attractor(use):
     basins = find_basins(point_map, [[pi, 0.0], [-pi, 0.0], [1.0, 1.0]])
     assert [a.name for a in basins.attractors] == ["fixed point (0, 0)"]
     assert basins.labels[2] == 0
-    assert set(basins.labels[:2].tolist()) <= {UNDECIDED, 0}
+    assert set(basins.labels[:2].tolist()) <= {Label.UNDECIDED, 0}
 
 
 def test_grid_with_a_node_on_an_unstable_equilibrium():
@@ -77,8 +77,8 @@ def test_saddle_between_two_wells_on_a_node():
     basins = find_basins(stroboscopic_map(wells), CellGrid((-1.5, -1.5), (1.5, 1.5), (15, 15)))
     points = sorted(a.points[0].round(9).tolist() for a in basins.attractors)
     assert points == [[-1.0, 0.0], [1.0, 0.0]]
-    assert basins.labels[7, 7] == UNDECIDED
-    assert np.count_nonzero(basins.labels == UNDECIDED) == 1
+    assert basins.labels[7, 7] == Label.UNDECIDED
+    assert np.count_nonzero(basins.labels == Label.UNDECIDED) == 1
 
 
 @pytest.mark.parametrize("multiplier", [1.0001, 1.1, 3.0])
@@ -86,7 +86,7 @@ def test_unstable_fixed_point_of_a_map_on_a_node(multiplier):
     exact = discrete_map(lambda x, p: (p.m * x[0] - (p.m - 1) * x[0] ** 3, 0.3 * x[1]), {"m": multiplier}, ("x", "y"))
     basins = find_basins(exact, [[0.0, 0.0], [0.0, 0.4]], max_periods=500)
     assert basins.attractors == ()
-    assert basins.labels.tolist() == [UNDECIDED, UNDECIDED]
+    assert basins.labels.tolist() == [Label.UNDECIDED, Label.UNDECIDED]
 
 
 # --- nothing attracts (cases 2 and 11)
@@ -97,13 +97,13 @@ def test_unstable_fixed_point_of_a_map_on_a_node(multiplier):
 def test_without_damping_there_is_no_attractor(alpha, beta):
     basins = find_basins(scaled(alpha, beta, 0.0), CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)), max_periods=50)
     assert basins.attractors == ()
-    assert (basins.labels == UNDECIDED).all()
+    assert (basins.labels == Label.UNDECIDED).all()
     assert (basins.settling_time == -1).all()
 
 
 def test_tiny_damping_has_settled_nothing_after_fifty_periods():
     basins = find_basins(strobe(damping=0.01), CellGrid((-pi, -100.0), (pi, 100.0), (8, 8)), max_periods=50)
-    assert (basins.labels == UNDECIDED).all()
+    assert (basins.labels == Label.UNDECIDED).all()
 
 
 # --- slow convergence (case 4)
@@ -273,7 +273,7 @@ def test_resurrection():
 def test_start_of_enormous_speed(speed):
     """It has a label of its own, and its neighbour has the right one."""
     basins = find_basins(strobe(), [[0.0, speed], [0.1, 1.0]], max_periods=60)
-    assert basins.labels.tolist() == [DIVERGED, 0]
+    assert basins.labels.tolist() == [Label.DIVERGED, 0]
     assert basins.attractors[0].points == pytest.approx(np.zeros((1, 2)), abs=1e-9)
 
 
@@ -290,7 +290,7 @@ def test_enormous_amplitude():
     image = exact.iterate(grid.centres(), 1)
     assert (image.status == Status.DIVERGED).all()
     assert np.isnan(image.points).all()
-    assert (find_basins(exact, grid, max_periods=3).labels == DIVERGED).all()
+    assert (find_basins(exact, grid, max_periods=3).labels == Label.DIVERGED).all()
 
 
 def test_negative_damping():
@@ -302,14 +302,14 @@ def test_negative_damping():
     exact = stroboscopic_map(ForcedSystem(rhs, {"gain": 2.0}, 2 * pi, (angle("theta"), "v")))
     basins = find_basins(exact, [[0.1, 0.0], [1.0, 1.0], [0.0, 0.0]], max_periods=60)
     assert basins.attractors == ()
-    assert basins.labels.tolist() == [DIVERGED, DIVERGED, UNDECIDED]
+    assert basins.labels.tolist() == [Label.DIVERGED, Label.DIVERGED, Label.UNDECIDED]
 
 
 def test_blow_up_in_finite_time():
     """x' = x^2 reaches infinity at t = 1/x: beyond x = 1 within the first period, later from smaller starts."""
     exact = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[0] ** 2 - 0.01,), {}, 1.0, ("x",)))
     basins = find_basins(exact, [[2.0], [0.2], [0.05], [-3.0]], max_periods=2000)
-    assert basins.labels.tolist() == [DIVERGED, DIVERGED, 0, 0]
+    assert basins.labels.tolist() == [Label.DIVERGED, Label.DIVERGED, 0, 0]
     assert basins.attractors[0].points == pytest.approx(np.array([[-0.1]]), abs=1e-9)
 
 

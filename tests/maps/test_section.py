@@ -174,7 +174,7 @@ def test_orbits_that_do_not_return_say_so():
     basins = find_basins(rest, CellGrid((0.1,), (1.0,), (9,)))
     assert (basins.labels == -4).all() and basins.label_name(-4) == "did not return"
     unended = final_states(rest, basins.grid, (), lambda points: np.full(len(points), -1), max_periods=3)
-    assert (unended.labels(basins.grid.centres()) == -4).all()
+    assert (unended.label(basins.grid.centres()) == -4).all()
     returns = rest.returns([[0.5], [9.0]])
     assert np.isnan(returns.times[0]) and returns.times[1] > 0
 

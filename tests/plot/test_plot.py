@@ -25,7 +25,7 @@ from cellmap import (
     plot,
     stroboscopic_map,
 )
-from cellmap.attractors.settling import DIVERGED, ESCAPED, NO_RETURN, UNDECIDED
+from cellmap.attractors.labels import Label
 from cellmap.maps.coordinates import as_coordinates
 from cellmap.orbits import Kind
 from cellmap.orbits.attractor import distinct_names
@@ -124,7 +124,7 @@ def test_every_cell_has_the_colour_of_its_label():
     """Left well to the left; the first coordinate runs to the right, the second one upwards."""
     basins = two_wells()
     labels = basins.labels.copy()
-    labels[0, 3] = UNDECIDED  # left, top
+    labels[0, 3] = Label.UNDECIDED  # left, top
     basins = replace(basins, labels=labels)
     palette = label_colours(basins)
     cells = picture(plot.basins(basins))
@@ -245,7 +245,7 @@ def test_legend_can_be_left_out(pendulum):
 
 def test_colours_of_codes_and_attractors_are_all_different():
     codes = [mpl.colors.to_rgb(c) for c in CODE_COLOURS.values()]
-    assert CODE_COLOURS.keys() == {ESCAPED, DIVERGED, UNDECIDED, NO_RETURN}
+    assert CODE_COLOURS.keys() == {Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED, Label.NO_RETURN}
     attractors = [mpl.colors.to_rgb(c) for c in COLOURS]
     for a, b in itertools.combinations(codes + attractors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.15
@@ -314,7 +314,7 @@ def test_colours_that_are_none(pendulum, colours):
 
 def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
     flat, shaded = picture(plot.basins(lost)), picture(plot.basins(lost, shade=True))
-    times, escaped = lost.settling_time.T, (lost.labels == ESCAPED).T
+    times, escaped = lost.settling_time.T, (lost.labels == Label.ESCAPED).T
     assert np.array_equal(shaded[escaped], flat[escaped])
     assert (shaded >= flat - 1e-12).all()
     assert np.array_equal(shaded[times == 0], flat[times == 0])
@@ -329,7 +329,7 @@ def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
 def test_shade_without_settled_starts():
     basins = two_wells()
     undecided = replace(
-        basins, labels=np.full_like(basins.labels, UNDECIDED), settling_time=np.full((6, 4), -1, np.int32)
+        basins, labels=np.full_like(basins.labels, Label.UNDECIDED), settling_time=np.full((6, 4), -1, np.int32)
     )
     assert np.array_equal(picture(plot.basins(undecided, shade=True)), picture(plot.basins(undecided)))
 

@@ -24,14 +24,14 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..machine_code import machine_code, vector_width
+from ..machine_code import MachineCode, machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number
 from .spline_basis import basis_polynomials
 from .spline_sum import spline_sum
@@ -40,27 +40,41 @@ from .statements import Scope, translate
 BLOCK = 64
 
 _ARRAYS = "points turns left table strides origin inverse cells circle reach lower turn".split()
+_REACH = _ARRAYS[3:].index("reach")
 _EVERYWHERE = np.ones(1, np.uint8)  # one table serves in all cells
 _PROTOTYPE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(_ARRAYS), ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
 
 
-@functools.cache
-def lookup_kernel(dimension: int, order: int) -> Callable[..., int]:
-    """Return the compiled ``look_up`` for maps of a dimension and splines of an order."""
-    loaded = machine_code(lookup_text(dimension, order, vector_width()))
-    call = _PROTOTYPE(loaded.address("look_up"))
+@dataclass(frozen=True, eq=False)
+class LookUp:
+    """The compiled ``look_up``; called with its arrays, the work of which is in front."""
 
-    def look_up(points: NDArray[np.float64], turns: NDArray[np.int64], left: NDArray[np.int64], *table: Any) -> int:
+    address: int
+    code: MachineCode  # lives as long as the function
+
+    def __call__(
+        self, points: NDArray[np.float64], turns: NDArray[np.int64], left: NDArray[np.int64], *table: Any
+    ) -> int:
+        """Move rows on by look-ups; return how many these are."""
         made = ctypes.c_int64()
-        several = table[_ARRAYS.index("reach") - 3].size
-        addresses = [array.ctypes.data for array in (points, turns, left, *table)]
-        if not several:
-            addresses[_ARRAYS.index("reach")] = _EVERYWHERE.ctypes.data
-        call(*addresses, len(points), several, ctypes.addressof(made))
+        addresses, several = addresses_of(table)
+        work = [array.ctypes.data for array in (points, turns, left)]
+        _PROTOTYPE(self.address)(*work, *addresses, len(points), several, ctypes.addressof(made))
         return made.value
 
-    look_up.machine_code = loaded  # type: ignore[attr-defined]  # the code lives as long as the function
-    return look_up
+
+def addresses_of(table: Sequence[NDArray[Any]]) -> tuple[list[int], int]:
+    """Return the addresses of the arrays of a table, and the number of cells that have a reach."""
+    several = table[_REACH].size
+    arrays = [array if k != _REACH or several else _EVERYWHERE for k, array in enumerate(table)]
+    return [array.ctypes.data for array in arrays], several
+
+
+@functools.cache
+def lookup_kernel(dimension: int, order: int) -> LookUp:
+    """Return the compiled ``look_up`` for maps of a dimension and splines of an order."""
+    loaded = machine_code(lookup_text(dimension, order, vector_width()))
+    return LookUp(loaded.address("look_up"), loaded)
 
 
 def lookup_text(dimension: int, order: int, width: int) -> str:

@@ -64,3 +64,15 @@ def call_rows(typing_context, address, rows, count, p):
 def call_period(typing_context, address, context, x, steps, start, period, p, error, blocks):
     """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
     return _called(address, context, x, steps, start, period, p, error, blocks)
+
+
+@operation
+def call_look_up(
+    typing_context, address, points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn,
+    number, levels, made
+):  # fmt: skip
+    """Move rows on by look-ups, as :mod:`cellmap._compiled.codegen.lookup` describes it; its arrays by address."""
+    return _called(
+        address, points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn, number,
+        levels, made,
+    )  # fmt: skip

@@ -1,48 +1,120 @@
-"""Which starts are inside an ellipsoid."""
+"""Which orbits are in a region that belongs to an attractor: an ellipsoid, or the boxes of a cover."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from ..loops import loop
+import numpy as np
+from numpy.typing import NDArray
+
+from ..loops import inlined, loop
+
+LOOKED_AT = 256
+"""Rows whose distances are computed together, in vectors that stay in the cache."""
+
+AT_REST = 1e-13
+"""Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
+
+_FARTHEST = 2.0**40  # boxes from the first one; what has no finite place is there
+
+
+class Regions(NamedTuple):
+    """Ellipsoids: m holds x where (x - c)' M (x - c) <= 1 with centre c and metric M, and belongs to an owner."""
+
+    centres: NDArray[np.float64]
+    metrics: NDArray[np.float64]
+    owners: NDArray[np.int64]
+
+
+class Covers(NamedTuple):
+    """Boxes of sets that attract, cover by cover.
+
+    ``corner``, ``widths`` of the first box; ``around``: boxes in the turn of an angle, 0 on the line; ``low``,
+    ``shape`` of the boxes' bounding box, in which they are numbered row-major: sorted, those of cover c are
+    ``keys[begin[c] : begin[c + 1]]``.  In a cover that is ``resting``, an orbit has to rest, but where a box is
+    ``certain``.
+    """
+
+    owners: NDArray[np.int64]
+    corner: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    around: NDArray[np.int64]
+    low: NDArray[np.int64]
+    shape: NDArray[np.int64]
+    begin: NDArray[np.int64]
+    keys: NDArray[np.int64]
+    resting: NDArray[np.bool_]
+    certain: NDArray[np.bool_]
 
 
 @loop
-def capture(points, found, times, now, centres, metrics, owners, turn):
-    """Write into ``found[i]`` the owner of the first ellipsoid that holds row i, and ``now`` into ``times[i]``.
+def ellipsoids_of(points, begin, count, regions, turn, places, distances, found):
+    """Write into ``found[i]`` the owner of the first ellipsoid that holds row ``begin + i``, -1 where there is none.
 
-    Rows that were found before are left as they are.
-
-    Ellipsoid m holds x where (x - c)' M (x - c) <= 1 with centre c and metric M; angles are compared the shorter way
-    round (``turn`` is 0 on the line).
+    Angles are compared the shorter way round (``turn`` is 0 on the line).  ``places`` (2 d, LOOKED_AT) and
+    ``distances`` (LOOKED_AT,) are for work.
     """
-    n, d = points.shape
-    shift = np.empty((d, n))
-    distance = np.empty(n)
-    for m in range(centres.shape[0]):
+    d = points.shape[1]
+    for i in range(count):
+        found[i] = -1
         for j in range(d):
-            centre, circle = centres[m, j], turn[j]
+            places[d + j, i] = points[begin + i, j]
+    for m in range(regions.owners.size):
+        for j in range(d):
+            centre, circle = regions.centres[m, j], turn[j]
             if circle > 0.0:
                 inverse = 1.0 / circle
-                for i in range(n):
-                    s = points[i, j] - centre
-                    shift[j, i] = s - circle * np.floor(s * inverse + 0.5)
+                for i in range(count):
+                    s = places[d + j, i] - centre
+                    places[j, i] = s - circle * np.floor(s * inverse + 0.5)
             else:
-                for i in range(n):
-                    shift[j, i] = points[i, j] - centre
-        distance[:] = 0.0
+                for i in range(count):
+                    places[j, i] = places[d + j, i] - centre
+        for i in range(count):
+            distances[i] = 0.0
         for j in range(d):
-            row = shift[j]
-            diagonal = metrics[m, j, j]
-            for i in range(n):
-                distance[i] += diagonal * row[i] * row[i]
+            diagonal = regions.metrics[m, j, j]
+            for i in range(count):
+                distances[i] += diagonal * places[j, i] * places[j, i]
             for k in range(j):
-                other = shift[k]
-                twice = 2.0 * metrics[m, j, k]
-                for i in range(n):
-                    distance[i] += twice * row[i] * other[i]
-        owner = owners[m]
-        for i in range(n):
-            if distance[i] <= 1.0 and found[i] < 0:
+                twice = 2.0 * regions.metrics[m, j, k]
+                for i in range(count):
+                    distances[i] += twice * places[j, i] * places[k, i]
+        owner = regions.owners[m]
+        for i in range(count):
+            if distances[i] <= 1.0 and found[i] < 0:
                 found[i] = owner
-                times[i] = now
+
+
+@inlined
+def held_by_cover(covers, c, points, r, before, m):
+    """Tell whether row r of points is in a box of a cover, and rests there if it has to; row m is where it was."""
+    key, d = np.int64(0), points.shape[1]
+    for j in range(d):
+        place = np.floor((points[r, j] - covers.corner[c, j]) / covers.widths[c, j])
+        if not abs(place) < np.inf:
+            place = -_FARTHEST
+        box, around = np.int64(min(max(place, -_FARTHEST), _FARTHEST)), covers.around[c, j]
+        if around > 0:
+            box %= around
+        box -= covers.low[c, j]
+        if not 0 <= box < covers.shape[c, j]:
+            return False
+        key = key * covers.shape[c, j] + box
+    first, end = covers.begin[c], covers.begin[c + 1]
+    last = end
+    while first < last:
+        middle = (first + last) // 2
+        if covers.keys[middle] < key:
+            first = middle + 1
+        else:
+            last = middle
+    if first == end or covers.keys[first] != key:
+        return False
+    if not covers.resting[c] or covers.certain[first]:
+        return True
+    rests = True
+    for j in range(d):
+        # A NaN is no place to have been at.
+        rests &= abs(points[r, j] - before[m, j]) <= AT_REST * (1.0 + abs(points[r, j]))
+    return rests

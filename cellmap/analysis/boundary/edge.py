@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..._lib.checks import affordable_number, finite_number, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, state_points, wrap
@@ -179,12 +179,12 @@ def _first_pair(
         raise TypeError(f"inside={inside!r}, outside={outside!r}: give two labels, or two states")
     if isinstance(inside, int | np.integer) and isinstance(outside, int | np.integer):
         side, other = own_label(basins, int(inside), "inside"), int(outside)
-        if other in (side, UNDECIDED):
+        if other in (side, Label.UNDECIDED):
             raise ValueError(f"outside={outside!r}: give the label of what lies beside basin {side}")
         return side, _neighbours(basins, label, side, other, unit)
     pair = np.stack([state_points(n, v, basins.coordinates) for n, v in (("inside", inside), ("outside", outside))])
     ends = label(pair)
-    if ends[0] < 0 or ends[0] == ends[1] or ends[1] == UNDECIDED:
+    if ends[0] < 0 or ends[0] == ends[1] or ends[1] == Label.UNDECIDED:
         raise ValueError(
             f"inside, outside have the labels {ends.tolist()}: give a state in a basin and one that is not in it"
         )
@@ -212,7 +212,7 @@ def _neighbours(
         for beyond in (moved, theirs[nearest[row]]):
             pair = np.stack([mine[row], beyond])
             ends = label(pair)
-            if ends[0] == side and ends[1] not in (side, UNDECIDED):
+            if ends[0] == side and ends[1] not in (side, Label.UNDECIDED):
                 return pair
     raise ValueError(
         f"inside={side}, outside={other}: the map does not confirm the labels; give a larger "
@@ -235,9 +235,9 @@ def _bisected(
         shift = difference(pair[1], pair[0], coordinates)
         places = pair[0] + fractions * shift
         found = label(places)
-        if (found == UNDECIDED).any():
+        if (found == Label.UNDECIDED).any():
             # So close to the boundary that it takes too long: it lies between its neighbours.
-            places, found = places[found != UNDECIDED], found[found != UNDECIDED]
+            places, found = places[found != Label.UNDECIDED], found[found != Label.UNDECIDED]
         if not len(found) or found[0] != side or found[-1] == side:
             raise ValueError(
                 f"narrow={narrow!r}: the two sides of the boundary at {pair[0].tolist()} are not distinguished; "

@@ -13,8 +13,9 @@ from ..._lib.checks import affordable_number, finite_number, random_numbers
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
 from ..._lib.threads import run_over, slices
+from ...attractors.boxes import inside_cover
 from ...attractors.search import check_attractors
-from ...attractors.settling import Catalogue, inside_cover
+from ...attractors.settling import Catalogue
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Orbits

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..._compiled.kernels.boxes import NO_BASIN as NO_BASIN
 from ..._lib.checks import whole_number
-from ...basins.record import LABEL_NAMES, Basins
+from ...attractors.labels import LABEL_NAMES
+from ...basins.record import Basins
 
 _FEW = 64  # labels that are looked for one by one
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..._lib.checks import finite_number, real_array, whole_number
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...basins.final_states import FinalStates, Outcome, final_states
 from ...basins.record import Basins
 from ...maps.grid import CellGrid
@@ -210,9 +210,9 @@ def _count(
 
     def draw(k: int) -> None:
         n = parts[k].stop - parts[k].start
-        labels = states.labels(_pairs(states.region, distance, n, np.random.default_rng((*seed, k)))).reshape(2, n)
+        labels = states.label(_pairs(states.region, distance, n, np.random.default_rng((*seed, k)))).reshape(2, n)
         valid = ((labels >= 0) | np.isin(labels, counted)).all(axis=0)
-        undecided = (labels == UNDECIDED).any(axis=0) & ~valid
+        undecided = (labels == Label.UNDECIDED).any(axis=0) & ~valid
         counts[k] = n, np.count_nonzero(valid & (labels[0] != labels[1])), n - valid.sum(), undecided.sum()
 
     run_over(range(len(parts)), draw)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..._lib.checks import finite_number, whole_number
 from ..._lib.signatures import checked
-from ..._lib.threads import run_over, slices
+from ..._lib.threads import slices
 from ...basins.final_states import FinalStates, Outcome, final_states
 from ...basins.finding import find_basins
 from ...basins.record import Basins
@@ -25,6 +25,7 @@ from .neighbourhoods import neighbourhoods, steps_to_neighbours
 from .wada import NOT, PART, PARTIALLY, WADA
 
 _FEWEST = 50  # boxes on the boundary below which basins are not called Wada
+_CENTRES = 64 * CHUNK  # of boxes that are labelled together
 _CLOSER = 8  # halvings of a segment before it is looked at again
 _SAMPLE = 400  # boxes that are looked at again
 _AGREEING = 0.9  # share of these that have to find all basins again
@@ -224,12 +225,8 @@ def _by_states(states: FinalStates) -> NDArray[np.int64]:
     """Label the centres of all boxes."""
     region = states.region
     axes = [region.axis(j) for j in range(region.dimension)]
-    labels = np.empty(region.size, np.int64)
-
-    def label(part: slice) -> None:
-        labels[part] = states.labels(grid_points(axes, part))
-
-    run_over(slices(region.size, CHUNK), label)
+    parts = slices(region.size, _CENTRES)
+    labels = np.concatenate([states.label(grid_points(axes, part)) for part in parts])
     return labels.reshape(region.shape)
 
 
@@ -252,12 +249,7 @@ class _Look:
 
     def colours(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the number of the basin of each point (n, d), -1 for one without."""
-        labels = np.empty(len(points), np.int64)
-
-        def label(part: slice) -> None:
-            labels[part] = self.states.labels(points[part])
-
-        run_over(slices(len(points), CHUNK), label)
+        labels = self.states.label(points)
         names = np.array(self.names)
         place = np.minimum(np.searchsorted(names, labels), len(names) - 1)
         return np.where(names[place] == labels, place, NO_BASIN)

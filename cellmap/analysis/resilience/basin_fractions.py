@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, of_the_user, random_numbers
 from ..._lib.signatures import checked
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import LABEL_NAMES, Label
 from ...basins.classification import Labeller, labeller
-from ...basins.record import LABEL_NAMES, Basins
+from ...basins.record import Basins
 from ...maps.coordinates import state_points
 from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
@@ -87,7 +87,7 @@ class BasinStability:
     @property
     def undecided(self) -> int:
         """Number of undecided states."""
-        return int(np.count_nonzero(self.labels == UNDECIDED))
+        return int(np.count_nonzero(self.labels == Label.UNDECIDED))
 
 
 @checked
@@ -153,8 +153,9 @@ def basin_stability(
     if distribution is None and isinstance(source, Basins):
         distribution = source.grid
     states = _drawn(distribution, label, number, seed)
-    labels, times = label.settle(states)
-    undecided = int(np.count_nonzero(labels == UNDECIDED))
+    settled = label.settle(states)
+    labels, times = settled.labels, settled.times
+    undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
     present = [code for code in LABEL_NAMES if (labels == code).any()]
     shares = {}
     for k in [*range(len(label.attractors)), *present]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.checks import whole_array, whole_number
 from ..._lib.signatures import checked
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...basins.classification import own_label, places_of, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate
@@ -115,7 +115,7 @@ def local_integrity(
     k = own_label(basins, label)
     unit = scale_of(scale, basins.coordinates, span_of(basins))
     labels = basins.labels.ravel()
-    outside = (labels != k) & (labels != UNDECIDED)
+    outside = (labels != k) & (labels != Label.UNDECIDED)
     if not outside.any():
         raise ValueError(
             f"basins: no initial condition has another label than {k}; take a larger window, or a finer grid"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..._lib.checks import finite_number
 from ..._lib.signatures import checked
-from ...attractors.settling import UNDECIDED
-from ...basins.record import LABEL_NAMES, Basins
+from ...attractors.labels import LABEL_NAMES, Label
+from ...basins.record import Basins
 from ...orbits.attractor import distinct_names
 from .basin_fractions import BasinStability
 
@@ -77,7 +77,7 @@ class SettlingStatistics:
     @property
     def undecided(self) -> int:
         """Number of initial conditions that had not settled at the end."""
-        return self.others[LABEL_NAMES[UNDECIDED]]
+        return self.others[LABEL_NAMES[Label.UNDECIDED]]
 
 
 @checked

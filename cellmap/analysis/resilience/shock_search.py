@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...basins.classification import places_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, turns_of, wrap
@@ -56,7 +56,7 @@ def candidates_of(
 ) -> list[tuple[int, NDArray[np.float64]]]:
     """Return an attractor's points with shocks to initial conditions outside the basin, in different directions."""
     labels = basins.labels.ravel()
-    outside = places_of(basins)[(labels != k) & (labels != UNDECIDED)]
+    outside = places_of(basins)[(labels != k) & (labels != Label.UNDECIDED)]
     if not len(outside):
         raise ValueError(
             f"basins: no initial condition has another label than {k}; take a larger window, or a finer grid"

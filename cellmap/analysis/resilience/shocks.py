@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, listed, random_numbers, shown, whole_number
 from ..._lib.signatures import checked
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...basins.classification import labeller, own_label, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, state_points, wrap
@@ -161,8 +161,8 @@ def minimal_fatal_shock(
             full = np.zeros((len(shocks), d))
             full[:, free] = shocks * unit[free]
             found = labels_of(origin + full)
-            tally.append(int(np.count_nonzero(found == UNDECIDED)))
-            return np.asarray((found != k) & (found != UNDECIDED))
+            tally.append(int(np.count_nonzero(found == Label.UNDECIDED)))
+            return np.asarray((found != k) & (found != Label.UNDECIDED))
 
         return fatal
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import finite_number, one_of, whole_array
 from ..._lib.signatures import checked
+from ...attractors.labels import LABEL_NAMES
 from ...attractors.matching import match_attractors
 from ...basins.classification import labeller, places_of, span_of
-from ...basins.record import LABEL_NAMES, Basins
+from ...basins.record import Basins
 from ...maps.point_map import PointMap
 from ...orbits.attractor import distinct_names
 

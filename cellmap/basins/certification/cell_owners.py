@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._compiled.kernels.capture import Regions
 from ..._compiled.kernels.certainty import NONE, claim_within, reach_ends
 from ..._lib.threads import slices
-from ...attractors.settling import ESCAPED, Catalogue, settle
+from ...attractors.labels import Label
+from ...attractors.settling import Catalogue, settle
 from ...maps.coordinates import from_edge, wrap
 from ...maps.grid import CellGrid, Locator, grid_points
 from ...maps.orbit_batch import CHUNK, Orbits, Status
@@ -44,7 +46,7 @@ class Setting:
     exact: PointMap
     escapes: bool
     place: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
-    neighbourhoods: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
+    neighbourhoods: Regions
     overhangs: NDArray[np.int64]
 
     @classmethod
@@ -63,7 +65,7 @@ class Setting:
             exact=exact_within(point_map),
             escapes=point_map.escapes,
             place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
-            neighbourhoods=(catalogue.centres, catalogue.metrics, catalogue.owners),
+            neighbourhoods=catalogue.regions,
             overhangs=_overhangs(grid, catalogue),
         )
 
@@ -105,10 +107,10 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArra
     first, last, known = _boxes_of_images(setting, errors, held)
     ends = np.where(held == NONE, _ends_within(setting, late), _bit(held))
     ends[~known & (held == NONE)] |= _UNKNOWN
-    beyond = int(_bit(ESCAPED)) if setting.escapes else _UNKNOWN
+    beyond = int(_bit(Label.ESCAPED)) if setting.escapes else _UNKNOWN
     reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
     owners = np.full(setting.grid.size, NONE, np.int16)
-    for number in range(ESCAPED, setting.attractors):
+    for number in range(Label.ESCAPED, setting.attractors):
         if _bit(number) != _UNKNOWN:
             owners[ends == _bit(number)] = number
     return owners
@@ -123,7 +125,7 @@ def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArr
     ends = np.zeros(setting.grid.size, np.int64)
     for number, cover, _ in setting.catalogue.covers:
         ends[_cells_on(setting, cover)] |= _bit(number)
-    for centre, number in zip(setting.catalogue.centres, setting.catalogue.owners, strict=True):
+    for centre, number in zip(setting.catalogue.regions.centres, setting.catalogue.regions.owners, strict=True):
         ends[setting.cells_of(centre + setting.grid.widths * _around(setting.grid.dimension, SMALLEST))] |= _bit(number)
     for points in late:
         ends[setting.cells_of(points)] |= _UNKNOWN
@@ -140,8 +142,8 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
 
     An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
     """
-    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.metrics)))
-    corners = [catalogue.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
+    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.regions.metrics)))
+    corners = [catalogue.regions.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
     sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
     low = from_edge(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
     high = low + np.concatenate(sizes)
@@ -192,7 +194,7 @@ def _sampled(
     low, high = images.min(axis=1), images.max(axis=1)
     starts = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
     labels = settle(setting.exact, starts, setting.catalogue, 1).labels.reshape(len(cells), -1)
-    agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= ESCAPED)
+    agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
     # Between the samples an image may reach as far again as from one sample to the next.
     reach = (0.5 + 0.25) * (high - low) + errors.tolerances[cells, None]
     return 0.5 * (low + high), reach, np.where(agreed, labels[:, 0], NONE).astype(np.int16)

@@ -8,9 +8,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ...attractors.settling import UNDECIDED
+from ...attractors.labels import Label
 from ...maps.orbit_batch import Cost
-from ..record import Basins, Verification
+from ..record import Basins
+from ..verification import Verification
 
 
 class Evidence(IntEnum):
@@ -67,7 +68,7 @@ class Certificate:
     @property
     def undecided(self) -> int:
         """Number of initial conditions that are undecided by the exact map within the periods allowed."""
-        return int(np.count_nonzero(self.basins.labels == UNDECIDED))
+        return int(np.count_nonzero(self.basins.labels == Label.UNDECIDED))
 
     def __repr__(self) -> str:
         total = self.evidence.size

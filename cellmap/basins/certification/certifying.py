@@ -13,12 +13,15 @@ from ..._compiled.kernels.certainty import NONE, carry_rows, judge, widening
 from ..._lib.checks import affordable_number, claim_memory, finite_number, random_numbers
 from ..._lib.signatures import checked
 from ..._lib.threads import run_over, slices
-from ...attractors.settling import ESCAPED, UNDECIDED, inside_cover, settle
+from ...attractors.boxes import inside_cover
+from ...attractors.labels import Label
+from ...attractors.settling import classify, settle
 from ...maps.coordinates import wrap
 from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from ...maps.point_map import PointMap
 from ..initial_conditions import Starts
-from ..record import Basins, Verification
+from ..record import Basins
+from ..verification import Verification
 from .cell_owners import SMALLEST, Setting, owners_of_cells
 from .certificate import Certificate, Evidence
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
@@ -110,7 +113,7 @@ def certify(
     )
     bounds = TableErrors.of(point_map, safety, progress)
     search = Search(basins, progress)
-    search.among(np.flatnonzero(basins.labels.ravel() == UNDECIDED))
+    search.among(np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED))
     run = _Run(search, bounds, NOTHING)
     checked = run.certify(audit, seed)
     for again in range(1, _SEARCHES):
@@ -130,7 +133,7 @@ def certify(
         redone=run.redone,
         changed=int(np.count_nonzero(run.labels != search.before(basins).ravel())),
         audit=checked,
-        wrong=(kept * checked.low, kept * checked.high + np.count_nonzero(run.labels == UNDECIDED) / total),
+        wrong=(kept * checked.low, kept * checked.high + np.count_nonzero(run.labels == Label.UNDECIDED) / total),
         cost=Cost(
             seconds=time.perf_counter() - began,
             steps=run.tally.steps + search.tally.steps,
@@ -143,7 +146,7 @@ def certify(
 def _slow(basins: Basins) -> NDArray[np.bool_]:
     """Tell which starts come to no end with half of the periods to spare: another map may take longer than allowed."""
     late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
-    return np.asarray(late | (basins.labels.ravel() == UNDECIDED))
+    return np.asarray(late | (basins.labels.ravel() == Label.UNDECIDED))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +193,8 @@ class _Run:
         kept = np.flatnonzero(self.evidence <= Evidence.ORBIT)
         drawn = random_numbers(seed).choice(kept, audit) if len(kept) else kept
         direct = self._direct_labels(drawn)
-        undecided = self.labels == UNDECIDED
-        undecided[drawn[direct == UNDECIDED]] = True
+        undecided = self.labels == Label.UNDECIDED
+        undecided[drawn[direct == Label.UNDECIDED]] = True
         self.undecided = np.flatnonzero(undecided)
         return Verification.of(int(np.count_nonzero(direct != self.labels[drawn])), len(drawn))
 
@@ -243,11 +246,11 @@ class _Run:
         for k in range(self.periods + 1):
             found = np.empty(len(rows), np.int64)
             judge(
-                orbits.points, spread, self.owners, setting.place, setting.escapes, ESCAPED, setting.overhangs,
+                orbits.points, spread, self.owners, setting.place, setting.escapes, Label.ESCAPED, setting.overhangs,
                 setting.neighbourhoods, setting.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)
-            held = pending & (found >= ESCAPED)
+            held = pending & (found >= Label.ESCAPED)
             changed = held & (found != self.labels[rows])
             self.labels[rows[changed]], self.times[rows[changed]] = found[changed], k
             self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
@@ -301,15 +304,8 @@ class _Run:
         spread[rest] = wider
 
     def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
-        labels = np.empty(len(rows), np.int16)
-        parts = slices(len(rows), CHUNK // 8)
-        tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
-
-        def label(number: int) -> None:
-            starts = self.starts.wrapped(rows[parts[number]], self.setting.exact)
-            settled = settle(self.setting.exact, Orbits.starting(starts), self.setting.catalogue, self.periods)
-            labels[parts[number]], tallies[number] = settled.labels, settled.tally
-
-        run_over(range(len(parts)), label, f"integrating {self.name}" if self.progress else None)
-        self.tally = self.tally.plus(tallies.sum(axis=0))
-        return labels
+        setting, bar = self.setting, f"integrating {self.name}" if self.progress else None
+        starts = self.starts.points(rows)
+        found = classify(setting.exact, setting.catalogue, starts, self.periods, size=CHUNK // 8, progress=bar)
+        self.tally = self.tally.plus(found.tally)
+        return found.labels

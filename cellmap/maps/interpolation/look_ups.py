@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.codegen.lookup import lookup_kernel
+from ..._compiled.codegen.lookup import addresses_of, lookup_kernel
 from ..._compiled.codegen.spline_basis import WIDTH
+from ..._compiled.kernels.labelling import Step, Table
 from ..cell_table import CellTable
+from ..compiled_advance import UNKNOWN_STEP, CompiledAdvance
 from ..coordinates import turns_of
 from ..grid import CellGrid
 from ..orbit_batch import Orbits, Status
@@ -17,7 +19,7 @@ from ..point_map import PointMap
 from .spline_coefficients import padded
 
 
-class LookUps:
+class LookUps(CompiledAdvance):
     """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
 
     `coefficients` are those of the first table, in the memory that all of them share.
@@ -49,6 +51,30 @@ class LookUps:
             lower,
             turn,
         )
+
+    @property
+    def step(self) -> Step:
+        """Look-ups, and the steps of the exact map where that is compiled."""
+        exact = self._exact.advance
+        addresses, levels = addresses_of(self._description)
+        _, _, origin, inverse, cells, circle, _, lower, turn = self._description
+        table = Table(
+            function=self._look_up.address,
+            arrays=np.array(addresses, np.int64),
+            levels=levels,
+            escapes=int(not self._integrate),
+            origin=origin,
+            inverse=inverse,
+            cells=cells.astype(float),
+            circle=circle,
+        )
+        of_exact = exact.step if isinstance(exact, CompiledAdvance) else UNKNOWN_STEP
+        return of_exact._replace(table=table, lower=lower, turn=turn)
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the right-hand side in a step of the exact map."""
+        return self._exact.advance.stages if isinstance(self._exact.advance, CompiledAdvance) else 1
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
         """Move a batch on, in place."""

@@ -1,0 +1,322 @@
+"""Labels of a batch of orbits in one call: iterated until each is in a region of an attractor, has ended, or is late.
+
+Orbits are worked on in a pool of rows, compact at all times; each has its own clock.  A table moves all rows of the
+pool; those that it does not serve wait until they fill blocks of the exact map.  How an orbit moves does not depend on
+the others, and neither do label, time, and state, which are written by the number of the orbit.
+
+A map that no compiled loop can call is asked for: the loop returns, and is called again when the rows have been moved.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..loops import inlined, loop
+from .calls import call_look_up
+from .capture import LOOKED_AT, ellipsoids_of, held_by_cover
+from .periods import ESCAPED, INACCURATE, Motion, integrate, iterate
+
+FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
+"""Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
+
+ACTIVE, WAITING, BEGUN, MOVED, LOOKED, SPENT, PERIODS, APPLIED, LOOK_UPS, MISSED = range(10)
+"""Places in the counts: rows in the pool and waiting, orbits begun, whether the waiting rows have been moved, whether
+the pool has been looked at; orbits moved by exact maps since the last return; periods, steps of the integrator or
+applications, look-ups, and orbits that are inaccurate."""
+COUNTS = 10
+
+POOL = 2048
+"""Rows of a table that are moved together: they and much of the table stay in the cache."""
+
+FULL = 512
+"""Waiting rows that are handed to the exact map: enough to fill its blocks at each number of steps."""
+
+NOT_COMPILED, FLOW, DISCRETE = 0, 1, 2
+
+
+class Table(NamedTuple):
+    """Look-ups of an interpolated map, by the address of their function; 0 for none.
+
+    ``arrays``: addresses of the arrays that the function takes; ``levels``: numbers of cells with a reach, 0 for one
+    table everywhere; ``escapes``: whether orbits end outside.  The rest tells where outside is.
+    """
+
+    function: int
+    arrays: NDArray[np.int64]
+    levels: int
+    escapes: int
+    origin: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    cells: NDArray[np.float64]
+    circle: NDArray[np.float64]
+
+
+class Discrete(NamedTuple):
+    """A discrete map, as :func:`iterate` takes it."""
+
+    function: int
+    context: NDArray[np.int64]
+    parameters: NDArray[np.float64]
+    bound: float
+
+
+class Step(NamedTuple):
+    """How orbits make a period: with a table or without, and by the exact map of some kind."""
+
+    table: Table
+    kind: int
+    motion: Motion
+    discrete: Discrete
+    lower: NDArray[np.float64]
+    turn: NDArray[np.float64]
+
+
+class Limits(NamedTuple):
+    """When orbits are looked at: from the age that all have in the beginning to that at the end.
+
+    ``stride``: periods from one look to the next; ``residence``: periods in a cover that make a resident;
+    ``patience``: periods of the exact map after which the loop returns for a moment.
+    """
+
+    age: int
+    end: int
+    stride: int
+    residence: int
+    patience: int
+
+
+class Rows(NamedTuple):
+    """Rows of the pool: states, periods left until the next look, the age at it, and the number of the orbit."""
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    left: NDArray[np.int64]
+    age: NDArray[np.int64]
+    member: NDArray[np.int64]
+
+
+class Outcome(NamedTuple):
+    """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
+
+    ``points``, ``turns``, ``status`` are the orbits' states, in the beginning and at the end; ``residence`` counts for
+    each cover the periods inside; ``told`` is the number of a final state in which an orbit is
+    said to be, -1 for none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
+    """
+
+    points: NDArray[np.float64]
+    turns: NDArray[np.int64]
+    status: NDArray[np.uint8]
+    labels: NDArray[np.int64]
+    times: NDArray[np.int32]
+    since: NDArray[np.int64]
+    before: NDArray[np.float64]
+    residence: NDArray[np.int64]
+    told: NDArray[np.int64]
+    labels_of: NDArray[np.int64]
+
+
+class Scratch(NamedTuple):
+    """Work arrays of a look at some rows."""
+
+    places: NDArray[np.float64]
+    distances: NDArray[np.float64]
+    found: NDArray[np.int64]
+    holes: NDArray[np.int64]
+    made: NDArray[np.int64]
+
+
+@loop
+def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts):
+    """Label orbits within some limits; return why the loop stops."""
+    while True:
+        if counts[MOVED] > 0:
+            _return_waiting(pool, waiting, counts)
+        if counts[LOOKED] == 0:
+            _fill(outcome, pool, counts, limits.age)
+            _look(step.table, step.turn, regions, covers, limits, outcome, pool, waiting, scratch, counts)
+        counts[LOOKED] = 0
+        active, waits = counts[ACTIVE], counts[WAITING]
+        if active + waits == 0:
+            if counts[BEGUN] == outcome.labels.size:
+                return FINISHED
+            continue
+        if counts[SPENT] > limits.patience:
+            counts[SPENT], counts[LOOKED] = 0, 1
+            return INTERRUPTED
+        if step.table.function == 0:
+            rows, moving, periods = pool, active, pool.left[0]  # those of all rows
+            for i in range(active):
+                pool.left[i] = 0
+        else:
+            if active > 0:
+                arrays = step.table.arrays
+                call_look_up(
+                    step.table.function, pool.points, pool.turns, pool.left, arrays[0], arrays[1], arrays[2],
+                    arrays[3], arrays[4], arrays[5], arrays[6], arrays[7], arrays[8], active, step.table.levels,
+                    scratch.made,
+                )  # fmt: skip
+                counts[LOOK_UPS] += scratch.made[0]
+                counts[SPENT] += 1 + active // 64
+            if waits == 0 or (waits < FULL and active > 0):
+                continue
+            rows, moving, periods = waiting, waits, np.int64(1)
+            counts[MOVED] = 1
+        counts[SPENT] += moving * periods
+        if step.kind == NOT_COMPILED:
+            scratch.made[0] = periods
+            return ASKS_FOR_WAITING if step.table.function != 0 else ASKS_FOR_POOL
+        points, turns, status = rows.points[:moving], rows.turns[:moving], rows.status[:moving]
+        if step.kind == FLOW:
+            made = integrate(step.motion, points, turns, status, step.lower, step.turn, periods)
+        else:
+            d = step.discrete
+            made = iterate(
+                d.function, d.context, d.parameters, d.bound, points, turns, status, step.lower, step.turn, periods
+            )
+        counts[APPLIED] += made
+
+
+@inlined
+def _copy(rows, i, others, k):
+    for j in range(rows.points.shape[1]):
+        others.points[k, j] = rows.points[i, j]
+        others.turns[k, j] = rows.turns[i, j]
+    others.status[k] = rows.status[i]
+    others.left[k] = rows.left[i]
+    others.age[k] = rows.age[i]
+    others.member[k] = rows.member[i]
+
+
+@loop
+def _return_waiting(pool, waiting, counts):
+    """Put rows that the exact map has moved back into the pool; a negative number of periods left goes on at once."""
+    active = counts[ACTIVE]
+    for i in range(counts[WAITING]):
+        _copy(waiting, i, pool, active)
+        pool.left[active] = 0 if waiting.status[i] >= ESCAPED else 1 - waiting.left[i]
+        active += 1
+    counts[ACTIVE], counts[WAITING], counts[MOVED] = active, 0, 0
+
+
+@loop
+def _fill(outcome, pool, counts, age):
+    """Begin with further orbits where there is room."""
+    active, begun = counts[ACTIVE], counts[BEGUN]
+    most = min(outcome.labels.size - begun, pool.left.size - active - counts[WAITING])
+    for _ in range(most):
+        for j in range(pool.points.shape[1]):
+            pool.points[active, j] = outcome.points[begun, j]
+            pool.turns[active, j] = outcome.turns[begun, j]
+        pool.status[active] = outcome.status[begun]
+        pool.left[active], pool.age[active], pool.member[active] = 0, age, begun
+        active += 1
+        begun += 1
+    counts[ACTIVE], counts[BEGUN] = active, begun
+
+
+@loop
+def _look(table, turn, regions, covers, limits, outcome, pool, waiting, scratch, counts):
+    """Find the rows that have settled or ended, and those that the table does not serve; the others go on."""
+    rows, holes, found, made = counts[ACTIVE], 0, scratch.found, 0
+    age, end, stride = limits.age, limits.end, limits.stride
+    by_region_alone = covers.owners.size == 0 and stride == 1 and outcome.told.size == 0
+    # Where nothing captures orbits, all that can happen is that they end, and ended ones stay so.
+    grows = regions.owners.size + covers.owners.size == 0
+    for begin in range(0, rows, LOOKED_AT):
+        some = min(LOOKED_AT, rows - begin)
+        ellipsoids_of(pool.points, begin, some, regions, turn, scratch.places, scratch.distances, found)
+        for i in range(some):
+            r = begin + i
+            k = pool.age[r]
+            # Nearly always nothing has happened.
+            if not (by_region_alone and found[i] < 0 and pool.left[r] == 0 and pool.status[r] < ESCAPED and k < end):
+                if pool.left[r] != 0 and pool.status[r] < ESCAPED:
+                    if pool.left[r] < 0:
+                        pool.left[r] = -pool.left[r]
+                        continue
+                    if not (table.escapes and _is_outside(table, pool.points, r)):
+                        _copy(pool, r, waiting, counts[WAITING])
+                        counts[WAITING] += 1
+                        scratch.holes[holes] = r
+                        holes += 1
+                        continue
+                    pool.status[r] = ESCAPED
+                    found[i] = -1
+                    for j in range(pool.points.shape[1]):
+                        pool.points[r, j] = np.nan
+                if _ends(covers, limits, outcome, pool, r, found[i]):
+                    counts[MISSED] += pool.status[r] == INACCURATE
+                    scratch.holes[holes] = r
+                    holes += 1
+                    continue
+                if not by_region_alone:
+                    outcome.since[pool.member[r]] = k
+                    for j in range(pool.points.shape[1]):
+                        outcome.before[pool.member[r], j] = pool.points[r, j]
+            periods = min(stride, end - k, max(k - age, 1) if grows else stride)
+            pool.left[r], pool.age[r] = periods, k + periods
+            made += periods
+    counts[PERIODS] += made
+    counts[ACTIVE] = _compact(pool, rows, scratch.holes, holes)
+
+
+@inlined
+def _ends(covers, limits, outcome, pool, r, owner):
+    """Tell whether a row is through; if so write what has become of its orbit."""
+    m, k, ended = pool.member[r], pool.age[r], pool.status[r] >= ESCAPED
+    when = k
+    if owner < 0 and outcome.told.size > 0:
+        owner = outcome.told[m]
+    for c in range(covers.owners.size):
+        inside = held_by_cover(covers, c, pool.points, r, outcome.before, m)
+        if covers.resting[c]:
+            if inside and owner < 0:
+                owner = covers.owners[c]
+            continue
+        outcome.residence[c, m] = outcome.residence[c, m] + 1 if inside else 0
+        if owner < 0 and outcome.residence[c, m] >= limits.residence:
+            owner, when = covers.owners[c], max(k - limits.residence + 1, 0)
+    if owner < 0 and not ended and k < limits.end:
+        return False
+    if owner >= 0:
+        outcome.labels[m], outcome.times[m] = owner, when
+    elif ended:
+        outcome.labels[m] = outcome.labels_of[pool.status[r]]
+    for j in range(pool.points.shape[1]):
+        outcome.points[m, j] = pool.points[r, j]
+        outcome.turns[m, j] = pool.turns[r, j]
+    outcome.status[m] = pool.status[r]
+    return True
+
+
+@inlined
+def _compact(pool, rows, holes, count):
+    """Move the last rows into those that have become free; return how many rows there are."""
+    last = count
+    for h in range(count):
+        while last > h and holes[last - 1] == rows - 1:
+            last -= 1
+            rows -= 1
+        if last == h:
+            break
+        rows -= 1
+        _copy(pool, rows, pool, holes[h])
+    return rows
+
+
+@inlined
+def _is_outside(table, points, r):
+    """Tell whether a row is outside the window of the table, as the look-up does."""
+    for j in range(points.shape[1]):
+        place, circle = (points[r, j] - table.origin[j]) * table.inverse[j], table.circle[j]
+        if circle > 0.0:
+            place -= circle * np.floor(place / circle)
+            if not 0.0 <= place < circle:
+                place = 0.0
+        if not 0.0 <= place <= table.cells[j]:
+            return True
+    return False

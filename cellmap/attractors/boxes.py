@@ -1,0 +1,58 @@
+"""Boxes of covers: whole-number places that wrap along angles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import turns_of
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Cover
+
+
+def inside_cover(
+    cover: Cover, points: NDArray[np.float64], point_map: PointMap, keys: NDArray[np.int64] | None = None
+) -> NDArray[np.bool_]:
+    """Tell which points lie in the boxes of a cover; its sorted keys may be given."""
+    known = box_keys(cover.boxes, cover.corners) if keys is None else keys
+    places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
+    place = np.minimum(np.searchsorted(known, places), len(known) - 1)
+    return np.asarray(known[place] == places)
+
+
+def boxes_of(
+    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
+) -> NDArray[np.int64]:
+    """Return whole-number places of boxes; along an angle they wrap."""
+    turn = turns_of(point_map.coordinates)[1]
+    with np.errstate(invalid="ignore"):
+        places = np.floor((points - lower) / widths)
+    places = np.where(np.isfinite(places), np.clip(places, -(2.0**40), 2.0**40), -(2.0**40)).astype(np.int64)
+    return wrapped_boxes(places, boxes_around(widths, turn))
+
+
+def boxes_around(widths: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return how many boxes make the turn of each angle; 0 for other coordinates."""
+    return np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0).astype(np.int64)
+
+
+def wrapped_boxes(places: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bring places of boxes along an angle into its turn."""
+    return np.where(around > 0, places % np.maximum(around, 1), places)
+
+
+def moved_boxes(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return all boxes that lie some steps away from others, each once, sorted."""
+    moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
+    return np.unique(wrapped_boxes(moved, around), axis=0)
+
+
+def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number boxes row-major in the bounding box of the reference; -1 outside of it."""
+    low, high = reference.min(axis=0), reference.max(axis=0)
+    shape = high - low + 1
+    inside = ((boxes >= low) & (boxes <= high)).all(axis=-1)
+    keys = np.zeros(len(boxes), np.int64)
+    for j in range(boxes.shape[1]):
+        keys = keys * shape[j] + np.where(inside, boxes[:, j] - low[j], 0)
+    return np.where(inside, keys, -1)

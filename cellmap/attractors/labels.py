@@ -1,0 +1,37 @@
+"""Labels of initial conditions that belong to no attractor."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..maps.orbit_batch import Status
+
+
+class Label(IntEnum):
+    """Label of an initial condition without attractor; attractors have the labels 0, 1, ...."""
+
+    ESCAPED = -1
+    """The orbit left the window of an interpolated map."""
+    DIVERGED = -2
+    """It grew beyond all bounds, or the map has no image of one of its points."""
+    UNDECIDED = -3
+    """It has not settled within the periods that were allowed."""
+    NO_RETURN = -4
+    """It did not return to the Poincaré section."""
+
+
+LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower() for k in Label}
+"""Names of the labels that are not attractors."""
+
+LABELS_OF = np.full(max(Status) + 1, Label.UNDECIDED, np.int64)
+"""Labels of orbits that have come to no attractor, by their status."""
+for _name in ("ESCAPED", "DIVERGED", "NO_RETURN"):
+    LABELS_OF[Status[_name]] = Label[_name]
+
+
+def label_of(status: ArrayLike) -> NDArray[np.int64]:
+    """Return the labels of orbits that have come to no attractor, by how each stands: a :class:`Status`."""
+    return np.asarray(LABELS_OF[np.asarray(status)])

@@ -1,0 +1,108 @@
+"""Comparison of labels with those of the exact map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.binomial import binomial_interval
+from .._lib.checks import random_numbers
+from .._lib.threads import run_over, slices
+from ..attractors.labels import Label
+from ..attractors.settling import Catalogue, settle
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .initial_conditions import Starts
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Agreement of labels with exact integration.
+
+    Parameters
+    ----------
+    starts : int
+        Random initial conditions that were compared.
+    wrong : int
+        Initial conditions whose label differs.
+    share : float
+        ``wrong / starts``.
+    low, high : float
+        95 % confidence interval of that fraction (Wilson 1927), of all initial conditions drawn but the excluded ones:
+        from none of the undecided being wrong to all of them.
+    excluded : int
+        Initial conditions drawn whose orbits escaped, so that there is nothing to compare.
+    undecided : int
+        Initial conditions drawn that are undecided, also with the exact map: neither right nor wrong, and not in
+        `starts`.
+    """
+
+    starts: int
+    wrong: int
+    share: float
+    low: float
+    high: float
+    excluded: int
+    undecided: int = 0
+
+    @classmethod
+    def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
+        """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
+        (low, _), (_, high) = np.transpose(
+            binomial_interval([wrong, wrong + undecided], starts + undecided, method="Wilson")
+        ).tolist()
+        return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
+
+
+def verified(
+    exact: PointMap,
+    attractors: Sequence[Attractor],
+    starts: Starts,
+    labels: NDArray[np.int16],
+    max_periods: int,
+    n: int,
+    seed: int,
+) -> Verification:
+    """Compare labels (of all `starts`, flat) of `n` random ones with those of an exact map."""
+    drawn = random_numbers(seed).integers(0, labels.size, n)
+    drawn = drawn[labels[drawn] != Label.ESCAPED]
+    given, points = labels[drawn], starts.wrapped(drawn, exact)
+    # Far inside the neighbourhoods, so that these are not taken on trust.
+    catalogue = Catalogue.of(attractors, exact)
+    close = catalogue.shrunk(0.01)
+    found = np.empty(len(drawn), np.int16)
+    # Neighbourhoods of a cycle are not all of one size, and in a round an orbit visits each.
+    round_ = max((a.period for a in attractors), default=1)
+
+    def label(part: slice) -> None:
+        orbits = Orbits.starting(points[part].copy())
+        half = max_periods // 2
+        early = settle(exact, orbits, close, half)
+        found[part] = early.labels
+        before = _closest(exact, early.orbits, catalogue, round_)
+        late = settle(exact, early.orbits, close, max_periods - half, half)
+        # One that converges slowly is still on its way; one at rest elsewhere is not.
+        slow = late.undecided
+        nearer = _closest(exact, late.orbits, catalogue, round_) < before[slow] * (1.0 - 1e-9)
+        owners = settle(exact, late.orbits, catalogue, round_).labels
+        late.labels[slow] = np.where((owners >= 0) & nearer, owners, Label.UNDECIDED)
+        found[part.start + early.undecided] = late.labels
+
+    run_over(slices(len(drawn), CHUNK // 8), label)
+    wrong = int(np.count_nonzero(found != given))
+    undecided = int(np.count_nonzero((found == Label.UNDECIDED) & (given == Label.UNDECIDED)))
+    return Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided)
+
+
+def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:
+    """Return how close orbits come to attractors within some periods, in radii of their neighbourhoods."""
+    moving = Orbits.starting(orbits.points.copy())
+    closest = catalogue.distances_of(moving.points)
+    for _ in range(periods - 1):
+        exact.advance(moving, 1)
+        closest = np.fmin(closest, catalogue.distances_of(moving.points))
+    return closest
