@@ -5,12 +5,18 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from typing import Any
+from itertools import islice
+from typing import Any, TypeVar
 
 from .checks import whole_number
 from .signatures import checked
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_AHEAD = 4  # tasks for each thread that are under way, or done and not taken yet
 
 _count: int | None = None
 
@@ -74,6 +80,24 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
                     raise error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterator[tuple[Task, Result]]:
+    """Yield ``task, work(task)`` for every task as it is completed, on all threads; few results wait to be taken."""
+    threads = thread_count()
+    if threads == 1 or len(tasks) == 1:
+        for task in tasks:
+            yield task, work(task)
+        return
+    pool, rest = ThreadPoolExecutor(threads), iter(tasks)
+    try:
+        under_way = {pool.submit(work, task): task for task in islice(rest, _AHEAD * threads)}
+        while under_way:
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                yield under_way.pop(future), future.result()
+                under_way |= {pool.submit(work, task): task for task in islice(rest, 1)}
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 from .checks import warn_caller
-from .threads import progress_bar, run_over
+from .threads import progress_bar, results_of
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -26,26 +26,23 @@ _GIVEN_UP = 600.0  # and after which the call ends
 _KEPT_WORK = 4  # pieces of work that a worker keeps unpacked
 
 
-def run_tiles(
+def completed(
     numbers: Sequence[int],
     task: Callable[[int], Task],
     work: Callable[[Task], Result],
-    deliver: Callable[[int, Result], None],
     client: Any = None,
     progress: str | None = None,
-) -> None:
-    """Do the tiles of some numbers: ``deliver(number, work(task(number)))`` for each.
+) -> Iterator[tuple[int, Result]]:
+    """Do the tiles of some numbers, and yield ``number, work(task(number))`` for each as it is completed.
 
     Parameters
     ----------
     numbers : sequence of int
         Tiles to do.
     task : callable
-        What a tile begins from; called here, when its turn comes.
+        What a tile begins from; called when its turn comes, without a client from several threads at once.
     work : callable
         What is done to it: pure, and picklable where there is a client.  A tile that is lost is done again.
-    deliver : callable
-        What becomes of the result; called here, without a client from several threads at once.
     client : distributed.Client, optional
         Cluster that works; by default the threads of this process do.
     progress : str, optional
@@ -56,10 +53,14 @@ def run_tiles(
     TimeoutError
         Where the cluster has no workers for ten minutes.
     """
-    if client is None:
-        run_over(numbers, lambda number: deliver(number, work(task(number))), progress)
-    elif len(numbers):
-        _run_on_cluster(numbers, task, work, deliver, client, progress)
+    with progress_bar(len(numbers), progress) as advance:
+        if client is None:
+            results = results_of(numbers, lambda number: work(task(number)))
+        else:
+            results = _results_of_cluster(numbers, task, work, client)
+        for number, result in results:
+            yield number, result
+            advance(1)
 
 
 def check_client(client: Any) -> None:
@@ -76,15 +77,12 @@ def check_client(client: Any) -> None:
         raise TypeError(f"client={client!r}: give a distributed.Client that is not asynchronous")
 
 
-def _run_on_cluster(
-    numbers: Sequence[int],
-    task: Callable[[int], Any],
-    work: Callable[[Any], Any],
-    deliver: Callable[[int, Any], None],
-    client: Any,
-    progress: str | None,
-) -> None:
+def _results_of_cluster(
+    numbers: Sequence[int], task: Callable[[int], Any], work: Callable[[Any], Any], client: Any
+) -> Iterator[tuple[int, Any]]:
     """Keep all threads of a cluster busy, and no more than that under way; Dask repeats what a lost worker had."""
+    if not len(numbers):
+        return
     import dask
     from distributed import as_completed
 
@@ -102,20 +100,17 @@ def _run_on_cluster(
         def next_ones(wanted: int) -> list[Any]:
             return [begin(group) for _, group in zip(range(wanted), groups, strict=False)]
 
-        with progress_bar(len(numbers), progress) as advance:
-            try:
-                under_way: Any = as_completed(next_ones(_UNDER_WAY * _threads(client)))
-                waited = _Waiting(client)
-                for future in _completed(under_way, waited):
-                    results = waited.result(future)
-                    _, group = members.pop(future.key)
-                    for number, result in zip(group, results, strict=True):
-                        deliver(number, result)
-                    advance(len(group))
-                    # Workers come and go.
-                    under_way.update(next_ones(_UNDER_WAY * _threads(client) - len(members)))
-            finally:
-                client.cancel([future for future, _ in members.values()])
+        try:
+            under_way: Any = as_completed(next_ones(_UNDER_WAY * _threads(client)))
+            waited = _Waiting(client)
+            for future in _completed(under_way, waited):
+                results = waited.result(future)
+                _, group = members.pop(future.key)
+                yield from zip(group, results, strict=True)
+                # Workers come and go.
+                under_way.update(next_ones(_UNDER_WAY * _threads(client) - len(members)))
+        finally:
+            client.cancel([future for future, _ in members.values()])
 
 
 def _completed(under_way: Any, waited: _Waiting) -> Iterator[Any]:

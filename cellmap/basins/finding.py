@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,9 @@ from .._lib.checks import claim_disk, claim_memory, warn_caller, whole_number
 from .._lib.files import as_target, locked
 from .._lib.signatures import checked
 from .._lib.threads import slices
-from .._lib.tiles import check_client, run_tiles
+from .._lib.tiles import check_client, completed
 from ..attractors.chaos import chaotic_attractors, examine
-from ..attractors.labels import Label
+from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import Examined, check_attractors, longest_period, region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Reason
@@ -28,10 +27,11 @@ from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import CHUNK, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
-from ..orbits.attractor import Attractor
+from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import Rows, Starts
+from .label_store import InMemory, LabelStore
 from .label_tiles import Batch, Labelling
-from .passes import Kept, Pass, in_use
+from .progress import Progress
 from .record import HELD, Basins, basins_disk, basins_memory
 
 _SAMPLE = 1024  # starts from which attractors are sought first
@@ -119,10 +119,12 @@ def find_basins(
     settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
-        kept = _kept(point_map, places, settings, tuple(attractors), path)
-        if isinstance(kept, Basins):
-            return replace(kept, point_map=point_map)
-        run = _Run(point_map, places, kept, max_periods, max_period, client, progress)
+        store = _store(point_map, places, settings, tuple(attractors), path)
+        if (finished := store.finished()) is not None:
+            return replace(finished, point_map=point_map)
+        if path is not None:
+            _claim_room(len(places), path)
+        run = _Run(point_map, places, store, max_periods, max_period, client, progress)
         found, reasons = run.find(list(attractors))
         tally = found.tally
         if tally.inaccurate:
@@ -131,49 +133,49 @@ def find_basins(
                 "rtol and atol, or allow more steps with max_steps",
                 ToleranceWarning,
             )
-        used, renumber = in_use(found.attractors, kept)
+        # Attractors in their order, without those that no initial condition ends on; labels get their new numbers.
+        used = sorted(store.used(len(found.attractors)).tolist(), key=lambda k: sort_key(found.attractors[k]))
+        numbers = np.arange(min(LABEL_NAMES), len(found.attractors), dtype=np.int16)
+        numbers[np.array(used, np.int64) - min(LABEL_NAMES)] = np.arange(len(used))
+        basins = Basins(
+            labels=store.labels,
+            attractors=tuple(found.attractors[k] for k in used),
+            settling_time=store.times,
+            grid=places.grid,
+            starts=places.given,
+            name=point_map.name,
+            params=dict(point_map.params),
+            coordinates=point_map.coordinates,
+            settings=settings,
+            inaccurate=tally.inaccurate,
+            undecided=Counter(map(str, reasons)),
+            cost=Cost(
+                seconds=time.perf_counter() - began,
+                steps=tally.steps,
+                tabulation=point_map.cost.tabulation,
+                iteration=sum(run.spent),
+                evaluations=tally.evaluations,
+                look_ups=tally.look_ups,
+            ),
+            point_map=point_map,
+        )
+        return replace(store.finish(basins, numbers), point_map=point_map)
 
-        def picture(labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
-            return Basins(
-                labels=labels,
-                attractors=used,
-                settling_time=times,
-                grid=places.grid,
-                starts=places.given,
-                name=point_map.name,
-                params=dict(point_map.params),
-                coordinates=point_map.coordinates,
-                settings=settings,
-                inaccurate=tally.inaccurate,
-                undecided=Counter(map(str, reasons)),
-                cost=Cost(
-                    seconds=time.perf_counter() - began,
-                    steps=tally.steps,
-                    tabulation=point_map.cost.tabulation,
-                    iteration=sum(run.spent),
-                    evaluations=tally.evaluations,
-                    look_ups=tally.look_ups,
-                ),
-                point_map=point_map,
-            )
 
-        return kept.finish(renumber, picture)
-
-
-def _kept(
+def _store(
     point_map: PointMap,
     places: Starts,
     settings: Mapping[str, Any],
     known: tuple[Attractor, ...],
     path: Path | None,
-) -> Kept | Basins:
-    """Return where labels are to be kept, once there is room for them; or the basins that a checkpoint has come to."""
+) -> LabelStore:
+    """Return where labels are to be kept; in memory, once there is room for them."""
     total = len(places)
     if path is None:
         remedy = "take fewer initial conditions, or give a checkpoint, which keeps them on the disk"
         claim_memory(f"labels of {total:,} initial conditions", basins_memory(total), remedy)
-        return Kept(places.shape)
-    from .passes_in_file import KeptInFile, describe_attractors
+        return InMemory(places.shape)
+    from .label_file import OnDisk, describe_attractors
 
     probes = places.points(np.unique(np.linspace(0, total - 1, PROBES).astype(np.int64)))
     limits = {name: settings[name] for name in ("max_periods", "max_period")}
@@ -184,32 +186,32 @@ def _kept(
         "attractors": describe_attractors(known),
         **fingerprint(point_map, probes),
     }
-    kept = KeptInFile(places.shape, path, belongs)
-    finished = kept.finished()
-    if finished is not None:
-        return finished
+    return OnDisk(places.shape, path, belongs)
+
+
+def _claim_room(total: int, path: Path) -> None:
+    """Make sure that labels of some number of initial conditions fit into a checkpoint, and what else they need."""
     claim_memory(f"labelling {total:,} initial conditions", basins_memory(total, checkpoint=True), "free some")
     claim_disk(f"checkpoint={str(path)!r}", basins_disk(total), path, "take fewer initial conditions, or another disk")
-    return kept
 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
     """Labelling of all starts in passes: each begins with what is left by the one before, or with what is known more.
 
-    All that a pass depends on is in its :class:`Pass`, so that a run may be taken up at any of them.
+    All that a pass depends on is in its :class:`Progress`, so that a run may be taken up at any of them.
     """
 
     point_map: PointMap
     starts: Starts
-    kept: Kept
+    store: LabelStore
     max_periods: int
     max_period: int
     client: Any
     progress: bool
     spent: list[float] = field(default_factory=list)  # seconds of iteration, pass by pass
 
-    def find(self, known: list[Attractor]) -> tuple[Pass, tuple[Reason, ...]]:
+    def find(self, known: list[Attractor]) -> tuple[Progress, tuple[Reason, ...]]:
         """Find attractors from a sample, label all starts, and look again at those that are left.
 
         Return the last pass, and why some of those that it leaves are undecided.  The passes come to an end: each one
@@ -223,18 +225,18 @@ class _Run:
         corners = chosen if grid is None else np.array([grid.lower, grid.upper])
         extent = region_extent(self.point_map, corners)
         examined = Examined.nothing_yet(self.point_map, extent)
-        now = self.kept.resume(examined)
+        now = self.store.resume(examined)
         if now is None:
             attractors = self._search(chosen, known, total > _SAMPLE, examined)
-            now = Pass(attractors, examined, Rows(total), (), min(_PATIENCE, self.max_periods))
-            self.kept.begin(now)
+            now = Progress(attractors, examined, Rows(total), (), min(_PATIENCE, self.max_periods))
+            self.store.begin(now)
         states: Orbits | None = None
         while True:
             began = time.perf_counter()
             states = self._label(now, states)
             self.spent.append(time.perf_counter() - began)
-            now = replace(now, tally=now.tally.plus(self.kept.tallies.sum(axis=0)))
-            left = self.kept.where(lambda labels: labels == Label.UNDECIDED)
+            now = replace(now, tally=now.tally.plus(self.store.tallies.sum(axis=0)))
+            left = self.store.where(lambda labels: labels == Label.UNDECIDED)
             if not len(left):
                 return now, ()
             if states is None:
@@ -243,7 +245,7 @@ class _Run:
             following = self._following(now, left, attractors)
             if following is None:
                 return now, reasons
-            self.kept.begin(following)
+            self.store.begin(following)
             if following.horizon == now.horizon or len(states) < len(left):
                 states = None
             now = following
@@ -261,23 +263,32 @@ class _Run:
             attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
         return tuple(attractors)
 
-    def _label(self, now: Pass, states: Orbits | None) -> Orbits | None:
-        """Label the starts of a pass; return the states of those that are left, None where these were not kept."""
-        parts = now.parts
-        tiles = self.kept.unfinished(now)
-        left = _Left(len(parts))
+    def _label(self, now: Progress, states: Orbits | None) -> Orbits | None:
+        """Label initial conditions; return the states of those that are left, None where these are too many."""
+        left: dict[int, Orbits] = {}
+        count = 0
 
         def batch(number: int) -> Batch:
-            return Batch(now.rows_of(number), None if states is None else states[parts[number]])
+            return Batch(now.rows_of(number), None if states is None else states[now.parts[number]])
 
-        def deliver(number: int, settled: Settled) -> None:
-            self.kept.put(number, now.rows_of(number), settled)
-            left.add(number, settled.orbits)
+        for number, settled in self._settled(self.store.unfinished(now), batch, now):
+            self.store.put(number, now.rows_of(number), settled)
+            count += len(settled.orbits)
+            if count <= HELD:
+                left[number] = settled.orbits
+            else:
+                left.clear()
+        return _joined(left, len(now.parts))
 
-        run_tiles(tiles, batch, self._work(now), deliver, self.client, self._bar)
-        return left.joined()
+    def _settled(
+        self, tiles: Sequence[int], batch: Callable[[int], Batch], now: Progress
+    ) -> Iterator[tuple[int, Settled]]:
+        """Yield what becomes of tiles as they are completed."""
+        work = Labelling(self.point_map, self.starts, now.attractors, now.legs, now.horizon)
+        bar = f"basins of {self.point_map.name}" if self.progress else None
+        return completed(tiles, batch, work, self.client, bar)
 
-    def _following(self, now: Pass, left: Rows, attractors: tuple[Attractor, ...]) -> Pass | None:
+    def _following(self, now: Progress, left: Rows, attractors: tuple[Attractor, ...]) -> Progress | None:
         """Return the pass after one that is over, from the starts that are left and all attractors; None at the end."""
         decided = now.undecided is None or len(left) < now.undecided
         if len(attractors) > len(now.attractors) and decided and now.repeats < _REPEATS:
@@ -289,7 +300,7 @@ class _Run:
         horizon = min(2 * now.horizon, self.max_periods)
         return replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon, repeats=0, undecided=None)
 
-    def _find_more(self, now: Pass, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
+    def _find_more(self, now: Progress, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
         """Search the orbits that are left for further attractors; return all, and why the last pass leaves orbits."""
         extent, age = now.examined.extent, now.horizon
         left, attractors = sort_out(
@@ -304,47 +315,16 @@ class _Run:
         """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""
         if any(a.neighbourhood is None for a in attractors):
             return Rows(len(self.starts))
-        return self.kept.where(lambda labels: labels < 0)
+        return self.store.where(lambda labels: labels < 0)
 
-    def _states(self, left: Rows, now: Pass) -> Orbits:
+    def _states(self, left: Rows, now: Progress) -> Orbits:
         """Compute the states of starts that a pass has left again, of a part of them where they are very many."""
         count = len(left) if len(left) <= HELD else _LOOKED_AT
         batches = [Batch(rows[part]) for rows in left.spread(count) for part in slices(len(rows), CHUNK)]
-        found: dict[int, Orbits] = {}
-
-        def keep(number: int, settled: Settled) -> None:
-            found[number] = settled.orbits
-
-        run_tiles(range(len(batches)), batches.__getitem__, self._work(now), keep, self.client, self._bar)
+        found = {k: settled.orbits for k, settled in self._settled(range(len(batches)), batches.__getitem__, now)}
         return Orbits.joined([found[number] for number in range(len(batches))])
 
-    def _work(self, now: Pass) -> Labelling:
-        return Labelling(self.point_map, self.starts, now.attractors, now.legs, now.horizon)
 
-    @property
-    def _bar(self) -> str | None:
-        return f"basins of {self.point_map.name}" if self.progress else None
-
-
-class _Left:
-    """States that are left by the tiles of a pass, as long as they are few."""
-
-    def __init__(self, tiles: int) -> None:
-        self._tiles, self._lock = tiles, threading.Lock()
-        self._parts: dict[int, Orbits] = {}
-        self._count = 0
-
-    def add(self, number: int, orbits: Orbits) -> None:
-        """Keep the states of a tile."""
-        with self._lock:
-            self._count += len(orbits)
-            if self._count <= HELD:
-                self._parts[number] = orbits
-            else:
-                self._parts.clear()
-
-    def joined(self) -> Orbits | None:
-        """Return all states in the order of the tiles, None where some are missing."""
-        if len(self._parts) < self._tiles:
-            return None
-        return Orbits.joined([self._parts[number] for number in range(self._tiles)])
+def _joined(left: Mapping[int, Orbits], tiles: int) -> Orbits | None:
+    """Return the states that tiles have left in their order, None where some are missing."""
+    return Orbits.joined([left[number] for number in range(tiles)]) if len(left) == tiles else None

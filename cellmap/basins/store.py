@@ -7,7 +7,8 @@ import json
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -107,17 +108,21 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     return path
 
 
-def write_picture(
-    path: Path,
-    shape: tuple[int, ...],
-    fill: Callable[[Checkpoint, NDArray[np.int16], NDArray[np.int32]], Basins],
-    belongs: Mapping[str, Any],
-) -> Basins:
-    """Write basins whose labels need not fit into memory, and return them with labels that stay in the file.
+@contextmanager
+def basins_file(
+    path: Path, basins: Basins, belongs: Mapping[str, Any], shape: tuple[int, ...]
+) -> Iterator[tuple[Checkpoint, NDArray[np.int16], NDArray[np.int32]]]:
+    """Write basins whose labels need not fit into memory.
 
-    ``fill(file, labels, times)`` fills flat arrays of a file, and returns the basins that are made of them; `belongs`
-    says which run they come from.
+    What is yielded is a new file with its flat arrays of labels and settling times, to be filled; all else is that of
+    `basins`.  `belongs` says which run they come from.
     """
+
+    def describe_all(group: h5py.Group, some: Basins) -> None:
+        _write(group, some)
+        put_text(group, "belongs", json.dumps(plain(belongs)))
+        _describe(group.file)
+
     with written_whole(path, kind=PART) as temporary:
         with made_with_room(temporary, 6 * math.prod(shape), lambda file: None) as file:
             group = file.create_group(_ONLY)
@@ -125,23 +130,16 @@ def write_picture(
             add_unwritten(group, "settling_time", shape, np.int32)
         reserve(temporary)
         arrays = Checkpoint(temporary)
-        basins = fill(arrays, *(arrays[f"{_ONLY}/{name}"].reshape(-1) for name in ("labels", "settling_time")))
-
-        def describe_all(group: h5py.Group, picture: Basins) -> None:
-            _write(group, picture)
-            put_text(group, "belongs", json.dumps(plain(belongs)))
-            _describe(group.file)
-
+        yield arrays, arrays[f"{_ONLY}/labels"].reshape(-1), arrays[f"{_ONLY}/settling_time"].reshape(-1)
         small = _with_arrays(basins, np.zeros(1, np.int16), np.zeros(1, np.int32))
         reserve(temporary, SLACK + len(image_of(lambda file: describe_all(file.create_group(_ONLY), small))))
         with h5py.File(temporary, "r+") as file:
             describe_all(file[_ONLY], basins)
         seal(temporary)
         arrays.release()
-    return _with_arrays_of(path, basins)
 
 
-def is_picture(path: Path) -> bool:
+def is_basins_file(path: Path) -> bool:
     """Tell whether there is a file of basins."""
     try:
         with opened(path) as file:
@@ -150,8 +148,8 @@ def is_picture(path: Path) -> bool:
         return False
 
 
-def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
-    """Read what :func:`write_picture` wrote, with labels that stay in the file; also return which run it comes from."""
+def read_mapped(path: Path) -> tuple[Basins, dict[str, Any]]:
+    """Read what :func:`basins_file` wrote, with labels that stay in the file; also return which run it comes from."""
     belongs: dict[str, Any] = {}
 
     def read(group: h5py.Group) -> Basins:
@@ -161,10 +159,10 @@ def mapped_picture(path: Path) -> tuple[Basins, dict[str, Any]]:
         return _read(group, in_file=True)
 
     basins = _checked(path, None, read)
-    return (_with_arrays_of(path, basins), belongs) if belongs else (basins, belongs)
+    return (mapped_basins(path, basins), belongs) if belongs else (basins, belongs)
 
 
-def _with_arrays_of(path: Path, basins: Basins) -> Basins:
+def mapped_basins(path: Path, basins: Basins) -> Basins:
     """Return basins whose arrays are those of a file; changes of them are not written there."""
     arrays = Checkpoint(path, "c")
     return _with_arrays(basins, arrays[f"{_ONLY}/labels"], arrays[f"{_ONLY}/settling_time"])

@@ -13,7 +13,7 @@ from .._compiled.kernels.blocks import wrap_rows
 from .._lib.checks import claim_memory, random_numbers, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
-from .._lib.tiles import check_client, run_tiles
+from .._lib.tiles import check_client, completed
 from .cell_table import CellTable, MapError
 from .coordinates import Coordinate, difference, state_points, turns_of
 from .orbit_batch import CHUNK, Cost, Orbits, Status
@@ -304,10 +304,10 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
     label = f"{periods} periods of {point_map.name}" if progress else None
     parts = slices(len(orbits), CHUNK)
 
-    def deliver(number: int, images: Orbits) -> None:
+    for number, images in completed(
+        range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), client, label
+    ):
         orbits[parts[number]] = images
-
-    run_tiles(range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), deliver, client, label)
     shape = starts.shape
     return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates)
 

@@ -17,7 +17,7 @@ import pytest
 import systems
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap._lib.checkpoint import Checkpoint
-from cellmap._lib.tiles import run_tiles
+from cellmap._lib.tiles import completed
 from cellmap.maps.point_map import PointMap
 
 distributed = pytest.importorskip("distributed")
@@ -174,7 +174,7 @@ def test_an_error_of_a_worker_arrives(client):
         raise ArithmeticError(f"tile {task}")
 
     with pytest.raises(ArithmeticError, match=r"tile [012]"):
-        run_tiles(range(3), int, fail, lambda number, result: None, client)
+        list(completed(range(3), int, fail, client))
 
 
 def test_every_tile_is_delivered_once_and_few_are_under_way(client):
@@ -188,7 +188,8 @@ def test_every_tile_is_delivered_once_and_few_are_under_way(client):
     def work(number: int) -> int:
         return number * number
 
-    run_tiles(range(1000), task, work, lambda k, result: delivered.append((k, result)), client)
+    for number, result in completed(range(1000), task, work, client):
+        delivered.append((number, result))
     assert sorted(delivered) == [(k, k * k) for k in range(1000)]
     assert sorted(begun) == list(range(1000))
     assert max(most) <= 5 * 16  # two groups for each of two threads, and the one that takes the place of another
@@ -217,8 +218,7 @@ def test_a_killed_worker_loses_nothing(lonely, tmp_path):
 
     killer = threading.Thread(target=kill)
     killer.start()
-    delivered = {}
-    run_tiles(range(60), int, Slow(), delivered.__setitem__, client)
+    delivered = dict(completed(range(60), int, Slow(), client))
     killer.join()
     assert {k: number for k, (number, _) in delivered.items()} == {k: k for k in range(60)}
     assert {process for _, process in delivered.values()} - {victim}, "the work went on elsewhere"

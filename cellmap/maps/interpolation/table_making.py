@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +43,9 @@ def _displacements(
     shape = tuple(map(len, axes))
     moved = np.empty((int(np.prod(shape)), len(axes)))
 
-    def subtract(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
-        arrays["displacement"][part] = images - grid_points(axes, part)
-
     bar = f"interpolation grid of {exact.name}" if progress else None
-    (tiles or TableTiles()).images(exact, axes, {"displacement": moved}, subtract, bar)
+    for part, images, arrays in (tiles or TableTiles()).images(exact, axes, {"displacement": moved}, bar):
+        arrays["displacement"][part] = images - grid_points(axes, part)
     return moved.reshape(*shape, len(axes))
 
 
@@ -86,7 +83,11 @@ def errors_in_cells(
     leading = leading_errors(table.coefficients, table.order, grid.wraps)
     sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
 
-    def compare(part: slice, images: NDArray[np.float64], arrays: Mapping[str, NDArray[Any]]) -> None:
+    bar, results = (
+        f"interpolation errors of {exact.name}" if progress else None,
+        {"indicator": indicator, "rough": rough},
+    )
+    for part, images, arrays in (tiles or TableTiles()).images(exact, axes, results, bar):
         orbits = Orbits.starting(grid_points(axes, part))
         interpolated(orbits, 1)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -95,9 +96,6 @@ def errors_in_cells(
             worst = (error / grid.widths).max(axis=-1)
             arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
             arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
-
-    bar = f"interpolation errors of {exact.name}" if progress else None
-    (tiles or TableTiles()).images(exact, axes, {"indicator": indicator, "rough": rough}, compare, bar)
     return indicator.reshape(grid.shape), rough.reshape(grid.shape)
 
 

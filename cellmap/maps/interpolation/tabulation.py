@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..._lib.checks import claim_disk
 from ..._lib.threads import slices
-from ..._lib.tiles import run_tiles
+from ..._lib.tiles import completed
 from ..coordinates import turns_of
 from ..fingerprint import PROBES, fingerprint
 from ..grid import CellGrid, grid_points
@@ -52,12 +52,12 @@ class TableTiles:
         exact: PointMap,
         axes: Axes,
         results: Mapping[str, NDArray[Any]],
-        deliver: Callable[[slice, NDArray[np.float64], Mapping[str, NDArray[Any]]], None],
         progress: str | None,
-    ) -> None:
-        """Fill arrays, one number or row for each point of a product of axes, from the images of the points.
+    ) -> Iterator[tuple[slice, NDArray[np.float64], Mapping[str, NDArray[Any]]]]:
+        """Yield the images of the points of a product of axes, tile by tile, to fill arrays by.
 
-        ``deliver(part, images, arrays)`` fills a slice of arrays of the names in `results`.
+        What is yielded, ``part, images, arrays``, asks for that slice of arrays of the names in `results`, which have a
+        number or row for each point.
         """
         parts = slices(int(np.prod([len(axis) for axis in axes])), CHUNK)
         tiles = tiles_of(next(iter(results)))
@@ -69,14 +69,13 @@ class TableTiles:
 
         evaluations = np.zeros(len(parts), np.int64)
 
-        def fill(number: int, done: tuple[NDArray[np.float64], int]) -> None:
-            images, evaluations[number] = done
-            deliver(parts[number], images, arrays)
-            if file is not None:
-                file.finish(tiles, number, Tally(evaluations=done[1]), contents(number))
-
         missing = [k for k in range(len(parts)) if file is None or not file.is_done(tiles, k, contents(k))]
-        run_tiles(missing, parts.__getitem__, Images(exact, axes), fill, self.client, progress)
+        work = Images(exact, axes)
+        for number, (images, taken) in completed(missing, parts.__getitem__, work, self.client, progress):
+            evaluations[number] = taken
+            yield parts[number], images, arrays
+            if file is not None:
+                file.finish(tiles, number, Tally(evaluations=taken), contents(number))
         if file is not None:
             for name, array in results.items():
                 array[...] = file[name]

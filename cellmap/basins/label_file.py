@@ -1,10 +1,10 @@
-"""Sweeps over initial conditions, with labels in a checkpoint, which becomes a file of basins at the end."""
+"""Labels of initial conditions in a checkpoint, which becomes a file of basins at the end."""
 
 from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,39 +23,42 @@ from ..attractors.settling import Settled
 from ..maps.orbit_batch import Tally
 from ..orbits.attractor import Attractor
 from .initial_conditions import BLOCK, Rows
-from .passes import Kept, Pass
+from .label_store import LabelStore
+from .progress import Progress
 from .record import Basins
-from .store import is_picture, mapped_picture, write_picture
+from .store import basins_file, is_basins_file, mapped_basins, read_mapped
 from .stored_attractors import read_attractors, write_attractors
 
 _FORGET = 64  # tiles after which pages of a file need not stay in memory
 
 
-class KeptInFile(Kept):
+class OnDisk(LabelStore):
     """Labels and settling times in a checkpoint.
 
     Each pass has a file of its own, which takes the place of the one before as a whole; in it tiles are filled in.
     """
 
     def __init__(self, shape: tuple[int, ...], path: Path, belongs: Mapping[str, Any]) -> None:
-        self.shape, self.total = shape, int(np.prod(shape, dtype=object))
+        super().__init__(shape)
         self._path, self._belongs = path, belongs
 
-    def begin(self, now: Pass) -> None:
+    def begin(self, now: Progress) -> None:
         """Write the file of a pass, with the labels of all other starts from the file before."""
         settled = self._settled_before(now)
-        with made(self._path, self._belongs, self._arrays(now), lambda file: _write_pass(file, now, settled)) as fresh:
+        with made(
+            self._path, self._belongs, self._arrays(now), lambda file: _write_progress(file, now, settled)
+        ) as fresh:
             if now.rows.bits is not None:
                 self._copy_to(fresh)
         self._use(fresh)
 
-    def resume(self, examined: Examined) -> Pass | None:
+    def resume(self, examined: Examined) -> Progress | None:
         """Return the pass that the file has come to, None where there is no file; `examined` is an empty record."""
         found = resumed(
             self._path,
             self._belongs,
             lambda read: self._arrays(read[0]),
-            lambda file: _read_pass(file["pass"], examined, self.total, int(self._belongs["max_periods"])),
+            lambda file: _read_progress(file["pass"], examined, self.total, int(self._belongs["max_periods"])),
         )
         if found is None:
             return None
@@ -67,18 +70,18 @@ class KeptInFile(Kept):
             for part in slices(self.total, BLOCK):
                 if not self._known(self.labels[part][~now.rows.inside(part)], now):
                     raise damaged(self._path, "labels name attractors that do not exist")
-                self.forget()
+                self.release()
         return now
 
     def finished(self) -> Basins | None:
-        """Return the picture, where the file is one of finished basins."""
-        if not is_picture(self._path):
+        """Return the basins, where the file is one of finished ones."""
+        if not is_basins_file(self._path):
             return None
-        basins, belongs = mapped_picture(self._path)
+        basins, belongs = read_mapped(self._path)
         check_belongs(self._path, belongs, self._belongs)
         return basins
 
-    def unfinished(self, now: Pass) -> list[int]:
+    def unfinished(self, now: Progress) -> list[int]:
         """Return the tiles of a pass that are to do, those that were torn among them."""
         open_ = []
         for number in range(len(now.parts)):
@@ -87,7 +90,7 @@ class KeptInFile(Kept):
             if not self._file.is_done("tiles", number, [labels, self.times[rows]]) or not self._known(labels, now):
                 open_.append(number)
             if number % _FORGET == 0:
-                self.forget()
+                self.release()
         return open_
 
     def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
@@ -95,26 +98,23 @@ class KeptInFile(Kept):
         self.labels[rows], self.times[rows] = settled.labels, settled.times
         self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
 
-    def finish(self, renumber: Callable[[NDArray[np.int16]], NDArray[np.int16]], make: Callable[..., Basins]) -> Basins:
-        """Put a file of basins in the place of the checkpoint."""
-
-        def fill(file: Checkpoint, labels: NDArray[np.int16], times: NDArray[np.int32]) -> Basins:
+    def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
+        """Put a file of basins in the place of the checkpoint, and return them with labels that stay in the file."""
+        with basins_file(self._path, basins, self._belongs, self.shape) as (file, labels, times):
             for part in slices(self.total, BLOCK):
-                labels[part], times[part] = renumber(self.labels[part]), self.times[part]
-                self.forget()
+                labels[part], times[part] = numbers[self.labels[part] - min(LABEL_NAMES)], self.times[part]
+                self.release()
                 file.release()
-            return make(labels.reshape(self.shape), times.reshape(self.shape))
+        return mapped_basins(self._path, basins)
 
-        return write_picture(self._path, self.shape, fill, self._belongs)
-
-    def forget(self) -> None:
+    def release(self) -> None:
         """Give pages of the file back to the system."""
         self._file.release()
 
-    def _known(self, labels: NDArray[np.int16], now: Pass) -> bool:
+    def _known(self, labels: NDArray[np.int16], now: Progress) -> bool:
         return within(labels, min(LABEL_NAMES), len(now.attractors) - 1)
 
-    def _arrays(self, now: Pass) -> Arrays:
+    def _arrays(self, now: Progress) -> Arrays:
         """Arrays of the file of a pass."""
         labels, times, tiles = (self.total,), (self.total,), (len(now.parts),)
         return {"labels": (labels, np.int16), "settling_time": (times, np.int32), "tiles": (tiles, TILE)}
@@ -127,10 +127,10 @@ class KeptInFile(Kept):
         labels, times = fresh["labels"], fresh["settling_time"]
         for part in slices(self.total, BLOCK):
             labels[part], times[part] = self.labels[part], self.times[part]
-            self.forget()
+            self.release()
             fresh.release()
 
-    def _settled_before(self, now: Pass) -> list[int]:
+    def _settled_before(self, now: Progress) -> list[int]:
         """Checksums of what a pass leaves as it is, block by block."""
         if now.rows.bits is None:
             return []
@@ -140,11 +140,11 @@ class KeptInFile(Kept):
             codes.append(
                 zlib.crc32(self.times[part][others].tobytes(), zlib.crc32(self.labels[part][others].tobytes()))
             )
-            self.forget()
+            self.release()
         return codes
 
 
-def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
+def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
     group = file.create_group("pass")
     group.attrs.update(legs=np.array(now.legs, np.int64), horizon=now.horizon, tally=np.array(now.tally, np.int64))
     group.attrs.update(repeats=now.repeats, undecided=-1 if now.undecided is None else now.undecided)
@@ -155,12 +155,12 @@ def _write_pass(file: h5py.File, now: Pass, settled: list[int]) -> None:
     _write_examined(group.create_group("examined"), now.examined)
 
 
-def _read_pass(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Pass, list[int]]:
+def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Progress, list[int]]:
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
     legs, horizon = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
     if not all(0 < one < other <= limit for one, other in pairwise([*legs, horizon])) or horizon > limit:
         raise ValueError(f"its sweeps run to {horizon} periods")
-    now = Pass(
+    now = Progress(
         attractors=read_attractors(group["attractors"], examined.coordinates),
         examined=_read_examined(group["examined"], examined),
         rows=rows,

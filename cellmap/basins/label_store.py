@@ -1,0 +1,116 @@
+"""Stores of labels and settling times: in memory here, in a file in :mod:`cellmap.basins.label_file`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.threads import slices
+from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.search import Examined
+from ..attractors.settling import Settled
+from ..maps.orbit_batch import NOTHING
+from .initial_conditions import BLOCK, Rows
+from .progress import Progress
+from .record import Basins
+
+
+class LabelStore(ABC):
+    """Flat arrays ``labels`` and ``times`` of all initial conditions, and the ``tallies`` of the tiles of a sweep."""
+
+    labels: NDArray[np.int16]
+    times: NDArray[np.int32]
+    tallies: NDArray[np.int64]
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape, self.total = shape, int(np.prod(shape, dtype=object))
+
+    @abstractmethod
+    def finished(self) -> Basins | None:
+        """Return the basins of an earlier run that has come to its end."""
+
+    @abstractmethod
+    def resume(self, examined: Examined) -> Progress | None:
+        """Return how far an earlier run has come, if there was one; `examined` is an empty record."""
+
+    @abstractmethod
+    def begin(self, now: Progress) -> None:
+        """Make ready for the tiles of a sweep."""
+
+    @abstractmethod
+    def unfinished(self, now: Progress) -> list[int]:
+        """Return the tiles of a sweep that are to do."""
+
+    @abstractmethod
+    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+        """Keep what became of a tile."""
+
+    @abstractmethod
+    def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
+        """Return basins with labels of their final numbers: ``numbers[label - lowest]``, from the lowest label on."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Give memory back whose contents are kept elsewhere."""
+
+    def where(self, wanted: Callable[[NDArray[np.int16]], NDArray[np.bool_]]) -> Rows:
+        """Return the initial conditions with labels of some kind."""
+
+        def of(part: slice) -> NDArray[np.bool_]:
+            self.release()
+            return wanted(self.labels[part])
+
+        return Rows.where(self.total, of)
+
+    def used(self, number: int) -> NDArray[np.int64]:
+        """Return which of the attractors have an initial condition."""
+        used = np.zeros(number, bool)
+        for part in slices(self.total, BLOCK):
+            labels = self.labels[part]
+            used |= np.bincount(labels[labels >= 0], minlength=number).astype(bool)
+            self.release()
+        return np.flatnonzero(used)
+
+
+class InMemory(LabelStore):
+    """Labels and settling times in memory."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        super().__init__(shape)
+        self.labels = np.full(self.total, Label.UNDECIDED, np.int16)
+        self.times = np.full(self.total, -1, np.int32)
+
+    def finished(self) -> Basins | None:
+        """Return nothing: there was no earlier run."""
+        return None
+
+    def resume(self, examined: Examined) -> Progress | None:
+        """Return nothing: there was no earlier run."""
+        return None
+
+    def begin(self, now: Progress) -> None:
+        """Make ready for the tiles of a sweep."""
+        self.tallies = np.zeros((len(now.parts), len(NOTHING)), np.int64)
+
+    def unfinished(self, now: Progress) -> list[int]:
+        """Return all tiles."""
+        return list(range(len(now.parts)))
+
+    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+        """Keep what became of a tile."""
+        self.labels[rows], self.times[rows] = settled.labels, settled.times
+        self.tallies[number] = settled.tally
+
+    def release(self) -> None:
+        """Keep everything: it is nowhere else."""
+
+    def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
+        """Return basins with labels of their final numbers."""
+        for part in slices(self.total, BLOCK):
+            self.labels[part] = numbers[self.labels[part] - min(LABEL_NAMES)]
+        labels, times = self.labels.reshape(self.shape), self.times.reshape(self.shape)
+        return replace(basins, labels=labels, settling_time=times)
