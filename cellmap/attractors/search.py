@@ -100,10 +100,15 @@ def search(
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     age, horizon = 0, _FIRST_LOOK
     while len(orbits):
+        before = len(orbits)
         settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
+        orbits, last = settled.orbits, age + horizon >= max_periods
         age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
-        orbits, attractors = sort_out(point_map, settled.orbits, attractors, max_period, extent, age, examined)
-        if age == max_periods:
+        if last or not _many_settle(before, len(orbits)):
+            orbits, attractors = sort_out(
+                point_map, orbits, attractors, max_period, extent, age, examined, patient=not last
+            )
+        if last:
             break
     return orbits, attractors, age
 
@@ -126,8 +131,12 @@ def sort_out(
     extent: NDArray[np.float64],
     age: int,
     examined: Examined,
+    patient: bool = False,
 ) -> tuple[Orbits, list[Attractor]]:
-    """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors."""
+    """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors.
+
+    A patient search ends as soon as it finds attractors to which most of the orbits have come.
+    """
     for _ in range(_LOOKS):
         if not len(orbits):
             break
@@ -138,8 +147,16 @@ def sort_out(
         if not fresh:
             break
         attractors = [*attractors, *fresh]
+        before = len(orbits)
         orbits = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age).orbits
+        if patient and _many_settle(before, len(orbits)):
+            break
     return orbits, attractors
+
+
+def _many_settle(before: int, left: int) -> bool:
+    """Tell whether so many orbits have settled that those that are left may be on the way to the same attractors."""
+    return 2 * left <= before
 
 
 def longest_period(max_period: int) -> int:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.threads import slices
 from ..maps.coordinates import difference, turns_of
-from ..maps.orbit_batch import Status
-from ..maps.point_map import PointMap, follow
+from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.point_map import PointMap
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
 
@@ -182,11 +183,14 @@ class _Shells:
         may happen between neighbouring directions; the smaller one holds.
         """
         shift = radii[:, None, None] * self.offsets
-        images = follow(self.exact, (self.centre + shift).reshape(-1, self.exact.dimension), self.period)
+        images = Orbits.starting((self.centre + shift).reshape(-1, self.exact.dimension))
+        images.wrap(*turns_of(self.exact.coordinates))
+        for part in slices(len(images), CHUNK):
+            self.exact.advance(images[part], self.period)
         after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
         seen = self._norm(after) / radii[:, None]
         rest = self._norm(after - shift @ self.matrix.T) / radii[:, None]
-        alive = images.status.reshape(seen.shape) < Status.ESCAPED
+        alive = images.alive.reshape(seen.shape)
         seen, rest = np.where(alive, seen, np.inf), np.where(alive, rest, np.inf)
         with np.errstate(invalid="ignore"):
             bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
