@@ -50,7 +50,7 @@ class LookUp:
     """The compiled ``look_up``; called with its arrays, the work of which is in front."""
 
     address: int
-    code: MachineCode  # lives as long as the function
+    machine_code: MachineCode  # lives as long as the function
 
     def __call__(
         self, points: NDArray[np.float64], turns: NDArray[np.int64], left: NDArray[np.int64], *table: Any
