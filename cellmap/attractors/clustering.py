@@ -14,7 +14,7 @@ from .._lib.threads import slices
 from ..maps.coordinates import Coordinate, state_points, turns_of
 from ..maps.orbit_batch import Status
 from ..maps.point_map import Iterate, PointMap, follow
-from .settling import UNDECIDED, label_of
+from .labels import Label, label_of
 
 _BATCH = 4096  # orbits whose points are held at a time
 _ROUNDED = 0.05  # of the radius, within which features count as one and the same
@@ -124,7 +124,7 @@ def cluster_orbits(
     values[~alive] = np.nan
     if features is None:
         values = _scaled(values, alive, point_map.coordinates)
-    labels = np.where(status >= Status.ESCAPED, label_of(status), UNDECIDED).astype(np.int16)
+    labels = np.where(status >= Status.ESCAPED, label_of(status), Label.UNDECIDED).astype(np.int16)
     # Orbits that have settled have equal features, of which one with their number as its weight is enough.
     distinct, which, count = np.unique(
         np.round(values[alive] / (_ROUNDED * radius)), axis=0, return_inverse=True, return_counts=True
@@ -134,7 +134,7 @@ def cluster_orbits(
         cluster = search.fit_predict(distinct, sample_weight=count)[which.ravel()]
         sizes = np.bincount(cluster[cluster >= 0])
         rank = np.argsort(np.argsort(-sizes, kind="stable"))
-        labels[alive] = np.where(cluster >= 0, np.append(rank, 0)[cluster], UNDECIDED)
+        labels[alive] = np.where(cluster >= 0, np.append(rank, 0)[cluster], Label.UNDECIDED)
     samples = tuple(
         settled.points[np.flatnonzero(labels == k)[:_SHOWN]] for k in range(int(labels.max(initial=-1)) + 1)
     )

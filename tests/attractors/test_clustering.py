@@ -12,7 +12,7 @@ import pytest
 
 from cellmap import PointMap, angle, discrete_map, find_basins
 from cellmap.attractors import cluster_orbits
-from cellmap.attractors.settling import DIVERGED, UNDECIDED
+from cellmap.attractors.labels import Label
 
 
 def between_circles(x: Any, p: Any) -> tuple[float, float]:
@@ -30,7 +30,7 @@ def test_invariant_circles_are_two_clusters(circles: PointMap) -> None:
     rng = np.random.default_rng(0)
     starts = np.stack([rng.uniform(-pi, pi, 300), rng.uniform(0.5, 3.5, 300)], axis=-1)
     starts = starts[np.abs(starts[:, 1] - 2.0) > 0.01]
-    assert (find_basins(circles, starts, max_periods=500).labels == UNDECIDED).all()
+    assert (find_basins(circles, starts, max_periods=500).labels == Label.UNDECIDED).all()
     found = cluster_orbits(circles, starts)
     assert len(found.samples) == 2
     inner = found.labels[np.argmin(starts[:, 1])]
@@ -58,7 +58,7 @@ def test_orbits_that_end_and_outliers_have_labels_of_their_own() -> None:
     starts = np.concatenate([np.linspace(0.2, 1.2, 30), [-0.5, 5.0]])[:, None].reshape(2, 16, 1)
     found = cluster_orbits(cubic, starts)
     assert found.labels.shape == (2, 16)
-    assert found.labels[-1, -2:].tolist() == [UNDECIDED, DIVERGED]
+    assert found.labels[-1, -2:].tolist() == [Label.UNDECIDED, Label.DIVERGED]
     assert (found.labels.ravel()[:-2] == 0).all()
     assert np.isnan(found.features[-1, -1]).all()
     assert len(cluster_orbits(cubic, starts, min_size=1).samples) == 2

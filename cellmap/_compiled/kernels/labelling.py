@@ -238,7 +238,7 @@ def _look(table, turn, regions, covers, limits, outcome, pool, waiting, scratch,
                     if pool.left[r] < 0:
                         pool.left[r] = -pool.left[r]
                         continue
-                    if not (table.escapes and _is_outside(table, pool.points, r)):
+                    if not (table.escapes != 0 and _is_outside(table, pool.points, r)):
                         _copy(pool, r, waiting, counts[WAITING])
                         counts[WAITING] += 1
                         scratch.holes[holes] = r
