@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellmap._lib.threads import progress_bar, run_over, set_threads, slices, thread_count
+from cellmap._lib.threads import progress_bar, results_of, run_over, set_threads, slices, thread_count
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5000))
@@ -77,6 +77,36 @@ def test_an_exception_stops_the_rest(threads: int) -> None:
     with pytest.raises(ZeroDivisionError, match="task 0"):
         run_over(range(200), work)
     assert len(started) < 100
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_results_come_once_each_and_few_wait_for_a_slow_reader(threads: int) -> None:
+    set_threads(threads)
+    begun: list[int] = []
+
+    def work(task: int) -> int:
+        begun.append(task)
+        return task * task
+
+    taken: list[tuple[int, int]] = []
+    for pair in results_of(range(60), work):
+        taken.append(pair)
+        time.sleep(0.001)
+        assert len(begun) - len(taken) <= 5 * threads
+    assert sorted(taken) == [(k, k * k) for k in range(60)]
+    assert list(results_of([], work)) == []
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_who_stops_reading_results_stops_the_rest(threads: int) -> None:
+    set_threads(threads)
+    begun: list[int] = []
+    results = results_of(range(200), begun.append)
+    next(results)
+    results.close()
+    assert len(begun) < 100
+    with pytest.raises(ZeroDivisionError):
+        list(results_of([1, 0, 2], lambda task: 1 // task))
 
 
 def test_no_description_no_bar(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,8 +24,8 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors.boxes import box_keys, boxes_of, inside_cover
-from cellmap.attractors.labels import Label
-from cellmap.attractors.settling import RESIDENCE, Catalogue, settle
+from cellmap.attractors.labels import LABEL_NAMES, Label, label_of
+from cellmap.attractors.settling import RESIDENCE, Catalogue, classify, settle
 from cellmap.maps.coordinates import difference
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
@@ -208,6 +208,78 @@ def test_ellipsoid_across_the_cut_of_the_angle():
     assert basins.labels.tolist() == [0] * 4
     assert (basins.settling_time == 0).all()
     assert np.abs(basins.attractors[0].points[0, 0]) == pytest.approx(pi, abs=1e-9)
+
+
+def in_python(point_map: PointMap) -> PointMap:
+    """The same map, of which compiled loops know nothing."""
+    return replace(point_map, advance=lambda orbits, periods: point_map.advance(orbits, periods))
+
+
+def doubtful(exact: PointMap) -> PointMap:
+    """A coarse table of a smaller window, with fallback cells."""
+    return interpolated_map(exact, CellGrid((-pi, -200.0), (pi, 200.0), (48, 48)), tolerance=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("make", "table"),
+    [(henon, None), (lambda: henon(0.5), None), (lambda: pendulum(0.003), None), (lambda: pendulum(0.010), doubtful)],
+    ids=["chaotic", "period 2", "flow", "table"],
+)
+def test_maps_that_are_called_from_python_have_the_same_labels(make, table):
+    """What the loop asks for and what it calls by itself: labels, times and work are the same."""
+    exact = make()
+    grid = WIDE if exact.coordinates[0].turn else CellGrid((-2.0, -2.0), (2.0, 2.0), (30, 30))
+    ours, theirs = (m if table is None else table(m) for m in (exact, in_python(exact)))
+    one, other = find_basins(ours, grid), find_basins(theirs, grid)
+    assert np.array_equal(one.labels, other.labels)
+    assert np.array_equal(one.settling_time, other.settling_time)
+    assert (one.cost.steps, one.cost.look_ups) == (other.cost.steps, other.cost.look_ups)
+    assert one.cost.evaluations > 0
+    if table is not None:
+        assert 0 < one.cost.look_ups < one.cost.steps
+
+
+@pytest.mark.parametrize("pool", [1, 7, 300])
+def test_labels_do_not_depend_on_the_rows_that_are_moved_together(pool, monkeypatch):
+    point_map = doubtful(pendulum(0.010))
+    starts = WIDE.centres().reshape(-1, 2)[::5]
+    catalogue = Catalogue.of(find_attractors(point_map, starts), point_map)
+    whole = settle(point_map, Orbits.starting(starts.copy()), catalogue, 10)
+    monkeypatch.setattr("cellmap.attractors.settling.POOL", pool)
+    parts = settle(point_map, Orbits.starting(starts.copy()), catalogue, 10)
+    assert 0 < len(whole.undecided) < len(starts)
+    assert np.array_equal(whole.labels, parts.labels)
+    assert np.array_equal(whole.times, parts.times)
+    assert whole.orbits.points.tobytes() == parts.orbits.points.tobytes()
+    assert whole.tally == parts.tally
+
+
+def test_each_way_to_end_has_its_label():
+    assert {name: int(label) for name, label in Label.__members__.items()} == {
+        "ESCAPED": -1,
+        "DIVERGED": -2,
+        "UNDECIDED": -3,
+        "NO_RETURN": -4,
+    }
+    ends = {s: Label[s.name] if s.name in Label.__members__ else Label.UNDECIDED for s in Status}
+    assert label_of(list(ends)).tolist() == list(ends.values())
+    assert list(LABEL_NAMES) == list(Label)
+
+
+def test_a_rule_sees_points_and_tells_any_number():
+    """x' = x / 2 until x < 1: final states may have numbers beyond those of attractors; ended orbits have no point."""
+    halves = discrete_map(lambda x, p: (0.5 * x[0] if x[0] > 0 else 1e200,), {}, ("x",))
+    seen = []
+
+    def rule(points):
+        seen.append(points)
+        return np.where(points[:, 0] < 1.0, 100_000, -1) * np.where(points[:, 0] > 0, 1, 0) - (points[:, 0] <= 0)
+
+    catalogue = Catalogue.of((), halves)
+    found = classify(halves, catalogue, np.array([[4.5], [0.5], [-1.0], [1e9]]), 10, rule)
+    assert found.labels.tolist() == [100_000, 100_000, Label.DIVERGED, Label.UNDECIDED]
+    assert found.times.tolist() == [3, 0, -1, -1]
+    assert np.isfinite(np.concatenate(seen)).all()
 
 
 # --- covers of chaotic attractors
