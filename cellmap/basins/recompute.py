@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from .._lib.signatures import checked
+from ..maps.interpolation.interpolated import Interpolated
 from ..maps.point_map import PointMap
-from ..maps.rebuild import rebuild_map
+from ..maps.rebuild import specification
 from ..maps.system import ForcedSystem
 from .finding import find_basins
 from .record import Basins
@@ -37,15 +38,13 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
         )
     if dict(source.params) != dict(basins.params):
         raise ValueError(f"source has params {dict(source.params)} and the basins {dict(basins.params)}")
-    axes = source.axes if isinstance(source, ForcedSystem) else source.coordinates
-    recipe = basins.settings["map"]
-    across = recipe.get("exact", recipe).get("coordinate")  # of a section, on which it is not a coordinate
-    axes = tuple(c for c in axes if c.name != across)
-    if axes != basins.coordinates:
-        theirs, ours = (", ".join(map(repr, c)) for c in (axes, basins.coordinates))
+    spec = specification(source, basins.settings["map"])
+    exact = spec.exact if isinstance(spec, Interpolated) else spec.build()
+    if exact.coordinates != basins.coordinates:
+        theirs, ours = (", ".join(map(repr, c)) for c in (exact.coordinates, basins.coordinates))
         raise ValueError(f"source has the coordinates ({theirs}) and the basins ({ours})")
     starts = basins.grid if basins.grid is not None else basins.starts
     assert starts is not None
-    point_map = rebuild_map(source, recipe)
+    point_map = spec.build() if isinstance(spec, Interpolated) else exact
     limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
     return find_basins(point_map, starts, **limits)

@@ -11,7 +11,7 @@ from .._lib.signatures import checked
 from . import discrete, inverse, parameters_as_states, poincare, stroboscopic  # noqa: F401
 from .interpolation import interpolated  # noqa: F401
 from .point_map import PointMap
-from .specification import specification
+from .specification import specification as specification
 from .system import ForcedSystem
 
 
