@@ -176,9 +176,13 @@ class Flow:
         """The numbers that the integrator takes."""
         ladder, tolerance = self._ladder, max(self.rtol, self.atol)
         margin = self.kernel.margin(tolerance)
+        context = self.kernel.advance.context
+        if self.kernel.own_steps:
+            numbers = [self.rtol / margin, self.atol / margin, self.max_steps, *self.largest]
+            context = np.array(numbers, dtype=np.float64).view(np.int64)
         return Motion(
             function=self.kernel.advance.address,
-            context=self.kernel.advance.context,
+            context=context,
             parameters=self.parameters,
             begin=float(self.begin),
             length=float(self.length),

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..kernels import simd_math
+from ..kernels import periods, simd_math
 from ..loops import INLINE, Deferred, numba
 from ..machine_code import MachineCode
 from .captured import kept
@@ -23,8 +23,10 @@ from .filippov import SwitchingTrace, switching_trace
 from .lanes import StepCode, lane_module
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import module_in_memory
+from .own_steps import compiled_own_steps
 from .period import CompiledPeriod, compiled_period, compiled_rows
 from .rebind import rebind
+from .rosenbrock import OwnStepCode
 from .runge_kutta import called_steps, stage_namer
 from .switching import compiled_switching
 from .trace import Trace, is_faithful, parameter_record, trace
@@ -42,7 +44,8 @@ class PeriodKernel:
 
     ``advance`` is the compiled function, ``estimate_order`` the order at which its error estimate shrinks, ``stages``
     the right-hand sides (or series) a step, ``margin(tolerance)`` how far the estimate has to stay below a tolerance,
-    ``trial`` the number of steps that asks for one step whose error alone is wanted.
+    ``trial`` the number of steps that asks for one step whose error alone is wanted.  With ``own_steps`` it is called as
+    :mod:`cellmap._compiled.codegen.own_steps` says.
     """
 
     advance: CompiledPeriod
@@ -51,6 +54,7 @@ class PeriodKernel:
     stages: int
     margin: Callable[[float], float]
     trial: int = 1
+    own_steps: bool = False
 
 
 def traced_function(function: Callable[..., Any], dimension: int, names: Names) -> Trace | None:
@@ -103,17 +107,19 @@ def flow_kernel(
 
 
 @kept
-def tangent_flow_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: float) -> PeriodKernel | None:
+def tangent_flow_kernel(
+    rhs: Callable[..., Any], dimension: int, names: Names, rtol: float, method: str = "auto"
+) -> PeriodKernel | None:
     """Compile the period of a flow with one tangent vector, 2 d components; None where derivatives are not known."""
     traced = traced_function(rhs, dimension, names)
     if traced is None or traced.has_branches:
         return None
     try:
         tangent = tangent_trace(traced)
+        chosen = choose_method(method, tangent, rtol)
+        return finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
     except UntraceableError:
         return None
-    chosen = choose_method("auto", tangent, rtol)
-    return finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
 
 
 @kept
@@ -198,14 +204,18 @@ def _application(traced: Trace) -> StepCode:
     return StepCode(tuple(lines[0]), tuple(lines[1]), (*lines[2], *results, *zeros))
 
 
-def _compiled(code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
+def _compiled(code: StepCode | OwnStepCode, dimension: int, names: Names) -> CompiledPeriod:
+    if isinstance(code, OwnStepCode):
+        return compiled_own_steps(code, dimension, len(names))
     return compiled_period(code, dimension, len(names))
 
 
 def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodKernel:
     """Return a compiled period with what its method knows about it."""
     stages = len(method.tableau.nodes) if method.tableau else 1
-    return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin, trial)
+    if method.own_steps:
+        trial = periods.PROBE
+    return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin, trial, method.own_steps)
 
 
 def _tableau(method: Method) -> Any:

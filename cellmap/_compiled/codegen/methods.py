@@ -8,6 +8,7 @@ from math import log10
 
 from .expression import in_order
 from .lanes import StepCode
+from .rosenbrock import OwnStepCode, rosenbrock_steps
 from .runge_kutta import Tableau, traced_steps
 from .tableaus import dop853, rk45
 from .taylor import taylor_steps
@@ -20,13 +21,15 @@ class Method:
 
     ``write(trace)`` returns the code of a step; ``estimate_order`` is the power of the step size at which the error
     estimate of a whole period shrinks; ``tableau`` is there for methods that can call an untraceable right-hand side.
+    With ``own_steps`` each initial condition has steps of its own length, and the estimate shrinks with their tolerance.
     """
 
     name: str
-    write: Callable[[Trace], StepCode]
+    write: Callable[[Trace], StepCode | OwnStepCode]
     estimate_order: int
     tableau: Tableau | None = None
     stretch: tuple[float, float] = (1.0, 0.0)
+    own_steps: bool = False
 
     def margin(self, tolerance: float) -> float:
         """Factor by which the sum of local errors has to stay below a tolerance, so that the error of a period does.
@@ -48,6 +51,9 @@ def _runge_kutta(tableau: Tableau) -> Method:
     return Method(tableau.name, lambda trace: traced_steps(trace, tableau), tableau.estimate_order, tableau, stretch)
 
 
+ROSENBROCK = Method("Rosenbrock", rosenbrock_steps, 1, stretch=(2.0, 0.0), own_steps=True)
+"""For stiff right-hand sides."""
+
 _MUCH_WORK = 8  # products of series a step, up to which series are worth their work
 
 
@@ -63,7 +69,7 @@ def taylor_order(rtol: float, trace: Trace | None = None) -> int:
 
 _TABLEAUS = {"DOP853": dop853, "RK45": rk45}
 
-METHOD_NAMES = ("auto", *_TABLEAUS, "Taylor")
+METHOD_NAMES = ("auto", *_TABLEAUS, "Taylor", "Rosenbrock")
 
 
 def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
@@ -89,6 +95,12 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
                 "branches on the state: use method='DOP853'"
             )
         return taylor_method(taylor_order(rtol))
+    if name == "Rosenbrock":
+        if trace is None or trace.has_branches:
+            raise ValueError(
+                "method='Rosenbrock' needs a right-hand side whose formulas are known, without branches: use method='DOP853'"
+            )
+        return ROSENBROCK
     return _runge_kutta(_TABLEAUS[name]())
 
 
