@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
     PeriodKernel,
     flow_kernel,
     switching_kernel,
     tangent_flow_kernel,
-    traced_function,
-    traced_switching,
-    why_untraced,
 )
-from .._compiled.codegen.linear import values
+from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.periods import PROBE, Motion, integrate
 from .coordinates import turns_of
+from .formulas import Formulas, formulas
 from .orbit_batch import Orbits, legs
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _RUNGS_PER_OCTAVE = 4
-_OF_EVENTS = frozenset({"auto", "Taylor"})  # methods that locate events
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 
@@ -36,9 +35,9 @@ def flow(
 
     The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
     """
-    turn = turns_of(system.axes)[1]
-    return Flow(
-        kernel=_kernel(system, method, rtol),
+    turn, known = turns_of(system.axes)[1], formulas(system)
+    chosen = Flow(
+        kernel=_kernel(known, method, rtol),
         parameters=_values(system),
         begin=begin,
         length=length,
@@ -46,104 +45,99 @@ def flow(
         atol=atol,
         max_steps=max_steps,
         largest=np.where(turn > 0, 0.5 * turn, np.inf),
-        fewest_steps=_fewest_steps(system, length, max(rtol, atol)),
+        fewest_steps=_fewest_steps(known, length, max(rtol, atol)),
     )
+    may_be_stiff = method == "auto" and known.plain is not None and not known.plain.has_branches
+    return _fitting(chosen, known) if may_be_stiff else chosen
 
 
-def tangent_flow(system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int) -> Flow | None:
+_OWN_STEPS = 16.0  # for each equal step that is allowed
+_SAMPLES = 32
+_FEW_STEPS = 32
+_MANY_STEPS = 256
+_ROSENBROCK_WORK = 3.0  # of a step, in steps of the explicit methods, at least
+
+
+def _fitting(explicit: Flow, known: Formulas) -> Flow:
+    """Return the flow by an explicit method, or by the method for stiff systems where that is less work.
+
+    Both are tried on a few initial conditions, the second only where the first would take many steps.
+    """
+    points = np.random.default_rng(0).normal(scale=1.5, size=(_SAMPLES, known.system.dimension))
+    if explicit.steps_at(points, _FEW_STEPS) <= _MANY_STEPS:
+        return explicit
+    try:
+        stiff = replace(explicit, kernel=_kernel(known, "Rosenbrock", explicit.rtol))
+    except (UntraceableError, ValueError):
+        return explicit
+    missed, work = _trial(explicit, points)
+    missed_stiff, work_stiff = _trial(stiff, points)
+    return stiff if (missed_stiff, _ROSENBROCK_WORK * work_stiff) < (missed, work) else explicit
+
+
+def _trial(motion: Flow, points: NDArray[np.float64]) -> tuple[int, int]:
+    """Return how many of some orbits miss the tolerance in a period, and the steps of all."""
+    orbits = Orbits.starting(points.copy())
+    motion(orbits)
+    return int(np.count_nonzero(orbits.status)), orbits.work.evaluations // motion.kernel.stages
+
+
+def tangent_flow(
+    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, method: str = "auto"
+) -> Flow | None:
     """Return the motion of states with one tangent vector each, 2 d components; None without known derivatives."""
-    names, kernel = tuple(system.params), None
-    if has_events(system):
+    names, kernel, known = tuple(system.params), None, formulas(system)
+    if known.has_events:
         kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, tolerance, True)
-    elif not unknown_formulas(system):
-        kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance)
+    elif not known.unknown:
+        kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance, method)
     if kernel is None:
         return None
     largest = np.full(2 * system.dimension, np.inf)
-    fewest = _fewest_steps(system, length, tolerance)
+    fewest = _fewest_steps(known, length, tolerance)
     return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
 
 
-def _kernel(system: ForcedSystem, method: str, rtol: float) -> PeriodKernel:
-    names = tuple(system.params)
-    if system.switches is None and not (has_events(system) and method in _OF_EVENTS):
-        return flow_kernel(system.rhs, system.dimension, names, method, rtol, not unknown_formulas(system))
-    if method not in _OF_EVENTS:
+def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
+    system = known.system
+    names, locates = tuple(system.params), method in {"auto", "Taylor"}
+    if system.switches is None and not (known.has_events and locates):
+        return flow_kernel(system.rhs, system.dimension, names, method, rtol, not known.unknown)
+    if not locates:
         raise ValueError(f"method={method!r}: a discontinuous right-hand side needs method='Taylor'")
     kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
     if kernel is None:
-        reason = unknown_formulas(system)
         raise TypeError(
             f"rhs of {system.name} has switches and must therefore be plain arithmetic, branches, and analytic "
-            "functions of math" + (reason and f" ({reason})")
+            "functions of math" + (known.unknown and f" ({known.unknown})")
         )
     return kernel
-
-
-def unknown_formulas(system: ForcedSystem) -> str:
-    """Return the reason why the formulas of a right-hand side are not known; empty if they are."""
-    if system.switches is None:
-        return why_untraced(system.rhs, system.dimension, system.params)
-    traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
-    return traced if isinstance(traced, str) else ""
-
-
-def has_events(system: ForcedSystem) -> bool:
-    """Whether a right-hand side has switches, or branches that can be located."""
-    if system.switches is not None:
-        return True
-    if unknown_formulas(system):
-        return False
-    traced = traced_switching((system.rhs, None), system.dimension, tuple(system.params))
-    return not isinstance(traced, str) and traced.is_analytic
 
 
 def _values(system: ForcedSystem) -> NDArray[np.float64]:
     return np.array([float(v) for v in system.params.values()])
 
 
-def _fewest_steps(system: ForcedSystem, length: float, tolerance: float) -> int:
+def _fewest_steps(known: Formulas, length: float, tolerance: float) -> int:
     """Return the steps without which the integrator might step over a part of the forcing and not see it.
 
     They follow from the harmonics of the right-hand side at two states that move the image by more than the tolerance.
     """
-    fewest = max((steps_of_harmonics(s, tolerance / system.length) for s in _forcing(system)), default=1)
-    return max(1, int(np.ceil(fewest * length / system.length)))
+    period = known.system.length
+    fewest = max((steps_of_harmonics(s, tolerance / period) for s in _forcing(known)), default=1)
+    return max(1, int(np.ceil(fewest * length / period)))
 
 
-@functools.lru_cache(maxsize=16)
-def _forcing(system: ForcedSystem) -> list[NDArray[np.float64]]:
-    """Return the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
-    times = np.linspace(0.0, system.length, _FORCING_SAMPLES, endpoint=False)
-    found = []
+def _forcing(known: Formulas) -> Iterator[NDArray[np.float64]]:
+    """Yield the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
+    times = np.linspace(0.0, known.system.length, _FORCING_SAMPLES, endpoint=False)
     for size in (0.1, 1.1):
-        state = tuple(size + 0.1 * j for j in range(system.dimension))
         try:
-            samples = _derivatives(system, times, state)
+            samples = known.derivatives(times, tuple(size + 0.1 * j for j in range(known.system.dimension)))
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
-            found.append(samples)
-    return found
-
-
-def _derivatives(system: ForcedSystem, times: NDArray[np.float64], state: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return the right-hand side at many times, shape (times, dimension), from its formulas where they are known.
-
-    Jumps are met as events: what is returned is the smooth side on which the state is at the time 0.
-    """
-    names, signs = tuple(system.params), tuple[float, ...]()
-    if has_events(system):
-        in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
-        traced = None if isinstance(in_modes, str) else in_modes.free_motion
-        signs = () if isinstance(in_modes, str) else in_modes.signs_at(0.0, state, tuple(system.params.values()))
-    else:
-        traced = None if unknown_formulas(system) else traced_function(system.rhs, system.dimension, names)
-    if traced is not None:
-        found = values(traced.outputs, times, state, _values(system), signs)
-        return np.stack([np.broadcast_to(f, len(times)) for f in found], axis=1)
-    with np.errstate(all="ignore"):
-        return np.array([system.derivative(t, state) for t in times.tolist()])
+            yield samples
 
 
 def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
@@ -178,7 +172,7 @@ class Flow:
         margin = self.kernel.margin(tolerance)
         context = self.kernel.advance.context
         if self.kernel.own_steps:
-            numbers = [self.rtol / margin, self.atol / margin, self.max_steps, *self.largest]
+            numbers = [self.rtol / margin, self.atol / margin, _OWN_STEPS * self.max_steps, *self.largest]
             context = np.array(numbers, dtype=np.float64).view(np.int64)
         return Motion(
             function=self.kernel.advance.address,
@@ -193,7 +187,7 @@ class Flow:
             ladder=ladder,
             lowest=min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1),
             probe=int(np.searchsorted(ladder, PROBE)),
-            highest_climb=3 * _RUNGS_PER_OCTAVE,
+            highest_climb=(1 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE,
             order=self.kernel.estimate_order,
             safety=_SAFETY,
             trial=self.kernel.trial,
@@ -204,6 +198,19 @@ class Flow:
         """Numbers of steps to choose from, four to an octave."""
         rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
         return np.unique(np.minimum(rungs, self.max_steps))
+
+    def steps_at(self, points: NDArray[np.float64], steps: int) -> float:
+        """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""
+        motion, missing = self._motion, -len(points) % LANES
+        rows = np.concatenate([points, points[:1].repeat(missing, axis=0)]).reshape(-1, LANES, points.shape[1])
+        x = np.ascontiguousarray(rows.swapaxes(1, 2))
+        errors, numbers = np.zeros_like(x), np.full(len(x), steps)
+        self.kernel.advance(x, numbers, self.begin, self.length, self.parameters, errors)
+        sizes = np.minimum(np.abs(x), self.largest[:, np.newaxis])
+        with np.errstate(invalid="ignore", over="ignore"):
+            ratios = (errors / (motion.atol + motion.rtol * sizes)).max(axis=1).ravel()[: len(points)]
+        ratios = np.where(ratios < np.inf, ratios, np.inf)
+        return float(np.sort(steps * (motion.safety * ratios) ** (1.0 / motion.order))[len(points) * 9 // 10])
 
     def __call__(self, orbits: Orbits) -> None:
         """Move orbits on in place, angles unwrapped, each with the steps it needs."""

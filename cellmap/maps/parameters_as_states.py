@@ -17,7 +17,7 @@ from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import known_parameter
 from .._lib.signatures import checked
 from .coordinates import Coordinate
-from .integration import unknown_formulas
+from .formulas import unknown_formulas
 from .orbit_batch import Orbits
 from .point_map import PointMap
 from .specification import MapSpec, specification

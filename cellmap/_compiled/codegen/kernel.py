@@ -44,8 +44,8 @@ class PeriodKernel:
 
     ``advance`` is the compiled function, ``estimate_order`` the order at which its error estimate shrinks, ``stages``
     the right-hand sides (or series) a step, ``margin(tolerance)`` how far the estimate has to stay below a tolerance,
-    ``trial`` the number of steps that asks for one step whose error alone is wanted.  With ``own_steps`` it is called as
-    :mod:`cellmap._compiled.codegen.own_steps` says.
+    ``trial`` the number of steps that asks for one step whose error alone is wanted.  With ``own_steps`` it is called
+    as :mod:`cellmap._compiled.codegen.own_steps` says.
     """
 
     advance: CompiledPeriod

@@ -21,7 +21,7 @@ class Method:
 
     ``write(trace)`` returns the code of a step; ``estimate_order`` is the power of the step size at which the error
     estimate of a whole period shrinks; ``tableau`` is there for methods that can call an untraceable right-hand side.
-    With ``own_steps`` each initial condition has steps of its own length, and the estimate shrinks with their tolerance.
+    With ``own_steps`` each initial condition has steps of its own, and the estimate shrinks with their tolerance.
     """
 
     name: str
@@ -98,7 +98,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
     if name == "Rosenbrock":
         if trace is None or trace.has_branches:
             raise ValueError(
-                "method='Rosenbrock' needs a right-hand side whose formulas are known, without branches: use method='DOP853'"
+                "method='Rosenbrock' needs a right-hand side whose formulas are known, without branches: use 'DOP853'"
             )
         return ROSENBROCK
     return _runge_kutta(_TABLEAUS[name]())

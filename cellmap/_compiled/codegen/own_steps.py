@@ -14,9 +14,9 @@ from __future__ import annotations
 import functools
 
 from ..kernels.blocks import LANES
-from .instructions import Instructions, Value, number
-from ..machine_code import machine_code, module_text, vector_width
-from .period import _ARGUMENTS, CompiledPeriod, parameter_scope
+from ..machine_code import machine_code, vector_width
+from .instructions import Instructions, Value, module_text, number
+from .period import ARGUMENTS, CompiledPeriod, parameter_scope
 from .rosenbrock import OwnStepCode
 from .statements import Scope, translate
 
@@ -24,7 +24,7 @@ NUMBERS = 3
 """Numbers of the context before those of the components."""
 
 _FIRST = 1e-4  # of the period, a step that grows or shrinks soon
-_HIGHER = 3.0
+_HIGHER = 10.0
 _SHORTEST = 1e-15  # of the period
 
 
@@ -54,7 +54,9 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
         with out.loop("begun", LANES, out.width) as place:
             out.store(out.as_vector(Value("%start")), out.address(times, place))
             out.store(out.as_vector(once["first"]), out.address(lengths, place))
-        with out.loop("step", limit):
+        taken = out.address("%steps", block)
+        with out.loop("step", limit) as step:
+            out.store_whole(out.whole("add", step, 1), taken)
             with out.loop_over_lanes(LANES) as lane:
                 rows = [out.whole("add", lane, j * LANES) for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
@@ -76,7 +78,7 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
                 place = out.address(error, out.whole("add", lane, j * LANES))
                 size = out.intrinsic("fabs", out.load(place, vector=True))
                 out.store(out.select(arrived, size, number(float("inf"))), place)
-    return module_text(out.function("advance", _ARGUMENTS), out)
+    return module_text(out.function("advance", ARGUMENTS), out)
 
 
 def _before() -> list[str]:
@@ -107,8 +109,13 @@ def _after(dimension: int) -> list[str]:
     ]
     lines += [f"x{j} = float('inf') if lost > 0.0 else (y{j} if takes > 0.0 else x{j})" for j in components]
     # The error of the step is smaller than that of the order below by about its own relative size to the power 1/5.
-    lines.append(f"rel = ({' + '.join(f'abs(e{j})' for j in components)}) / ({' + '.join(f'abs(y{j})' for j in components)})")
-    lines += ["power = math.sqrt(math.sqrt(math.sqrt(rel)))", f"power = simd_math.fmin({_HIGHER!r} * power * math.sqrt(power), 1.0)"]
+    lines.append(
+        f"rel = ({' + '.join(f'abs(e{j})' for j in components)}) / ({' + '.join(f'abs(y{j})' for j in components)})"
+    )
+    lines += [
+        "power = math.sqrt(math.sqrt(math.sqrt(rel)))",
+        f"power = simd_math.fmin({_HIGHER!r} * power * math.sqrt(power), 1.0)",
+    ]
     return lines + [f"a{j} = b{j} + power * e{j} if takes > 0.0 else a{j}" for j in components]
 
 

@@ -27,7 +27,7 @@ from .instructions import Instructions, Value, module_text, number
 from .lanes import CHECKED, StepCode
 from .statements import Scope, translate
 
-_ARGUMENTS = (
+ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
     "ptr noalias %error, i64 %blocks"
 )
@@ -93,7 +93,7 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
                     size = out.intrinsic("fabs", out.as_vector(per_lane[f"e{j}"]))
                     out.store(out.binary("fadd", out.load(errors[j], vector=True), size), errors[j])
             _leave_if_nothing_is_finite(out, x, step, dimension)
-    return module_text(out.function("advance", _ARGUMENTS), out)
+    return module_text(out.function("advance", ARGUMENTS), out)
 
 
 @functools.lru_cache(maxsize=256)

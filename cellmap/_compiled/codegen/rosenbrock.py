@@ -87,7 +87,9 @@ def rosenbrock_steps(trace: Trace) -> OwnStepCode:
     lines += [f"f0_{j} = {name(e)}" for j, e in enumerate(trace.outputs)]
     lines += [f"ft{j} = h * {name(e)}" for j, e in enumerate(of_time) if not e.vanishes]
     matrix = _Elimination(size)
-    lines += matrix.factors([["" if e.vanishes else name(e) for e in slopes[j * size : (j + 1) * size]] for j in range(size)])
+    lines += matrix.factors(
+        [["" if e.vanishes else name(e) for e in slopes[j * size : (j + 1) * size]] for j in range(size)]
+    )
     last = len(_COUPLINGS) - 1
     for stage in range(last + 1):
         if stage:

@@ -128,7 +128,8 @@ def integrate(motion, points, turns, status, lower, turn, periods):
                     steps = motion.ladder[rung]
                     some = members[begin:end]
                     _images(motion, starts, some, steps, motion.length, blocks, errors, numbers, points, ratios)
-                    total += steps * (end - begin)
+                    for b in range(-(-some.size // LANES)):
+                        total += numbers[b] * min(LANES, some.size - b * LANES)
                     begin = end
             left = begin
         for m in range(alive):
@@ -187,7 +188,10 @@ def _living(status, living):
 
 @loop
 def _images(motion, starts, members, steps, length, blocks, errors, numbers, images, ratios):
-    """Integrate some orbits over a time with a number of steps, in full blocks of lanes."""
+    """Integrate some orbits over a time with a number of steps, in full blocks of lanes.
+
+    ``numbers`` receives the steps that each block took.
+    """
     used = -(-members.size // LANES)
     blocks, errors = blocks[:used], errors[:used]
     numbers[:used] = steps

@@ -1,0 +1,100 @@
+"""Stiff systems: the method that "auto" chooses meets the tolerance, without any argument being touched."""
+
+from __future__ import annotations
+
+from math import cos, pi
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap._compiled.codegen import rosenbrock
+from cellmap.maps import jacobian
+from cellmap.maps.stroboscopic import method_of
+from tests.reference.stiff import CASES, Case
+
+
+def system_of(case: Case) -> ForcedSystem:
+    names = [f"x{j}" for j in range(len(case.start))]
+    return ForcedSystem(case.rhs, case.params, case.period, names)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("name", CASES)
+def test_stiff_systems_meet_their_tolerance(name: str, tolerance: float) -> None:
+    case = CASES[name]
+    strobe = stroboscopic_map(system_of(case), rtol=tolerance, atol=tolerance * 1e-3)
+    orbit = strobe.iterate(case.start, 1)
+    assert orbit.status == Status.OK
+    assert orbit.points == pytest.approx(case.image, rel=2.0 * tolerance, abs=2e-3 * tolerance)
+
+
+def test_the_method_follows_from_the_work() -> None:
+    chosen = {name: method_of(stroboscopic_map(system_of(case))) for name, case in CASES.items()}
+    assert {chosen["van der Pol, mu = 100"], chosen["van der Pol, mu = 1000"], chosen["Robertson"]} == {"Rosenbrock"}
+    assert chosen["van der Pol, mu = 1"] != "Rosenbrock"
+
+
+def cubic(t: float, x: Any, p: Any) -> tuple[float, float]:
+    return x[1], -p.rate * (x[1] - cos(t)) - (x[0] ** 3)
+
+
+def test_a_stable_linear_part_of_any_size_is_forgotten() -> None:
+    """x' = -L (x - cos t): the image is cos 0 + sin 0 / L + O(1 / L^2), from wherever it began."""
+    for rate in (1e2, 1e4, 1e8, 1e12):
+        system = ForcedSystem(lambda t, x, p: (-p.rate * (x[0] - cos(t)),), {"rate": rate}, 2.0 * pi, ("x",))
+        images = stroboscopic_map(system)([[0.5], [-2.0], [1e6]])
+        assert images[:, 0] == pytest.approx(1.0 / (1.0 + 1.0 / rate**2), abs=2e-9)
+
+
+def test_jacobians_of_stiff_maps() -> None:
+    """Its determinant is exp of the mean trace (Liouville): exp(-2 pi rate), and columns are differences of images."""
+    strobe = stroboscopic_map(ForcedSystem(cubic, {"rate": 3000.0}, 2.0 * pi, ("x", "v")), rtol=1e-11, atol=1e-11)
+    assert method_of(strobe) == "Rosenbrock"
+    point, step = np.array([0.7, 0.2]), 1e-4
+    columns = [(strobe(point + step * e) - strobe(point - step * e)) / (2.0 * step) for e in np.eye(2)]
+    np.testing.assert_allclose(jacobian(strobe, point), np.stack(columns, axis=-1), rtol=1e-5, atol=1e-7)
+
+
+def test_its_coefficients_meet_the_conditions_of_order_five() -> None:
+    """Stability function: exp(z) to order 5, and zero at infinity; nodes and sums are those of the stages."""
+    z_values, gamma = np.array([-0.1, -0.2]), rosenbrock.GAMMA
+
+    def after_a_step(z: complex) -> complex:
+        stages: list[complex] = []
+        for i, couplings in enumerate(rosenbrock._COUPLINGS):
+            if i < len(rosenbrock._STAGES):
+                u = 1.0 + sum(a * k for a, k in zip(rosenbrock._STAGES[i], stages, strict=True))
+            else:
+                u = u + stages[-1]
+            known = sum(c * k for c, k in zip(couplings, stages, strict=True))
+            stages.append((z * u + known) / (1.0 / gamma - z))
+        return u + stages[-1]
+
+    errors = np.array([abs(after_a_step(z) - np.exp(z)) for z in z_values])
+    assert np.log2(errors[1] / errors[0]) > 5.8
+    assert abs(after_a_step(-1e12)) < 1e-9
+    assert max(abs(after_a_step(1j * y)) for y in np.linspace(0.0, 50.0, 2001)) <= 1.0 + 1e-9
+
+
+def test_order_five_on_a_nonlinear_forced_equation() -> None:
+    """x' = -x^2 cos t, x = 1 / (1 / x0 + sin t): steps of equal length, errors over half of them."""
+    from cellmap._compiled.codegen.own_steps import NUMBERS
+    from cellmap.maps.integration import flow
+
+    system = ForcedSystem(lambda t, x, p: (-(x[0] ** 2) * cos(t),), {}, 2.0 * pi, ("x",))
+    exact = 1.0 / (1.0 / 0.6 + np.sin(2.0))
+    pairs = []
+    for tolerance in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
+        motion = flow(system, 0.0, 2.0, tolerance, tolerance, "Rosenbrock", 10**6)
+        x = np.full((1, 1, 32), 0.6)
+        errors, steps = np.zeros_like(x), np.ones(1, np.int64)
+        kernel = motion.kernel.advance
+        numbers = np.array([tolerance, tolerance, 1e6, np.inf]).view(np.int64)
+        assert len(numbers) == NUMBERS + 1
+        type(kernel)(kernel.address, kernel.code, numbers)(x, steps, 0.0, 2.0, motion.parameters, errors)
+        pairs.append((float(steps[0]), abs(float(x[0, 0, 0]) - exact)))
+    steps_taken, found = np.log(np.array(pairs)).T
+    slope = np.polyfit(steps_taken, found, 1)[0]
+    assert -6.5 < slope < -4.5
