@@ -201,7 +201,7 @@ class Flow:
 
     def steps_at(self, points: NDArray[np.float64], steps: int) -> float:
         """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""
-        motion, missing = self._motion, -len(points) % LANES
+        motion, missing = self.numbers, -len(points) % LANES
         rows = np.concatenate([points, points[:1].repeat(missing, axis=0)]).reshape(-1, LANES, points.shape[1])
         x = np.ascontiguousarray(rows.swapaxes(1, 2))
         errors, numbers = np.zeros_like(x), np.full(len(x), steps)
