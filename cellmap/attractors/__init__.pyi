@@ -1,3 +1,4 @@
 from .clustering import OrbitClusters as OrbitClusters
 from .clustering import cluster_orbits as cluster_orbits
+from .continued import continue_attractors as continue_attractors
 from .search import find_attractors as find_attractors

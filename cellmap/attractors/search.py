@@ -193,7 +193,7 @@ def new_attractors(
             if solutions[i] in examined:
                 continue
             orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
-            neighbourhood = None if orbit is None else _neighbourhood(point_map, orbit, extent)
+            neighbourhood = None if orbit is None else neighbourhood_of(point_map, orbit, extent)
             if orbit is None or neighbourhood is None:
                 examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
             else:
@@ -246,7 +246,8 @@ class Examined:
         )
 
 
-def _neighbourhood(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:
+def neighbourhood_of(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:
+    """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it."""
     return trapping_neighbourhood(point_map, attractor, extent) if _carried(point_map, attractor) else None
 
 

@@ -21,6 +21,7 @@ _ALL_BUT_LINEAR = 0.5  # of what the linear part leaves to spare: the most that 
 _STRAIGHT = 0.1  # and the most from which a step as long as the next is safe,
 _COARSE = (2.0, 4.0)  # from one small surface to another, as what bends allows for,
 _SMALL = 0.01  # as far as this part of the largest one
+_COARSE_AHEAD = 7  # of these surfaces that are looked at together
 _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
 _FLIPPING = -0.9  # multiplier below which two rounds are taken together
@@ -116,6 +117,7 @@ class _Shells:
         self.resolved = float(np.sqrt(noise @ np.abs(self.metric) @ noise)) / max(0.5 * self.spare, 1e-300)
         self.largest = float((limit / np.sqrt((inverse_root**2).sum(axis=-1))).min())
         self.radius = self.promised = 0.0
+        self.seen: dict[float, tuple[float, float]] = {}
         self.worst = self.linear
 
     def length(self, vector: NDArray[np.complex128]) -> float:
@@ -132,7 +134,7 @@ class _Shells:
         """
         share = self._first() if self.spare > 0.0 else np.inf
         while share <= _STRAIGHT and self.radius <= _SMALL * self.largest:
-            share = self._try(_COARSE[int(share * _COARSE[1] <= _STRAIGHT)] * self.radius)
+            share = self._try(_COARSE[int(share * _COARSE[1] <= _STRAIGHT)] * self.radius, _COARSE_AHEAD)
         return self.promised
 
     def _first(self) -> float:
@@ -151,12 +153,19 @@ class _Shells:
             share = self._try(nearest * 2.0**octave)
         return share
 
-    def _try(self, radius: float) -> float:
-        """Take a radius if the map is all but linear there; return how much bends, as a share of what is to spare."""
-        factors, bends = self._factors(np.array([radius]))
-        share = float(bends[0]) / self.spare
-        if share <= _ALL_BUT_LINEAR and factors[0] <= self.allowed:
-            self.radius, self.worst = radius, max(self.worst, float(factors[0]))
+    def _try(self, radius: float, ahead: int = 1) -> float:
+        """Take a radius if the map is all but linear there; return how much bends, as a share of what is to spare.
+
+        Further surfaces are looked at together with this one, as far as they are likely to be tried next.
+        """
+        if radius not in self.seen:
+            radii = radius * _COARSE[1] ** np.arange(float(ahead))
+            radii = radii[radii <= max(radius, _COARSE[1] * _SMALL * self.largest)]
+            self.seen |= zip(radii.tolist(), zip(*self._factors(radii), strict=True), strict=True)
+        factor, bend = self.seen[radius]
+        share = float(bend) / self.spare
+        if share <= _ALL_BUT_LINEAR and factor <= self.allowed:
+            self.radius, self.worst = radius, max(self.worst, float(factor))
             self.promised = min(radius / max(share, 1e-300), self.largest)
         return share
 

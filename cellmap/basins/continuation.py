@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
+from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import match_attractors, thinned
 from ..attractors.search import find_attractors, longest_period, region_extent
@@ -215,7 +216,9 @@ def _step(
     memory = done.memory()
     known: tuple[Attractor, ...] = ()
     if memory:
-        known = find_attractors(point_map, np.concatenate([_seeds(memory, extent), _outermost(starts)]), *limits)
+        known = continue_attractors(point_map, tuple(done.attractors[-1].values()), extent)
+        seeds = np.concatenate([_seeds(memory, extent), _outermost(starts)])
+        known = find_attractors(point_map, seeds, *limits, known=known)
     basins = find_basins(point_map, starts, *limits, attractors=known)
     found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
     labels = _labels(found, done, memory, extent, settings["threshold"])

@@ -21,7 +21,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.rebind import rebind
-from cellmap.attractors.trapping import trapping_neighbourhood
+from cellmap.attractors.trapping import _COARSE_AHEAD, trapping_neighbourhood
 from cellmap.maps.coordinates import difference
 from cellmap.orbits.newton import stable_orbit
 
@@ -158,7 +158,7 @@ def test_surfaces_of_a_line_are_looked_at_by_the_hundred():
     extent = np.array([4.0])
     attractor = stable_orbit(exact, np.zeros(1), 1, extent)
     assert trapping_neighbourhood(replace(exact, advance=counted), attractor, extent) is not None
-    grown = [size for size in sizes if size > 1]
+    grown = [size for size in sizes if size > _COARSE_AHEAD]
     assert sum(grown) > 200
     assert len(grown) <= 4
 

@@ -1,0 +1,72 @@
+"""Attractors followed from one map to a map with other parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.signatures import checked
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, sort_key
+from ..orbits.newton import newton, stable_orbit
+from .search import check_attractors, neighbourhood_of, region_extent
+from .settling import Catalogue
+
+_REACH = 0.1  # of the extent: an orbit that is found farther away is another one
+
+
+@checked
+def continue_attractors(
+    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64] | None = None
+) -> tuple[Attractor, ...]:
+    """Return the periodic attractors of a map near those of a map with slightly different parameters.
+
+    Newton's method starts from where each attractor was.  The orbits that it finds count if their multipliers lie
+    inside the unit circle, and get trapping regions of their own.  Attractors that have vanished or lost their
+    stability, and those that are not periodic, are left out: a search for attractors with the others as known ones
+    finds what has taken their place.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map with its new parameters.
+    attractors : sequence of Attractor
+        Attractors of the map with other parameters.
+    extent : ndarray, shape (dimension,), optional
+        Size of the region of interest.  By default the window of an interpolated map, or what the attractors span.
+
+    Returns
+    -------
+    tuple of Attractor
+        In the order in which :func:`find_attractors` returns them.
+
+    Examples
+    --------
+    >>> from math import tanh
+    >>> from cellmap import discrete_map, find_attractors
+    >>> wells = discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 1.5}, ("x",))
+    >>> before = find_attractors(wells, [[-1.0], [1.0]])
+    >>> [round(float(a.points[0, 0]), 4) for a in continue_attractors(wells.with_params(a=1.6), before)]
+    [0.8906, -0.8906]
+    """
+    check_attractors(attractors, point_map, "attractors")
+    orbits = [a for a in attractors if a.neighbourhood is not None]
+    if not orbits:
+        return ()
+    if extent is None:
+        extent = region_extent(point_map, np.concatenate([a.points for a in attractors]))
+    periods = np.array([a.period for a in orbits])
+    guesses = np.array([a.points[0] for a in orbits])
+    points, settled = newton(point_map, guesses, periods, extent, _REACH, attracting=True)
+    found: list[Attractor] = []
+    for k in np.flatnonzero(settled):
+        if Catalogue.of(found, point_map).owners_of(points[k : k + 1])[0] >= 0:
+            continue
+        orbit = stable_orbit(point_map, points[k], int(periods[k]), extent)
+        region = None if orbit is None else neighbourhood_of(point_map, orbit, extent)
+        if orbit is not None and region is not None:
+            found.append(replace(orbit, neighbourhood=region))
+    return tuple(sorted(found, key=sort_key))
