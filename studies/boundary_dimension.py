@@ -69,7 +69,7 @@ def compute(
         exact = stroboscopic_map(driven_pendulum(amplitude=1e-3 * amplitude))
         icm = interpolated_map(exact, _TABLE, outside="integrate")
         basins = find_basins(icm, CellGrid((-pi, -WINDOW), (pi, WINDOW), (cells, cells)))
-        measured = uncertainty_exponent(basins, pairs=pairs, uncertain=uncertain)
+        measured = uncertainty_exponent(basins, max_pairs=pairs, min_uncertain=uncertain)
         rows.append(Row(amplitude, basins, measured, box_counts(basins, lines, line_cells, side)))
         report_row(rows[-1])
     changes = {

@@ -94,15 +94,15 @@ def end_of_swing(cascade: Cascade, values: int) -> BifurcationDiagram:
     born = next(branch for branch in cascade.branches if branch.period == cascade.periods[3])
     start = born.orbits_at(float(begin))[0].points[0]
     settled = {"transient": 200 + values, "periods": 200 + values}
-    return bifurcation_diagram(stroboscopic_map(ROD), cascade.name, over, start, follow="up", **settled)
+    return bifurcation_diagram(stroboscopic_map(ROD), cascade.parameter, over, start, follow="up", **settled)
 
 
-def sample(fastest: float, starts: int) -> NDArray[np.float64]:
+def sample(fastest: float, initial_conditions: int) -> NDArray[np.float64]:
     """Return random starts over the circle and all rates up to the fastest."""
-    return np.random.default_rng(0).uniform((-pi, -fastest), (pi, fastest), (starts, 2))
+    return np.random.default_rng(0).uniform((-pi, -fastest), (pi, fastest), (initial_conditions, 2))
 
 
-def compute(values: int, starts: int, doublings: int) -> Result:
+def compute(values: int, initial_conditions: int, doublings: int) -> Result:
     """Follow all cascades, sample orbits and basins over both parameters, and look how long starts tumble."""
     rod, weak = stroboscopic_map(ROD), stroboscopic_map(WEAK)
     cascades = rod_cascades(doublings)
@@ -111,7 +111,7 @@ def compute(values: int, starts: int, doublings: int) -> Result:
     states = np.array([[0.05, 0.0], [pi - 0.05, 0.0]])
     few = max(8, values // 8)
     wide = np.append(np.linspace(*LIMITS[ROD.name], few), np.linspace(17e-3, LARGEST, few))
-    window = sample(500.0, starts)
+    window = sample(500.0, initial_conditions)
     rods = Route(
         cascades,
         bifurcation_diagram(rod, "amplitude", amplitude, states, **settled),
@@ -120,7 +120,7 @@ def compute(values: int, starts: int, doublings: int) -> Result:
     slow = Route(
         weak_cascades(doublings),
         bifurcation_diagram(weak, "beta", beta, states[0], **settled),
-        continue_basins(weak, "beta", np.linspace(0.04, 0.7, few), sample(3.0, starts // 2), progress=True),
+        continue_basins(weak, "beta", np.linspace(0.04, 0.7, few), sample(3.0, initial_conditions // 2), progress=True),
     )
     waits = {a: find_basins(rod.with_params(amplitude=a), window).settling_time for a in (10e-3, 16e-3, 20e-3, LARGEST)}
     return Result(rods, slow, end_of_swing(cascades["hanging"], 2 * values), waits)
@@ -157,7 +157,7 @@ def report(result: Result) -> None:
         ("rod of 2.72 cm, 50 Hz, 10 /s", result.rod, " mm", 1e3),
         ("alpha = 0.25, gamma = 0.05", result.weak, "", 1.0),
     ):
-        print(f"{title}: {route.diagram.name}")
+        print(f"{title}: {route.diagram.parameter}")
         for state, cascade in route.cascades.items():
             print(f"  {state}: {cascade.end}")
             for branch, b in zip(cascade.branches, cascade.bifurcations, strict=True):
@@ -226,7 +226,12 @@ def _draw_shares(ax: Axes, route: Route) -> None:
     parts = shares(route.basins)
     ax.stackplot(route.basins.values, list(parts.values()), colors=list(CLASSES.values()), labels=list(parts), lw=0.0)
     low, high = LIMITS[route.diagram.system]
-    ax.set(xlim=(low, min(high, route.basins.values[-1])), ylim=(0.0, 1.0), xlabel=route.basins.name, ylabel="starts")
+    ax.set(
+        xlim=(low, min(high, route.basins.values[-1])),
+        ylim=(0.0, 1.0),
+        xlabel=route.basins.parameter,
+        ylabel="initial_conditions",
+    )
     ax.legend(fontsize="x-small", loc="lower left")
 
 

@@ -126,7 +126,7 @@ def compute(seeds: int) -> Result:
         rod,
         times,
         angles,
-        quadratic_decay(envelope, start=0.0),
+        quadratic_decay(envelope, start_time=0.0),
         sine_fit(times, angles),
         natural_frequency(envelope),
         fits,

@@ -112,7 +112,7 @@ def synthetic(frequencies: NDArray[np.float64], cycles: int) -> StabilityPoints:
     system = driven_pendulum(length=RODS[MEASURED_ROD], gravity=GRAVITY, **FRICTIONS["viscous"])
     scale = np.sqrt(2.0 * GRAVITY * RODS[MEASURED_ROD]) / (2.0 * pi * frequencies)
     return measure_least_amplitudes(
-        system, frequencies, 0.8 * scale, 1.5 * scale, STEP, RELEASE, cycles, seed=17, rod=MEASURED_ROD
+        system, frequencies, 0.8 * scale, 1.5 * scale, STEP, RELEASE, cycles, rng=17, rod=MEASURED_ROD
     )
 
 

@@ -97,7 +97,7 @@ def pendulum(amplitude: float, frequency: float, damping: float = 0.0, friction:
 
 def release(system: ForcedSystem, angle: float, seconds: float = WATCHED) -> Trajectory:
     """Return the motion after a release from rest at an angle from the upright position."""
-    return trajectory(system, [pi - angle, 0.0], periods=ceil(seconds / system.length), samples=SAMPLES)
+    return trajectory(system, [pi - angle, 0.0], periods=ceil(seconds / system.length), samples_per_period=SAMPLES)
 
 
 def departure(motion: Trajectory) -> NDArray[np.float64]:

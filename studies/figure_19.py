@@ -94,7 +94,7 @@ def draw(panels: Sequence[Panel], window: float) -> Figure:
     for column, panel in enumerate(row):
         for ax, basins in zip(axes[:, column], (panel.lost, panel.kept), strict=True):
             colours = {k: _colour(a) for k, a in enumerate(basins.attractors)}
-            plot.basins(basins, ax=ax, colours=colours, legend=False, points=basins is panel.kept)
+            plot.basins(basins, ax=ax, colours=colours, legend=False, show_attractors=basins is panel.kept)
             ax.set_title(f"A = {1e3 * panel.amplitude:g} mm")
             ax.label_outer()
     figure.suptitle(
@@ -107,7 +107,7 @@ def _colour(attractor: Attractor) -> str:
     if attractor.kind is Kind.FIXED_POINT:
         return "white" if np.cos(attractor.points[0, 0]) > 0 else "black"
     if attractor.kind is Kind.ROTATING:
-        return "#0072B2" if attractor.turns[0] > 0 else "#E69F00"
+        return "#0072B2" if attractor.rotations[0] > 0 else "#E69F00"
     return "#009E73"
 
 

@@ -67,9 +67,9 @@ class Result:
 
 def pushed(link: str, pushes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the state (up, down) with a rate given to one link."""
-    starts = np.tile(UP_DOWN, (len(pushes), 1))
-    starts[:, LINKS[link]] = pushes
-    return starts
+    initial_conditions = np.tile(UP_DOWN, (len(pushes), 1))
+    initial_conditions[:, LINKS[link]] = pushes
+    return initial_conditions
 
 
 def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:

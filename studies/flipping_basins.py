@@ -45,11 +45,11 @@ class Measured:
     memory: int
 
 
-def measured(amplitude: float, starts: CellGrid | np.ndarray) -> Measured:
+def measured(amplitude: float, initial_conditions: CellGrid | np.ndarray) -> Measured:
     """Find basins of the reference set at an amplitude, and what they cost."""
     point_map = stroboscopic_map(double_pendulum(amplitude=amplitude))
     wall, processor = time.perf_counter(), time.process_time()
-    basins = find_basins(point_map, starts, progress=True)
+    basins = find_basins(point_map, initial_conditions, progress=True)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     unit = 1 if sys.platform == "darwin" else 1024
     return Measured(basins, time.perf_counter() - wall, time.process_time() - processor, peak * unit)
@@ -66,19 +66,19 @@ def rate_slice(cells: int) -> CellGrid:
     return CellGrid((*near[0], -FASTEST, -FASTEST), (*near[1], FASTEST, FASTEST), (1, 1, cells, cells))
 
 
-def box(starts: int) -> np.ndarray:
+def box(initial_conditions: int) -> np.ndarray:
     """Return random starts over both circles and all rates up to the fastest."""
     most = np.array([pi, pi, FASTEST, FASTEST])
-    return np.random.default_rng(0).uniform(-most, most, (starts, 4))
+    return np.random.default_rng(0).uniform(-most, most, (initial_conditions, 4))
 
 
-def compute(cells: int, side: int, starts: int) -> dict[str, Measured]:
+def compute(cells: int, side: int, initial_conditions: int) -> dict[str, Measured]:
     """Find the basins of all slices and boxes, and tell of each."""
     plans: dict[str, tuple[float, CellGrid | np.ndarray]] = {
         "at rest, 60 x 60": (AMPLITUDES[0], REFERENCE),
         "both links turning once a period": (AMPLITUDES[0], angle_slice(side, TURNING)),
         "rates from (π, 0)": (AMPLITUDES[0], rate_slice(side)),
-        **{f"box, {1e3 * a:g} mm": (a, box(starts)) for a in AMPLITUDES},
+        **{f"box, {1e3 * a:g} mm": (a, box(initial_conditions)) for a in AMPLITUDES},
         "at rest": (AMPLITUDES[0], angle_slice(cells, 0.0)),
     }
     found = {}
@@ -109,8 +109,8 @@ def colour(attractor: Attractor) -> str:
             (int(np.sign(np.cos(inner))), int(np.sign(np.cos(outer))))
         ]
     if attractor.kind is Kind.ROTATING:
-        if attractor.turns[0] == attractor.turns[1]:
-            return "#009E73" if attractor.turns[0] > 0 else "#CC79A7"
+        if attractor.rotations[0] == attractor.rotations[1]:
+            return "#009E73" if attractor.rotations[0] > 0 else "#CC79A7"
         return "#D55E00"
     return "#0072B2"
 
@@ -123,7 +123,7 @@ def draw(found: dict[str, Measured]) -> Figure:
     named: dict[str, str] = {}
     for ax, (title, basins) in zip(axes, pictures.items(), strict=True):
         colours = {k: colour(a) for k, a in enumerate(basins.attractors)}
-        plot.basins(basins, ax=ax, colours=colours, legend=False, points=title == "at rest")
+        plot.basins(basins, ax=ax, colours=colours, legend=False, show_attractors=title == "at rest")
         ax.set(title=title, aspect="equal")
         named |= {a.name: colours[k] for k, a in enumerate(basins.attractors)}
     patches = [Patch(facecolor=c, edgecolor="0.3", label=name) for name, c in named.items()]

@@ -89,9 +89,9 @@ def sierpinski(level: int) -> Points:
 
 def koch(level: int) -> Points:
     """Return Koch's curve, by the ends of its pieces, in their order."""
-    turns = [turning(a) / 3.0 for a in (0.0, pi / 3.0, -pi / 3.0, 0.0)]
+    rotations = [turning(a) / 3.0 for a in (0.0, pi / 3.0, -pi / 3.0, 0.0)]
     ends = [[0.0, 0.0], [1.0 / 3.0, 0.0], [0.5, sqrt(3.0) / 6.0], [2.0 / 3.0, 0.0]]
-    return copies([(a, np.array(b)) for a, b in zip(turns, ends, strict=True)], np.zeros((1, 2)), level)
+    return copies([(a, np.array(b)) for a, b in zip(rotations, ends, strict=True)], np.zeros((1, 2)), level)
 
 
 def turning(angle: float) -> Points:
@@ -192,9 +192,9 @@ def compute(quick: bool) -> list[Row]:
             ("shifted", points + np.array([0.1234, 0.777])),
             ("turned", points @ turning(ANGLE).T),
         ):
-            rows.append(Row(name, placed, box_dimension(moved, offsets=4).fit, exact))
+            rows.append(Row(name, placed, box_dimension(moved, n_offsets=4).fit, exact))
     for name, (labels, exact, samples) in images(quick).items():
-        rows.append(Row(name, "image", boundary_dimension(labels, samples=samples, offsets=16).fit, exact))
+        rows.append(Row(name, "image", boundary_dimension(labels, lattice=samples, n_offsets=16).fit, exact))
     places, weights = cascade(12 if quick else 16)
     spectrum = generalized_dimensions(places, (0.0, 1.0, 2.0, 3.0), weights=weights)
     rows.extend(Row(f"cascade, D_{q:g}", "weights", fit, cascade_dimension(q)) for q, fit in spectrum)

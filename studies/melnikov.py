@@ -146,7 +146,7 @@ def compute(
         exact = stroboscopic_map(moon_li_duffing(DAMPING, forcing, FREQUENCY))
         table = CellGrid((-2.5, -2.5), (2.5, 2.5), (512, 512))
         basins = find_basins(interpolated_map(exact, table, outside="integrate"), grid)
-        counted = uncertainty_exponent(basins, outcome=wells(basins), pairs=pairs, uncertain=1000)
+        counted = uncertainty_exponent(basins, outcome=wells(basins), max_pairs=pairs, min_uncertain=1000)
         rows.append(Row(forcing, basins, counted, box_counts(basins, lines, line_cells, side, merged)))
         report_row(rows[-1])
     result = Result(critical_forcing(), critical_forcing_by_quadrature(), tangency(points, halvings), rows)

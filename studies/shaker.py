@@ -86,13 +86,13 @@ def cases() -> list[Case]:
     rng = np.random.default_rng(5)
     uneven = np.sort(rng.uniform(0.0, 1.0, 2000))
     # Volts at 0.1 V per g, with a converter of 10 bits over 5 V.
-    volts = record_acceleration(SINE, EVEN, noise=0.03, offset=0.4, full_scale=5.0, bits=10, volts_per_g=0.1, seed=1)
+    volts = record_acceleration(SINE, EVEN, noise=0.03, offset=0.4, full_scale=5.0, bits=10, volts_per_g=0.1, rng=1)
     made = [
         ("sine, in volts, 10 bits", SINE, EVEN, acceleration_from_volts(volts)),
         ("sine, drift and coloured noise", SINE, EVEN, _made(SINE, noise=30.0, noise_time=0.004, drift=100.0)),
         ("sine, saturated at 220 m/s²", SINE, EVEN, _made(SINE, noise=5.0, full_scale=220.0)),
         ("sine, 3 periods", SINE, EVEN[:127], _made(SINE, noise=3.0)[:127]),
-        ("two harmonics, uneven times", TWO, uneven, record_acceleration(TWO, uneven, 5.0, offset=9.8, seed=2)),
+        ("two harmonics, uneven times", TWO, uneven, record_acceleration(TWO, uneven, 5.0, offset=9.8, rng=2)),
         ("two harmonics, 60 % lost", TWO, EVEN, _made(TWO, noise=5.0, missing=0.6)),
         ("triangle", TRIANGLE, EVEN, _made(TRIANGLE, noise=5.0)),
     ]
@@ -100,7 +100,7 @@ def cases() -> list[Case]:
 
 
 def _made(drive: Effect, **faults: float) -> Array:
-    return record_acceleration(drive, EVEN, offset=9.8, seed=3, **faults)  # type: ignore[arg-type]
+    return record_acceleration(drive, EVEN, offset=9.8, rng=3, **faults)  # type: ignore[arg-type]
 
 
 def deviations(drive: Effect, found: RecoveredDrive) -> Array:
@@ -122,15 +122,15 @@ def coverage(seeds: int) -> dict[str, Array]:
 
     def uneven(seed: int) -> tuple[Array, Array]:
         t = np.sort(np.random.default_rng(seed).uniform(0.0, 0.5, 500))
-        return t, record_acceleration(TWO, t, 10.0, seed=seed)
+        return t, record_acceleration(TWO, t, 10.0, rng=seed)
 
     kinds: dict[str, tuple[Effect, Callable[[int], tuple[Array, Array]], str]] = {
-        "white": (TWO, lambda s: (times, record_acceleration(TWO, times, 10.0, seed=s)), "coloured"),
+        "white": (TWO, lambda s: (times, record_acceleration(TWO, times, 10.0, rng=s)), "coloured"),
         "uneven times": (TWO, uneven, "coloured"),
-        "coloured": (TWO, lambda s: (times, record_acceleration(TWO, times, 20.0, 0.005, seed=s)), "coloured"),
+        "coloured": (TWO, lambda s: (times, record_acceleration(TWO, times, 20.0, 0.005, rng=s)), "coloured"),
         "coloured, taken for white": (
             TWO,
-            lambda s: (times, record_acceleration(TWO, times, 20.0, 0.005, seed=s)),
+            lambda s: (times, record_acceleration(TWO, times, 20.0, 0.005, rng=s)),
             "white",
         ),
     }
@@ -153,7 +153,7 @@ def noise_bias(levels: Array, seeds: int) -> tuple[Array, Array]:
     from_extremes, from_fit = np.empty((2, len(levels), seeds))
     for i, level in enumerate(levels):
         for seed in range(seeds):
-            volts = record_acceleration(SINE, EVEN, noise=level, volts_per_g=0.1, seed=seed)
+            volts = record_acceleration(SINE, EVEN, noise=level, volts_per_g=0.1, rng=seed)
             from_extremes[i, seed] = displacement_amplitude(np.ptp(volts), SINE.frequency)
             found = recover_drive(EVEN, acceleration_from_volts(volts))
             from_fit[i, seed] = displacement_amplitude(volts_from_acceleration(found.peak_to_peak), found.frequency)
@@ -164,7 +164,7 @@ def critical_amplitude(amplitudes: Array, phases: Array, frequency: float) -> fl
     """Return the first amplitude (m) at which the inverted rod gains stability; the other harmonics keep theirs."""
     drive = HarmonicDrive(tuple(amplitudes.tolist()), tuple(phases.tolist()), frequency)
     system = scene(Pendulum(ROD), Gravity(GRAVITY), drive, ViscousDamping(DAMPING))
-    found = critical_values(system, (pi, 0.0), "amplitude_1", 0.5 * amplitudes[0], 1.5 * amplitudes[0], points=64)
+    found = critical_values(system, (pi, 0.0), "amplitude_1", 0.5 * amplitudes[0], 1.5 * amplitudes[0], n_points=64)
     return float(next(c.value for c in found if c.gains))
 
 

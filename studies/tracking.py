@@ -80,8 +80,8 @@ def compute(quick: bool, seed: int = 1) -> list[Case]:
     double = scene(links, Gravity(9.8), ViscousDamping(0.5), period=0.1, name="double pendulum")
     duration = 0.7 if quick else 2.0
     periods = round(10 * duration) + 1
-    swing = trajectory(single, [2.4, 0.0], periods, samples=100)
-    tumble = trajectory(double, [2.4, 3.0, 0.0, 0.0], periods, samples=200)
+    swing = trajectory(single, [2.4, 0.0], periods, samples_per_period=100)
+    tumble = trajectory(double, [2.4, 3.0, 0.0, 0.0], periods, samples_per_period=200)
     one = Camera(scale=1350.0, origin=(128.0, 112.0), shape=(256, 256))
     two = Camera(scale=1600.0, origin=(128.0, 128.0), shape=(256, 256))
     length, link = 0.069 * one.scale, 0.032 * two.scale
@@ -119,13 +119,15 @@ def film_and_track(
     times = 0.005 + np.arange(round(duration * rate)) / rate
     dropped = np.random.default_rng(seed).choice(np.arange(5, times.size), times.size // 50, replace=False)
     spots = [Spot(212.0, 52.0, 5.0)]
-    recording = render_film(motion, camera, times, look, exposure, bars, spots, dropped.tolist(), seed, progress=True)
+    recording = render_film(
+        motion, camera, times, look, exposure, bars, spots, dropped.tolist(), rng=seed, progress=True
+    )
     began = time.perf_counter()
     tracks = track_markers(recording.film, recording.truth[0].round(), rods)
     seconds = time.perf_counter() - began
     plain = track_markers(recording.film, recording.truth[0].round(), rods, weighted=False)
     pivots = [camera.origin, *range(joints - 1)]
-    angles = joint_angles(tracks, pivots, window=7 if joints == 1 else 15)
+    angles = joint_angles(tracks, pivots, window_length=7 if joints == 1 else 15)
     states = CubicSpline(motion.times, motion.states)(times)
     return Case(motion.system.name, recording, tracks, plain, angles, states[:, :joints], states[:, joints:], seconds)
 

@@ -155,7 +155,7 @@ def _motion(
         inertia = masses[0] * lengths[0] * lengths[0]
         pushes = [_product(inertia / lengths[i], _difference(turning[i], turning[i + 1])) for i in range(n)]
 
-        turns = [lengths[i] * (rates[i] * rates[i]) for i in range(n)]
+        rotations = [lengths[i] * (rates[i] * rates[i]) for i in range(n)]
         heft = masses[-1]
         drag = -(masses[-1] * lengths[-1]) * (rates[-1] * rates[-1])
         across = [_product(1.0 / masses[-1], pushes[-1])]  # the tip crosses with this acceleration whatever (u, v) is
@@ -174,7 +174,7 @@ def _motion(
             if i > 0:
                 drag = lean * push + _difference(cosine * drag, _product(sine, pushes[i + 1]))
                 heft = (masses[i] * (masses[i] + heft)) * share
-                drag = drag - heft * turns[i]
+                drag = drag - heft * rotations[i]
 
         u = v = None
         if vertical is not None:
@@ -185,7 +185,7 @@ def _motion(
             u, v = _sum(u, side * cosines[0]), _sum(v, side * sines[0])
         accelerations: list[Any] = []
         for i in range(n):
-            along = _difference(v, turns[i])
+            along = _difference(v, rotations[i])
             cross = across[i] if i == n - 1 else across[i] - leans[i] * along
             swung = _product(1.0 / lengths[i], _difference(cross, u))
             accelerations.append(0.0 if swung is None else swung)

@@ -338,9 +338,9 @@ def from_stability_coordinates(
     0.005
     """
     epsilon = sized_number("amplitude_ratio", amplitude_ratio, at_least=0.0)
-    turns = sized_number("frequency_ratio", frequency_ratio, above=0.0) / (2.0 * pi)
+    rotations = sized_number("frequency_ratio", frequency_ratio, above=0.0) / (2.0 * pi)
     units = swing_units(length, gravity)
-    drive = in_units(VerticalDrive(epsilon, turns), units.inverse)
+    drive = in_units(VerticalDrive(epsilon, rotations), units.inverse)
     return {
         "length": units.length,
         "amplitude": drive.amplitude,

@@ -10,16 +10,16 @@ from cellmap import PointMap, angle, discrete_map
 from cellmap._lib.checks import finite_number, whole_number
 
 
-def mcdonald_map(turns: int = 3, growth: float = 1.5) -> PointMap:
-    """Return McDonald's map: x' = turns x mod 1, y' = growth y + cos 2 pi x.
+def mcdonald_map(degree: int = 3, growth: float = 1.5) -> PointMap:
+    """Return McDonald's map: x' = degree x mod 1, y' = growth y + cos 2 pi x.
 
     Orbits escape to y = +inf or y = -inf.  Between the two lies the graph of Weierstrass's function
-    y = -sum over k from 0 of cos(2 pi turns^k x) / growth^(k+1).  Where growth < turns its dimension is
-    2 - ln(growth)/ln(turns) (McDonald et al.), and with it the uncertainty exponent is ln(growth)/ln(turns).
+    y = -sum over k from 0 of cos(2 pi degree^k x) / growth^(k+1).  Where growth < degree its dimension is
+    2 - ln(growth)/ln(degree) (McDonald et al.), and with it the uncertainty exponent is ln(growth)/ln(degree).
 
     Parameters
     ----------
-    turns : int, optional
+    degree : int, optional
         Number of times that the circle is wound onto itself, at least 2.
     growth : float, optional
         Factor by which y grows, above 1.
@@ -44,11 +44,11 @@ def mcdonald_map(turns: int = 3, growth: float = 1.5) -> PointMap:
     array([0. , 2.5])
     """
     params = {
-        "turns": float(whole_number("turns", turns, at_least=2)),
+        "degree": float(whole_number("degree", degree, at_least=2)),
         "growth": finite_number("growth", growth, above=1.0),
     }
-    return discrete_map(_map, params, (angle("x", unit="", turn=1.0, lower=0.0), "y"), name="McDonald")
+    return discrete_map(_map, params, (angle("x", unit="", period=1.0, lower=0.0), "y"), name="McDonald")
 
 
 def _map(x: Sequence[float], p: Any) -> tuple[float, float]:
-    return p.turns * x[0], p.growth * x[1] + cos(2.0 * pi * x[0])
+    return p.degree * x[0], p.growth * x[1] + cos(2.0 * pi * x[0])

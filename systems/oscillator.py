@@ -23,7 +23,7 @@ def forced_oscillator(
     forcing: float,
     frequency: float,
     position: str | Coordinate = "x",
-    **parameters: float,
+    **params: float,
 ) -> ForcedSystem:
     """Return x'' = acceleration(x, x', p) + forcing cos(frequency t).
 
@@ -40,7 +40,7 @@ def forced_oscillator(
         Angular frequency of the force, above 0.
     position : str or Coordinate, optional
         The coordinate x.
-    **parameters : float
+    **params : float
         Parameters of the acceleration.
 
     Returns
@@ -58,9 +58,9 @@ def forced_oscillator(
     >>> forced_oscillator("spring", lambda x, v, p: -p.k * x, forcing=1.0, frequency=2.0, k=4.0).derivative(0.0, (1, 0))
     (0, -3.0)
     """
-    parameters["forcing"] = finite_number("forcing", forcing)
-    parameters["frequency"] = sized_number("frequency", frequency, above=0.0)
-    return ForcedSystem(_motion(acceleration), parameters, period=_period, coordinates=(position, "v"), name=name)
+    params["forcing"] = finite_number("forcing", forcing)
+    params["frequency"] = sized_number("frequency", frequency, above=0.0)
+    return ForcedSystem(_motion(acceleration), params, period=_period, coordinates=(position, "v"), name=name)
 
 
 @functools.cache

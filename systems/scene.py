@@ -111,7 +111,9 @@ def scene(
     if units is not None:
         body, effects = in_units(body, units), tuple(in_units(effect, units) for effect in effects)
         period = None if period is None else period * units.of(RATE)
-        coordinates = tuple(Coordinate(c.name, "" if c.turn is None else c.unit, c.turn, c.lower) for c in coordinates)
+        coordinates = tuple(
+            Coordinate(c.name, "" if c.period is None else c.unit, c.period, c.lower) for c in coordinates
+        )
     present = [effect for effect in effects if not effect.vanishes]
     if not all(effect.terms.winds for effect in present):
         coordinates = tuple(Coordinate(c.name, c.unit) for c in coordinates)

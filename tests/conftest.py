@@ -116,16 +116,20 @@ def scipy_images() -> Callable[..., NDArray[np.float64]]:
     """Oracle of about 12 digits: SciPy's DOP853 on the plain Python right-hand side, one start at a time, unwrapped."""
 
     def images(
-        system: ForcedSystem, starts: ArrayLike, phase: float = 0.0, periods: float = 1.0, rtol: float = 1e-13
+        system: ForcedSystem,
+        initial_conditions: ArrayLike,
+        phase: float = 0.0,
+        periods: float = 1.0,
+        rtol: float = 1e-13,
     ) -> NDArray[np.float64]:
         begin = phase * system.length
         span = (begin, begin + periods * system.length)
         ends = []
-        for start in np.atleast_2d(np.asarray(starts, dtype=float)):
+        for start in np.atleast_2d(np.asarray(initial_conditions, dtype=float)):
             solution = solve_ivp(system.fun, span, start, method="DOP853", rtol=rtol, atol=1e-14)
             assert solution.success
             ends.append(solution.y[:, -1])
-        return np.array(ends).reshape(np.shape(starts))
+        return np.array(ends).reshape(np.shape(initial_conditions))
 
     return images
 
@@ -135,7 +139,7 @@ def allowance() -> Callable[..., NDArray[np.float64]]:
     """Error that a tolerance allows at images: atol + rtol abs(x), where x of an angle counts half a turn at most."""
 
     def allowed(system: ForcedSystem, images: NDArray[np.float64], rtol: float, atol: float) -> NDArray[np.float64]:
-        most = np.array([0.5 * c.turn if c.turn else inf for c in system.axes])
+        most = np.array([0.5 * c.period if c.period else inf for c in system.axes])
         return atol + rtol * np.minimum(np.abs(images), most)
 
     return allowed

@@ -161,16 +161,16 @@ def test_bits_of_tables_and_basins_do_not_depend_on_threads(make) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_bits_do_not_depend_on_how_starts_are_split(seed, double_well) -> None:
-    starts = WINDOW.centres().reshape(-1, 2)
+    initial_conditions = WINDOW.centres().reshape(-1, 2)
     table = interpolated_map(double_well, TABLE, outside="integrate", tolerance=1e6)
-    whole = find_basins(table, starts)
-    cuts = np.sort(np.random.default_rng(seed).choice(len(starts), 6, replace=False))
-    parts = [find_basins(table, part, attractors=whole.attractors) for part in np.split(starts, cuts)]
+    whole = find_basins(table, initial_conditions)
+    cuts = np.sort(np.random.default_rng(seed).choice(len(initial_conditions), 6, replace=False))
+    parts = [find_basins(table, part, attractors=whole.attractors) for part in np.split(initial_conditions, cuts)]
     assert np.array_equal(np.concatenate([p.labels for p in parts]), whole.labels)
     assert np.array_equal(np.concatenate([p.settling_time for p in parts]), whole.settling_time)
     for point_map in (double_well, table):
-        images = np.concatenate([point_map.iterate(part, 7).points for part in np.split(starts, cuts)])
-        assert images.tobytes() == point_map.iterate(starts, 7).points.tobytes()
+        images = np.concatenate([point_map.iterate(part, 7).points for part in np.split(initial_conditions, cuts)])
+        assert images.tobytes() == point_map.iterate(initial_conditions, 7).points.tobytes()
 
 
 def test_bits_do_not_depend_on_the_cache_of_compiled_code(tmp_path, monkeypatch) -> None:

@@ -253,7 +253,7 @@ def test_private_words_are_found(sentence):
         "This page starts from diagrams; to start again, see the start of the page.",
         "Both lanes share a step, and the branch turns back; orbits visit the points in turn.",
         "The table below shows a rough floor.",
-        "Use `leap=8` and `starts`, {func}`~cellmap.share` or [this](a.md#one-turn).",
+        "Use `leap=8` and `initial_conditions`, {func}`~cellmap.share` or [this](a.md#one-turn).",
         "```text\nthe picture\n```\n\n    a picture\n\n<!-- a picture -->\n$a turn$ and",
     ],
 )
@@ -266,11 +266,11 @@ def test_line_numbers_are_those_of_the_file():
     assert (finding.line, finding.found) == (6, "picture")
 
 
-DOCSTRING = """Return what each initial condition of `starts` tends to.
+DOCSTRING = """Return what each initial condition of `initial_conditions` tends to.
 
     Parameters
     ----------
-    starts, more : array_like, shape (..., dimension)
+    initial_conditions, more : array_like, shape (..., dimension)
         A picture.
 
     References
@@ -279,8 +279,8 @@ DOCSTRING = """Return what each initial condition of `starts` tends to.
 
     Examples
     --------
-    >>> starts = 1
-    >>> starts
+    >>> initial_conditions = 1
+    >>> initial_conditions
     a picture
     """
 

@@ -152,11 +152,6 @@ def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> NDA
     return array.astype(np.int64, copy=False)
 
 
-def random_numbers(seed: int) -> np.random.Generator:
-    """Return the generator that belongs to a seed."""
-    return np.random.default_rng(whole_number("seed", seed))
-
-
 def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.float64]:
     """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
     array = real_array(name, points, f"real numbers in an array of shape (..., {dimension})")

@@ -75,7 +75,7 @@ class Fit:
 def fit_line(
     x: ArrayLike,
     y: ArrayLike,
-    window: tuple[int, int] | None = None,
+    fit_range: tuple[int, int] | None = None,
     errors: ArrayLike | None = None,
     tolerance: float = 0.05,
     labels: tuple[str, str] = ("x", "y"),
@@ -86,7 +86,7 @@ def fit_line(
     ----------
     x, y : array_like, shape (n,)
         Points in the order of x, at least 3; those that are not finite are outside every window.
-    window : tuple of int, optional
+    fit_range : tuple of int, optional
         Numbers of the first and of the last point.  By default that of :func:`scaling_window`.
     errors : array_like, shape (n,), optional
         Standard errors of y, which weigh the points.
@@ -103,7 +103,7 @@ def fit_line(
     Raises
     ------
     ValueError
-        For too few points, or a window that is empty or outside the points.
+        For too few points, or a range that is empty or outside the points.
 
     Examples
     --------
@@ -114,15 +114,15 @@ def fit_line(
     sigma = None if errors is None else real_array("errors", errors)
     if px.ndim != 1 or px.shape != py.shape or (sigma is not None and sigma.shape != px.shape):
         raise ValueError(f"x, y have the shapes {px.shape}, {py.shape}: give two arrays of one length")
-    if window is None:
+    if fit_range is None:
         first, last = scaling_window(px, py, tolerance)
     else:
-        first, last = (whole_number(f"window[{k}]", v, at_most=len(px) - 1) for k, v in enumerate(window))
+        first, last = (whole_number(f"fit_range[{k}]", v, at_most=len(px) - 1) for k, v in enumerate(fit_range))
         if last - first < 1:
-            raise ValueError(f"window={window!r}: give the numbers of two different points, the smaller one first")
+            raise ValueError(f"fit_range={fit_range!r}: give the numbers of two points, the smaller one first")
     part = slice(first, last + 1)
     if not (np.isfinite(px[part]).all() and np.isfinite(py[part]).all()):
-        raise ValueError(f"window={window!r} holds points that are not finite: give a window of finite points")
+        raise ValueError(f"fit_range={fit_range!r} holds points that are not finite: give a range of finite points")
     slope, intercept, error = _least_squares(px[part], py[part], None if sigma is None else sigma[part])
     return Fit(px, py, (first, last), slope, intercept, error, sigma, labels)
 

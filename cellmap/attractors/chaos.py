@@ -152,7 +152,7 @@ def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
 
 
 def lyapunov_exponents(
-    point_map: PointMap, starts: NDArray[np.float64], periods: int
+    point_map: PointMap, initial_conditions: NDArray[np.float64], periods: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest; NaN where one ends.
 
@@ -160,7 +160,7 @@ def lyapunov_exponents(
     where the map keeps the axes.
     """
     exact = point_map.without_table
-    place = np.array(starts, dtype=float)
+    place = np.array(initial_conditions, dtype=float)
     matrices = np.full((len(place), periods, exact.dimension, exact.dimension), np.nan)
     alive = np.arange(len(place))
     for k in range(periods):

@@ -149,7 +149,7 @@ def _means(orbit: Iterate) -> NDArray[np.float64]:
         x = orbit.points[..., j]
         if turn:
             phase = np.exp(2j * np.pi * x / turn).mean(axis=0)
-            rotations = (x[-1] - x[0]) / turn + orbit.turns[-1, :, j] - orbit.turns[0, :, j]
+            rotations = (x[-1] - x[0]) / turn + orbit.rotations[-1, :, j] - orbit.rotations[0, :, j]
             columns += [phase.real, phase.imag, rotations / (len(x) - 1)]
         else:
             columns += [x.mean(axis=0), x.std(axis=0)]

@@ -61,7 +61,7 @@ def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.floa
     with np.errstate(invalid="ignore"):
         moved = np.abs(difference(images.points, states, exact.coordinates))
         still = (moved <= AT_REST * resolution(states, extent)).all(axis=-1)
-    return np.asarray(still & ~images.turns.any(axis=-1))
+    return np.asarray(still & ~images.rotations.any(axis=-1))
 
 
 def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:

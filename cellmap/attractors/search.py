@@ -33,10 +33,10 @@ _RETURNED = 0.2  # if they bring it back to within this part of the extent
 @checked
 def find_attractors(
     point_map: PointMap,
-    starts: ArrayLike,
+    initial_conditions: ArrayLike,
     max_periods: int = 2000,
     max_period: int = 32,
-    known: Sequence[Attractor] = (),
+    attractors: Sequence[Attractor] = (),
 ) -> tuple[Attractor, ...]:
     """Find the attractors to which orbits of given initial conditions converge.
 
@@ -49,13 +49,13 @@ def find_attractors(
     ----------
     point_map : PointMap
         The map; periodic points are refined with the exact map behind it.
-    starts : array_like, shape (..., dimension)
+    initial_conditions : array_like, shape (..., dimension)
         Initial conditions of the orbits.
     max_periods : int, optional
         Longest orbit.
     max_period : int, optional
         Longest period of a periodic attractor.
-    known : sequence of Attractor, optional
+    attractors : sequence of Attractor, optional
         Attractors that are known already, with their trapping regions.
 
     Returns
@@ -71,15 +71,17 @@ def find_attractors(
     >>> find_attractors(henon, [[0.0, 0.0], [0.5, 0.5]])
     (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
     """
-    states = state_points("starts", starts, point_map.coordinates).reshape(-1, point_map.dimension)
+    states = state_points("initial_conditions", initial_conditions, point_map.coordinates).reshape(
+        -1, point_map.dimension
+    )
     if not len(states):
-        raise ValueError("starts is empty: give at least one initial condition")
-    check_attractors(known, point_map, "known")
+        raise ValueError("initial_conditions is empty: give at least one initial condition")
+    check_attractors(attractors, point_map, "attractors")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = longest_period(max_period)
     extent = region_extent(point_map, states)
     orbits, attractors, age = search(
-        point_map, states, known, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
+        point_map, states, attractors, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
     )
     if len(orbits):
         attractors += chaotic_attractors(point_map, orbits.points, extent, attractors, age)

@@ -202,7 +202,7 @@ def _labelled(
     work, past = orbits.work, replace(orbits.work)
     outcome = Outcome(
         orbits.points,
-        orbits.turns,
+        orbits.rotations,
         orbits.status,
         labels=np.full(n, Label.UNDECIDED, np.int64),
         times=np.full(n, -1, np.int32),
@@ -255,7 +255,7 @@ def _scratch(dimension: int, rows: int = 0) -> Scratch:
 
 def _orbits(rows: Rows, count: int, like: Orbits) -> Orbits:
     """Return rows as a batch of orbits, whose work counts as that of others."""
-    return Orbits(rows.points[:count], rows.turns[:count], rows.status[:count], like.work)
+    return Orbits(rows.points[:count], rows.rotations[:count], rows.status[:count], like.work)
 
 
 def _tell(rule: Rule, outcome: Outcome, members: NDArray[np.int64], orbits: Orbits) -> None:

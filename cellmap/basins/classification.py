@@ -135,8 +135,8 @@ def places_of(basins: Basins) -> NDArray[np.float64]:
     """Return all starts of basins, shape (n, dimension), in the order of their labels' raveled array."""
     if basins.grid is not None:
         return basins.grid.centres().reshape(-1, basins.grid.dimension)
-    assert basins.starts is not None
-    return basins.starts.reshape(-1, basins.starts.shape[-1])
+    assert basins.initial_conditions is not None
+    return basins.initial_conditions.reshape(-1, basins.initial_conditions.shape[-1])
 
 
 def span_of(basins: Basins) -> NDArray[np.float64] | None:

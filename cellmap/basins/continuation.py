@@ -34,9 +34,9 @@ _KEPT = 1024  # points that are kept of a chaotic attractor
 @checked
 def continue_basins(
     point_map: PointMap,
-    name: str,
+    parameter: str,
     values: ArrayLike,
-    starts: CellGrid | ArrayLike,
+    initial_conditions: CellGrid | ArrayLike,
     max_periods: int = 2000,
     max_period: int = 32,
     threshold: float = 0.1,
@@ -54,11 +54,11 @@ def continue_basins(
     ----------
     point_map : PointMap
         Exact, interpolated or discrete map; an interpolated map is computed again at each value.
-    name : str
+    parameter : str
         Name of the parameter.
     values : array_like, shape (n,)
         Parameter values, increasing or decreasing, in the unit of the parameter.  They are taken in this order.
-    starts : CellGrid or array_like, shape (..., dimension)
+    initial_conditions : CellGrid or array_like, shape (..., dimension)
         Grid of cells whose centres are the initial conditions, or the initial conditions themselves, such as a random
         sample.
     max_periods : int, optional
@@ -113,16 +113,16 @@ def continue_basins(
            [0. , 0.5, 0.5],
            [0. , 0.5, 0.5]])
     """
-    known_parameter("name", name, point_map.params)
+    known_parameter("parameter", parameter, point_map.params)
     axis = monotone_values("values", values)
     given = (
-        starts.on(point_map.coordinates, "starts")
-        if isinstance(starts, CellGrid)
-        else state_points("starts", starts, point_map.coordinates)
+        initial_conditions.on(point_map.coordinates, "initial_conditions")
+        if isinstance(initial_conditions, CellGrid)
+        else state_points("initial_conditions", initial_conditions, point_map.coordinates)
     )
     total = number_of_starts(given)
     if not total:
-        raise ValueError("starts is empty: give at least one initial condition")
+        raise ValueError("initial_conditions is empty: give at least one initial condition")
     settings = {
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
         "max_period": longest_period(max_period),
@@ -130,7 +130,7 @@ def continue_basins(
     }
     exact = point_map.without_table
     for value in axis:
-        exact.with_params(**{name: float(value)})
+        exact.with_params(**{parameter: float(value)})
     kept = 8 * _KEPT * point_map.dimension * axis.size
     claim_memory(
         f"basins of {total:,} initial conditions at {axis.size:,} values",
@@ -139,16 +139,18 @@ def continue_basins(
     )
     extent = region_extent(point_map, _corners(given))
     began = time.perf_counter()
-    done = _Done([], [], [], 0, 0.0) if resume is None else _resumed(resume, point_map, name, axis, given, settings)
+    done = (
+        _Done([], [], [], 0, 0.0) if resume is None else _resumed(resume, point_map, parameter, axis, given, settings)
+    )
 
     def result() -> BasinContinuation:
-        return done.result(point_map, name, axis, given, settings, time.perf_counter() - began)
+        return done.result(point_map, parameter, axis, given, settings, time.perf_counter() - began)
 
-    label = f"basins of {point_map.name} against {name}" if progress else None
+    label = f"basins of {point_map.name} against {parameter}" if progress else None
     with progress_bar(axis.size - len(done.attractors), label) as tick:
         for value in axis[len(done.attractors) :]:
             try:
-                done.add(*_step(point_map.with_params(**{name: float(value)}), given, settings, done, extent))
+                done.add(*_step(point_map.with_params(**{parameter: float(value)}), given, settings, done, extent))
             except KeyboardInterrupt as interrupt:
                 raise ContinuationInterrupt(result()) from interrupt
             tick(1)
@@ -180,7 +182,7 @@ class _Done:
         point_map: PointMap,
         name: str,
         axis: NDArray[np.float64],
-        starts: CellGrid | NDArray[np.float64],
+        initial_conditions: CellGrid | NDArray[np.float64],
         settings: Mapping[str, Any],
         seconds: float,
     ) -> BasinContinuation:
@@ -188,7 +190,7 @@ class _Done:
         labels = (*sorted(self.memory()), *codes)
         return BasinContinuation(
             system=point_map.name,
-            name=name,
+            parameter=name,
             values=axis[: len(self.attractors)].copy(),
             labels=labels,
             counts=np.array([[c.get(k, 0) for k in labels] for c in self.counts], np.int64).reshape(
@@ -196,7 +198,7 @@ class _Done:
             ),
             attractors=tuple(self.attractors),
             inaccurate=np.array(self.inaccurate, np.int64),
-            starts=starts,
+            initial_conditions=initial_conditions,
             coordinates=point_map.coordinates,
             params={key: value for key, value in point_map.params.items() if key != name},
             settings=settings,
@@ -206,7 +208,7 @@ class _Done:
 
 def _step(
     point_map: PointMap,
-    starts: CellGrid | NDArray[np.float64],
+    initial_conditions: CellGrid | NDArray[np.float64],
     settings: Mapping[str, Any],
     done: _Done,
     extent: NDArray[np.float64],
@@ -217,9 +219,9 @@ def _step(
     known: tuple[Attractor, ...] = ()
     if memory:
         known = continue_attractors(point_map, tuple(done.attractors[-1].values()), extent)
-        seeds = np.concatenate([_seeds(memory, extent), _outermost(starts)])
-        known = find_attractors(point_map, seeds, *limits, known=known)
-    basins = find_basins(point_map, starts, *limits, attractors=known)
+        seeds = np.concatenate([_seeds(memory, extent), _outermost(initial_conditions)])
+        known = find_attractors(point_map, seeds, *limits, attractors=known)
+    basins = find_basins(point_map, initial_conditions, *limits, attractors=known)
     found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
     labels = _labels(found, done, memory, extent, settings["threshold"])
     shares = basins.fractions
@@ -265,17 +267,19 @@ def _light(attractor: Attractor) -> Attractor:
     return replace(attractor, points=thinned(attractor.points, _KEPT), cover=None)
 
 
-def _corners(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
-    if isinstance(starts, CellGrid):
-        return np.array([starts.lower, starts.upper])
-    return starts.reshape(-1, starts.shape[-1])
+def _corners(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+    if isinstance(initial_conditions, CellGrid):
+        return np.array([initial_conditions.lower, initial_conditions.upper])
+    return initial_conditions.reshape(-1, initial_conditions.shape[-1])
 
 
-def _outermost(starts: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+def _outermost(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return some of the starts, as far apart as all are: from points the search takes the size of its region."""
-    if isinstance(starts, CellGrid):
-        return starts.places(np.array([np.full(starts.dimension, 0.5), np.array(starts.shape) - 0.5]))
-    flat = _corners(starts)
+    if isinstance(initial_conditions, CellGrid):
+        return initial_conditions.places(
+            np.array([np.full(initial_conditions.dimension, 0.5), np.array(initial_conditions.shape) - 0.5])
+        )
+    flat = _corners(initial_conditions)
     return flat[np.unique([flat.argmin(axis=0), flat.argmax(axis=0)])]
 
 
@@ -284,20 +288,22 @@ def _resumed(
     point_map: PointMap,
     name: str,
     axis: NDArray[np.float64],
-    starts: CellGrid | NDArray[np.float64],
+    initial_conditions: CellGrid | NDArray[np.float64],
     settings: Mapping[str, Any],
 ) -> _Done:
     """Take up a former result, after a look at whether it fits."""
     if not isinstance(resume, BasinContinuation):
         raise TypeError(f"resume={resume!r}: give a BasinContinuation, such as the `partial` of an interrupt")
     others = {key: value for key, value in point_map.params.items() if key != name}
-    same_starts = type(starts) is type(resume.starts) and (
-        starts == resume.starts if isinstance(starts, CellGrid) else np.array_equal(starts, np.asarray(resume.starts))
+    same_starts = type(initial_conditions) is type(resume.initial_conditions) and (
+        initial_conditions == resume.initial_conditions
+        if isinstance(initial_conditions, CellGrid)
+        else np.array_equal(initial_conditions, np.asarray(resume.initial_conditions))
     )
     for what, fits in (
         ("system", (resume.system, resume.coordinates) == (point_map.name, point_map.coordinates)),
-        ("parameters", resume.name == name and resume.params == others),
-        ("starts", same_starts),
+        ("parameters", resume.parameter == name and resume.params == others),
+        ("initial_conditions", same_starts),
         ("settings", resume.settings == settings),
         ("values", np.array_equal(resume.values, axis[: len(resume.values)])),
     ):

@@ -38,7 +38,7 @@ class BasinContinuation:
 
     Parameters
     ----------
-    system, name : str
+    system, parameter : str
         Name of the system and of its parameter.
     values : ndarray, shape (n,)
         Values of the parameter in the order in which they were taken, in its unit.
@@ -52,7 +52,7 @@ class BasinContinuation:
         chaotic attractor at most 1024 points are kept.
     inaccurate : ndarray of int, shape (n,)
         Initial conditions along whose orbits the integrator missed its tolerance.
-    starts : CellGrid or ndarray, shape (..., dimension)
+    initial_conditions : CellGrid or ndarray, shape (..., dimension)
         Initial conditions, the same at each value.
     coordinates : tuple of Coordinate
         State variables.
@@ -65,13 +65,13 @@ class BasinContinuation:
     """
 
     system: str
-    name: str
+    parameter: str
     values: NDArray[np.float64]
     labels: tuple[int, ...]
     counts: NDArray[np.int64]
     attractors: tuple[Mapping[int, Attractor], ...]
     inaccurate: NDArray[np.int64]
-    starts: CellGrid | NDArray[np.float64]
+    initial_conditions: CellGrid | NDArray[np.float64]
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     settings: Mapping[str, Any]
@@ -80,7 +80,8 @@ class BasinContinuation:
     def __repr__(self) -> str:
         number = sum(label >= 0 for label in self.labels)
         span = f" from {self.values[0]:g} to {self.values[-1]:g}" if len(self.values) else ""
-        return f"BasinContinuation({self.system}, {self.name}{span}: {len(self.values)} values, {number} attractors)"
+        found = f"{len(self.values)} values, {number} attractors"
+        return f"BasinContinuation({self.system}, {self.parameter}{span}: {found})"
 
     @property
     def fractions(self) -> NDArray[np.float64]:
@@ -98,7 +99,7 @@ class BasinContinuation:
     @property
     def total(self) -> int:
         """Number of initial conditions."""
-        return number_of_starts(self.starts)
+        return number_of_starts(self.initial_conditions)
 
     @property
     def present(self) -> NDArray[np.bool_]:
@@ -115,9 +116,13 @@ class BasinContinuation:
         return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]
 
 
-def number_of_starts(starts: CellGrid | NDArray[np.float64]) -> int:
+def number_of_starts(initial_conditions: CellGrid | NDArray[np.float64]) -> int:
     """Count starts, in cells or in an array."""
-    return starts.size if isinstance(starts, CellGrid) else starts.size // starts.shape[-1]
+    return (
+        initial_conditions.size
+        if isinstance(initial_conditions, CellGrid)
+        else initial_conditions.size // initial_conditions.shape[-1]
+    )
 
 
 def _first(attractors: Sequence[Mapping[int, Attractor]], label: int) -> Attractor:

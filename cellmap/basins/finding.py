@@ -43,7 +43,7 @@ _LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are sea
 @checked
 def find_basins(
     point_map: PointMap,
-    starts: CellGrid | ArrayLike,
+    initial_conditions: CellGrid | ArrayLike,
     max_periods: int = 2000,
     max_period: int = 32,
     attractors: Sequence[Attractor] = (),
@@ -63,7 +63,7 @@ def find_basins(
     ----------
     point_map : PointMap
         Exact, interpolated or discrete map.
-    starts : CellGrid or array_like, shape (..., dimension)
+    initial_conditions : CellGrid or array_like, shape (..., dimension)
         Grid of cells whose centres are the initial conditions, or the initial conditions themselves.
     max_periods : int, optional
         Periods after which an initial condition whose orbit has not settled is undecided.
@@ -115,7 +115,7 @@ def find_basins(
     check_attractors(attractors, point_map, "attractors")
     check_client(client)
     began = time.perf_counter()
-    places = Starts.of(starts, point_map)
+    places = Starts.of(initial_conditions, point_map)
     settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
@@ -142,7 +142,7 @@ def find_basins(
             attractors=tuple(found.attractors[k] for k in used),
             settling_time=store.times,
             grid=places.grid,
-            starts=places.given,
+            initial_conditions=places.given,
             name=point_map.name,
             params=dict(point_map.params),
             coordinates=point_map.coordinates,
@@ -181,7 +181,7 @@ def _store(
     limits = {name: settings[name] for name in ("max_periods", "max_period")}
     belongs = {
         "what": "basins",
-        "starts": places.description(),
+        "initial_conditions": places.description(),
         **limits,
         "attractors": describe_attractors(known),
         **fingerprint(point_map, probes),
@@ -203,7 +203,7 @@ class _Run:
     """
 
     point_map: PointMap
-    starts: Starts
+    initial_conditions: Starts
     store: LabelStore
     max_periods: int
     max_period: int
@@ -218,10 +218,10 @@ class _Run:
         that has the same horizon as the one before has more attractors and labels more starts, and there are no more
         of these in a row than a fixed number; the others double the horizon, up to the periods that are allowed.
         """
-        total = len(self.starts)
+        total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
-        chosen = self.starts.wrapped(np.sort(few), self.point_map)
-        grid = self.starts.grid
+        chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
+        grid = self.initial_conditions.grid
         corners = chosen if grid is None else np.array([grid.lower, grid.upper])
         extent = region_extent(self.point_map, corners)
         examined = Examined.nothing_yet(self.point_map, extent)
@@ -284,7 +284,7 @@ class _Run:
         self, tiles: Sequence[int], batch: Callable[[int], Batch], now: Progress
     ) -> Iterator[tuple[int, Settled]]:
         """Yield what becomes of tiles as they are completed."""
-        work = Labelling(self.point_map, self.starts, now.attractors, now.legs, now.horizon)
+        work = Labelling(self.point_map, self.initial_conditions, now.attractors, now.legs, now.horizon)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)
 
@@ -314,7 +314,7 @@ class _Run:
     def _unsettled(self, attractors: Sequence[Attractor]) -> Rows:
         """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""
         if any(a.neighbourhood is None for a in attractors):
-            return Rows(len(self.starts))
+            return Rows(len(self.initial_conditions))
         return self.store.where(lambda labels: labels < 0)
 
     def _states(self, left: Rows, now: Progress) -> Orbits:

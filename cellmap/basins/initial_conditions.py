@@ -29,13 +29,13 @@ class Starts:
     given: NDArray[np.float64] | None
 
     @classmethod
-    def of(cls, starts: CellGrid | ArrayLike, point_map: PointMap) -> Starts:
+    def of(cls, initial_conditions: CellGrid | ArrayLike, point_map: PointMap) -> Starts:
         """Check the argument of that name."""
-        if isinstance(starts, CellGrid):
-            return cls(starts.on(point_map.coordinates, "starts"), None)
-        given = state_points("starts", starts, point_map.coordinates)
+        if isinstance(initial_conditions, CellGrid):
+            return cls(initial_conditions.on(point_map.coordinates, "initial_conditions"), None)
+        given = state_points("initial_conditions", initial_conditions, point_map.coordinates)
         if not given.size:
-            raise ValueError("starts is empty: give at least one initial condition")
+            raise ValueError("initial_conditions is empty: give at least one initial condition")
         return cls(None, given)
 
     @property

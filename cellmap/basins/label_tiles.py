@@ -33,7 +33,7 @@ class Labelling:
     """
 
     point_map: PointMap
-    starts: Starts
+    initial_conditions: Starts
     attractors: tuple[Attractor, ...]
     legs: tuple[int, ...]
     horizon: int
@@ -45,7 +45,7 @@ class Labelling:
         return self._settled(states, self.legs[-1] if self.legs else 0, self.horizon)
 
     def _states(self, rows: slice | NDArray[np.int64]) -> Orbits:
-        orbits = Orbits.starting(self.starts.wrapped(rows, self.point_map))
+        orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))
         for begin, end in pairwise((0, *self.legs)):
             orbits = self._settled(orbits, begin, end).orbits
         return orbits

@@ -43,8 +43,8 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     if exact.coordinates != basins.coordinates:
         theirs, ours = (", ".join(map(repr, c)) for c in (exact.coordinates, basins.coordinates))
         raise ValueError(f"source has the coordinates ({theirs}) and the basins ({ours})")
-    starts = basins.grid if basins.grid is not None else basins.starts
-    assert starts is not None
+    initial_conditions = basins.grid if basins.grid is not None else basins.initial_conditions
+    assert initial_conditions is not None
     point_map = spec.build() if isinstance(spec, Interpolated) else exact
     limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
-    return find_basins(point_map, starts, **limits)
+    return find_basins(point_map, initial_conditions, **limits)

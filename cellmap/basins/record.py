@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import affordable_number, one_of
+from .._lib.randomness import Rng
 from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.labels import LABEL_NAMES
@@ -62,7 +63,7 @@ class Basins:
         Period in which the orbit first entered a trapping region of its attractor; -1 without an attractor.
     grid : CellGrid or None
         Cells whose centres are the initial conditions.
-    starts : ndarray or None
+    initial_conditions : ndarray or None
         Initial conditions, if no grid was given.
     name : str
         Name of the system.
@@ -87,7 +88,7 @@ class Basins:
     attractors: tuple[Attractor, ...]
     settling_time: NDArray[np.int32]
     grid: CellGrid | None
-    starts: NDArray[np.float64] | None
+    initial_conditions: NDArray[np.float64] | None
     name: str
     params: Mapping[str, float]
     coordinates: tuple[Coordinate, ...]
@@ -129,17 +130,17 @@ class Basins:
         return {lowest + k: int(count) for k, count in enumerate(counts)}
 
     @checked
-    def verify(self, n: int = 1000, seed: int = 0) -> Verification:
+    def verify(self, n_samples: int = 1000, *, rng: Rng = 0) -> Verification:
         """Compare the labels of random initial conditions with those of the exact map.
 
         Initial conditions that are undecided by both are neither right nor wrong, and are counted separately.
 
         Parameters
         ----------
-        n : int, optional
+        n_samples : int, optional
             Number of initial conditions, drawn with replacement.
-        seed : int, optional
-            Seed of the random draw.
+        rng : int, numpy.random.Generator or None, optional
+            Seed or generator of the random draw: with a seed, the default included, each call draws the same.
 
         Returns
         -------
@@ -153,13 +154,21 @@ class Basins:
         """
         if self.point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
-        n = affordable_number("n", n, 8 * (3 * len(self.coordinates) + 5), at_least=1)
-        starts = Starts(self.grid, self.starts)
+        n_samples = affordable_number("n_samples", n_samples, 8 * (3 * len(self.coordinates) + 5), at_least=1)
+        initial_conditions = Starts(self.grid, self.initial_conditions)
         periods = self.settings["max_periods"]
-        return verified(self.point_map.without_table, self.attractors, starts, self.labels.ravel(), periods, n, seed)
+        return verified(
+            self.point_map.without_table,
+            self.attractors,
+            initial_conditions,
+            self.labels.ravel(),
+            periods,
+            n_samples,
+            rng,
+        )
 
 
-def basins_memory(starts: int, checkpoint: bool = False) -> int:
+def basins_memory(initial_conditions: int, checkpoint: bool = False) -> int:
     """Return the bytes of memory that the labels and settling times of a number of starts need.
 
     With a checkpoint these are on the disk, and what remains is a few bits for each start, which say what the present
@@ -171,11 +180,11 @@ def basins_memory(starts: int, checkpoint: bool = False) -> int:
     (625, 305)
     """
     if checkpoint:
-        return 3 * (starts // 8) + _HELD_BYTES * min(starts, HELD)
-    return 6 * starts + 24 * min(starts, BLOCK)
+        return 3 * (initial_conditions // 8) + _HELD_BYTES * min(initial_conditions, HELD)
+    return 6 * initial_conditions + 24 * min(initial_conditions, BLOCK)
 
 
-def basins_disk(starts: int) -> int:
+def basins_disk(initial_conditions: int) -> int:
     """Return the bytes on the disk that a checkpoint needs: twice, for a file is made before the older one goes.
 
     Examples
@@ -183,4 +192,4 @@ def basins_disk(starts: int) -> int:
     >>> basins_disk(10**8) // 10**6
     1225
     """
-    return 2 * (6 * starts + starts // 8) + 2**20 // 4
+    return 2 * (6 * initial_conditions + initial_conditions // 8) + 2**20 // 4

@@ -263,26 +263,30 @@ def _write(file: h5py.Group, basins: Basins) -> None:
         grid.attrs.update(
             lower=basins.grid.lower, upper=basins.grid.upper, shape=basins.grid.shape, wraps=basins.grid.wraps
         )
-    if basins.starts is not None:
-        _add_array(file, "starts", basins.starts)
+    if basins.initial_conditions is not None:
+        _add_array(file, "starts", basins.initial_conditions)
     write_attractors(file.create_group("attractors"), basins.attractors)
 
 
 def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     """Read a picture, with empty labels and settling times where these are to stay in the file."""
     coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
-    grid, starts = None, None
+    grid, initial_conditions = None, None
     if "grid" in file:
         g = file["grid"].attrs
         grid = CellGrid(*(tuple(g[n].tolist()) for n in ("lower", "upper", "shape", "wraps")))
     if "starts" in file:
-        starts = file["starts"][()]
-        if starts.dtype != np.float64 or starts.shape[-1:] != (len(coordinates),) or not np.isfinite(starts).all():
+        initial_conditions = file["starts"][()]
+        if (
+            initial_conditions.dtype != np.float64
+            or initial_conditions.shape[-1:] != (len(coordinates),)
+            or not np.isfinite(initial_conditions).all()
+        ):
             raise ValueError("its initial conditions are not states")
-    if grid is not None and starts is None and grid.dimension == len(coordinates):
+    if grid is not None and initial_conditions is None and grid.dimension == len(coordinates):
         shape = grid.shape
-    elif starts is not None and grid is None:
-        shape = starts.shape[:-1]
+    elif initial_conditions is not None and grid is None:
+        shape = initial_conditions.shape[:-1]
     else:
         raise ValueError("it has no initial conditions, or two kinds of them")
     attractors = read_attractors(file["attractors"], coordinates)
@@ -301,7 +305,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         attractors=attractors,
         settling_time=np.zeros(0, np.int32) if in_file else file["settling_time"][()],
         grid=grid,
-        starts=starts,
+        initial_conditions=initial_conditions,
         name=get_text(file, "system"),
         params={name: float(value) for name, value in json.loads(get_text(file, "params")).items()},
         coordinates=coordinates,

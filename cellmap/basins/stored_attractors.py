@@ -27,7 +27,7 @@ def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> t
 def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     put_text(group, "kind", str(attractor.kind))
     put_text(group, "name", attractor.name)
-    group.attrs.update(period=attractor.period, turns=attractor.turns)
+    group.attrs.update(period=attractor.period, turns=attractor.rotations)
     for name in ("points", "multipliers", "exponents"):
         group[name] = getattr(attractor, name)
     for part in ("neighbourhood", "cover"):
@@ -59,14 +59,14 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
             boxes,
             array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
         )
-    turns = group.attrs["turns"]
-    if np.shape(turns) != (d,) or turns.dtype.kind != "i":
-        raise ValueError(f"{group.name} has the turns {turns}")
+    rotations = group.attrs["turns"]
+    if np.shape(rotations) != (d,) or rotations.dtype.kind != "i":
+        raise ValueError(f"{group.name} has the rotations {rotations}")
     return Attractor(
         kind=kind,
         period=period,
         points=points,
-        turns=tuple(turns.tolist()),
+        rotations=tuple(rotations.tolist()),
         multipliers=array_of(group, "multipliers", np.complex128, (None,)),
         exponents=array_of(group, "exponents", np.float64, (None,)),
         coordinates=coordinates,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.binomial import binomial_interval
-from .._lib.checks import random_numbers
+from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
 from ..attractors.labels import Label
 from ..attractors.settling import Catalogue, settle
@@ -25,12 +25,12 @@ class Verification:
 
     Parameters
     ----------
-    starts : int
+    compared : int
         Random initial conditions that were compared.
     wrong : int
         Initial conditions whose label differs.
     share : float
-        ``wrong / starts``.
+        ``wrong / compared``.
     low, high : float
         95 % confidence interval of that fraction (Wilson 1927), of all initial conditions drawn but the excluded ones:
         from none of the undecided being wrong to all of them.
@@ -38,10 +38,10 @@ class Verification:
         Initial conditions drawn whose orbits escaped, so that there is nothing to compare.
     undecided : int
         Initial conditions drawn that are undecided, also with the exact map: neither right nor wrong, and not in
-        `starts`.
+        `compared`.
     """
 
-    starts: int
+    compared: int
     wrong: int
     share: float
     low: float
@@ -50,27 +50,35 @@ class Verification:
     undecided: int = 0
 
     @classmethod
-    def of(cls, wrong: int, starts: int, excluded: int = 0, undecided: int = 0) -> Verification:
+    def of(cls, wrong: int, compared: int, excluded: int = 0, undecided: int = 0) -> Verification:
         """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
         (low, _), (_, high) = np.transpose(
-            binomial_interval([wrong, wrong + undecided], starts + undecided, method="Wilson")
+            binomial_interval([wrong, wrong + undecided], compared + undecided, method="Wilson")
         ).tolist()
-        return cls(starts, wrong, wrong / starts if starts else 0.0, low, high, excluded, undecided)
+        return cls(
+            compared,
+            wrong,
+            wrong / compared if compared else 0.0,
+            low,
+            high,
+            excluded,
+            undecided,
+        )
 
 
 def verified(
     exact: PointMap,
     attractors: Sequence[Attractor],
-    starts: Starts,
+    initial_conditions: Starts,
     labels: NDArray[np.int16],
     max_periods: int,
     n: int,
-    seed: int,
+    rng: Rng,
 ) -> Verification:
-    """Compare labels (of all `starts`, flat) of `n` random ones with those of an exact map."""
-    drawn = random_numbers(seed).integers(0, labels.size, n)
+    """Compare labels (of all `initial_conditions`, flat) of `n` random ones with those of an exact map."""
+    drawn = random_numbers(rng).integers(0, labels.size, n)
     drawn = drawn[labels[drawn] != Label.ESCAPED]
-    given, points = labels[drawn], starts.wrapped(drawn, exact)
+    given, points = labels[drawn], initial_conditions.wrapped(drawn, exact)
     # Far inside the neighbourhoods, so that these are not taken on trust.
     catalogue = Catalogue.of(attractors, exact)
     close = catalogue.shrunk(0.01)

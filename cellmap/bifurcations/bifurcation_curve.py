@@ -28,7 +28,7 @@ class BifurcationCurve:
     ----------
     kind : BifurcationKind
         Kind of the bifurcation.
-    names : tuple of str
+    parameters : tuple of str
         Names of the parameters.
     values : ndarray, shape (n, 2)
         Parameter values along the curve, in their units.
@@ -41,7 +41,7 @@ class BifurcationCurve:
     """
 
     kind: BifurcationKind
-    names: tuple[str, str]
+    parameters: tuple[str, str]
     values: NDArray[np.float64]
     points: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
@@ -50,7 +50,7 @@ class BifurcationCurve:
     def __repr__(self) -> str:
         spans = ", ".join(
             f"{name} from {column.min():.6g} to {column.max():.6g}"
-            for name, column in zip(self.names, self.values.T, strict=True)
+            for name, column in zip(self.parameters, self.values.T, strict=True)
         )
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans})"
 
@@ -59,11 +59,11 @@ class BifurcationCurve:
 def continue_bifurcation(
     branch: Branch,
     bifurcation: Bifurcation,
-    name: str,
+    parameter: str,
     first: tuple[float, float],
     second: tuple[float, float],
     step: float = 0.01,
-    points: int = 1000,
+    max_points: int = 1000,
     progress: bool = False,
 ) -> BifurcationCurve:
     """Continue a bifurcation of a branch in two parameters.
@@ -79,13 +79,13 @@ def continue_bifurcation(
         The branch on which the bifurcation was found.
     bifurcation : Bifurcation
         Fold, period doubling, pitchfork or Neimark-Sacker.
-    name : str
+    parameter : str
         Name of the second parameter.
     first, second : tuple of float
         Intervals of both parameters, in their units; the first is that of the branch.
     step : float, optional
         Longest step, in units in which both intervals have length 1.
-    points : int, optional
+    max_points : int, optional
         Largest number of points on either side.
     progress : bool, optional
         Show progress on a terminal.
@@ -121,16 +121,19 @@ def continue_bifurcation(
             f"bifurcation={bifurcation!r}: a generic second parameter destroys it; for an equilibrium that is the same "
             "state at all values use stability_map"
         )
-    exact = branch.point_map.with_params(**{branch.name: bifurcation.value})
-    names = (branch.name, name)
-    if not isinstance(name, str) or name not in exact.params or name == branch.name:
-        others = sorted(set(exact.params) - {branch.name})
-        raise ValueError(f"name={shown(name)}: give another parameter of this map, one of {others}")
-    box = (_interval("first", first, bifurcation.value), _interval("second", second, exact.params[name]))
-    longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
+    exact = branch.point_map.with_params(**{branch.parameter: bifurcation.value})
+    names = (branch.parameter, parameter)
+    if not isinstance(parameter, str) or parameter not in exact.params or parameter == branch.parameter:
+        others = sorted(set(exact.params) - {branch.parameter})
+        raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
+    box = (_interval("first", first, bifurcation.value), _interval("second", second, exact.params[parameter]))
+    longest, most = (
+        finite_number("step", step, above=0.0, at_most=1.0),
+        whole_number("max_points", max_points, at_least=1),
+    )
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
     orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
-    unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[name]]]) / orbits.scale
+    unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
     problem = _Singular.at(orbits, bifurcation.kind, unknowns)
     direction = np.linalg.svd(problem(unknowns)[1])[2][-1]
     start = corrected(problem, unknowns, direction)
@@ -171,7 +174,7 @@ def continue_bifurcation(
     d = exact.dimension
     return BifurcationCurve(
         kind=bifurcation.kind,
-        names=names,
+        parameters=names,
         values=states[:, d:],
         points=wrap(states[:, :d], exact.coordinates),
         multipliers=np.array([multipliers_of(problem.matrix(p)) for p in places]),

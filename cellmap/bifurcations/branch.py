@@ -77,7 +77,7 @@ class Branch:
 
     Parameters
     ----------
-    name : str
+    parameter : str
         Name of the parameter.
     period : int
         Period in steps of the map; along a branch it may be a multiple of the least period.
@@ -95,7 +95,7 @@ class Branch:
         The map, with the parameters of the initial orbit.
     """
 
-    name: str
+    parameter: str
     period: int
     values: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -110,7 +110,7 @@ class Branch:
         span = f"{self.values.min():.6g} to {self.values.max():.6g}"
         early = {end for end in self.ends if end not in ("left the interval", "bifurcation")}
         ends = f"; ends: {', '.join(sorted(early))}" if early else ""
-        return f"Branch(period {self.period}, {len(self.values)} points, {self.name} from {span}: {found}{ends})"
+        return f"Branch(period {self.period}, {len(self.values)} points, {self.parameter} from {span}: {found}{ends})"
 
     @property
     def unstable(self) -> NDArray[np.int64]:
@@ -137,7 +137,7 @@ class Branch:
                 problem, np.append(guess / problem.scale[:-1], value / problem.scale[-1]), problem.upright
             )
             if place is not None:
-                exact = self.point_map.with_params(**{self.name: value})
+                exact = self.point_map.with_params(**{self.parameter: value})
                 state = wrap(place.unknowns[:-1] * problem.scale[:-1], exact.coordinates)
                 found.append(closed_orbit(exact, state, self.period, problem.scale[:-1]))
         return tuple(found)

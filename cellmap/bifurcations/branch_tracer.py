@@ -137,7 +137,7 @@ class Walker:
         found = [replace(b, place=b.place + shift) for b in ahead.found]
         unknowns = np.array([p.unknowns for p in places]) * self.problem.scale
         return Branch(
-            name=self.name,
+            parameter=self.name,
             period=self.problem.period,
             values=np.clip(unknowns[:, -1], *self.interval),
             points=wrap(unknowns[:, :-1], self.point_map.coordinates),

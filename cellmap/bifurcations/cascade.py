@@ -29,7 +29,7 @@ class Cascade:
 
     Parameters
     ----------
-    name : str
+    parameter : str
         Name of the parameter.
     bifurcations : tuple of Bifurcation
         Bifurcations at which each orbit loses its stability: period doublings, and pitchforks at which symmetric
@@ -40,14 +40,15 @@ class Cascade:
         Reason why the cascade ends.
     """
 
-    name: str
+    parameter: str
     bifurcations: tuple[Bifurcation, ...]
     branches: tuple[Branch, ...]
     end: str
 
     def __repr__(self) -> str:
         ratio = f", last ratio {self.ratios[-1]:.6g}" if len(self.ratios) else ""
-        return f"Cascade({len(self.values)} doublings of {self.name}, to period {self.periods[-1]}{ratio}; {self.end})"
+        found = f"{len(self.values)} doublings of {self.parameter}"
+        return f"Cascade({found}, to period {self.periods[-1]}{ratio}; {self.end})"
 
     @property
     def values(self) -> NDArray[np.float64]:
@@ -79,7 +80,7 @@ class Cascade:
 
 @checked
 def period_doubling_cascade(
-    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str, limit: float, doublings: int = 6
+    point_map: PointMap, orbit: PeriodicOrbit | Attractor, parameter: str, limit: float, doublings: int = 6
 ) -> Cascade:
     """Compute the period-doubling cascade of a stable periodic orbit.
 
@@ -89,7 +90,7 @@ def period_doubling_cascade(
         The map at the parameters of the orbit; for an interpolated map, its exact map is used.
     orbit : PeriodicOrbit or Attractor
         A stable orbit.
-    name : str
+    parameter : str
         Name of the parameter.
     limit : float
         Parameter value up to, or down to, which orbits are continued, in its unit.
@@ -123,15 +124,15 @@ def period_doubling_cascade(
     """
     most = whole_number("doublings", doublings, at_least=1)
     last = finite_number("limit", limit)
-    exact, state, period = begin_orbit(point_map, orbit, name)
-    value = float(exact.params[name])
+    exact, state, period = begin_orbit(point_map, orbit, parameter)
+    value = float(exact.params[parameter])
     if last == value:
-        raise ValueError(f"limit={limit!r}: give another value than the present {name}={value:g}")
-    problem = orbit_problem(exact, state, period, (name,), (abs(last - value),))
+        raise ValueError(f"limit={limit!r}: give another value than the present {parameter}={value:g}")
+    problem = orbit_problem(exact, state, period, (parameter,), (abs(last - value),))
     start = corrected(problem, np.append(state, value) / problem.scale, problem.upright)
     ends = frozenset({BifurcationKind.PERIOD_DOUBLING, BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER})
     interval = (min(value, last), max(value, last))
-    walker = Walker(exact, name, problem, interval, _STEP, _POINTS, None, ends)
+    walker = Walker(exact, parameter, problem, interval, _STEP, _POINTS, None, ends)
     if start is None or walker.watch.unstable(start):
         raise ValueError(f"orbit={orbit!r}: give a stable orbit of this map")
     start = replace(start, tangent=start.tangent * np.sign((last - value) * start.tangent[-1]))
@@ -141,16 +142,16 @@ def period_doubling_cascade(
         walk = walker.walk(start)
         branches.append(walker.branch(None, walk))
         if walk.end != "bifurcation":
-            return Cascade(name, tuple(found), tuple(branches), f"then the branch {walk.end}")
+            return Cascade(parameter, tuple(found), tuple(branches), f"then the branch {walk.end}")
         found.append(walk.found[-1])
         if found[-1].kind is BifurcationKind.NEIMARK_SACKER:
-            return Cascade(name, tuple(found), tuple(branches), "then Neimark-Sacker")
+            return Cascade(parameter, tuple(found), tuple(branches), "then Neimark-Sacker")
         values = [b.value for b in found if b.kind is BifurcationKind.PERIOD_DOUBLING]
         if len(values) == most:
-            return Cascade(name, tuple(found), tuple(branches), "as many as asked for")
+            return Cascade(parameter, tuple(found), tuple(branches), "as many as asked for")
         before = found[-2].value if len(found) > 1 else value
         span = min(_AHEAD * abs(found[-1].value - before), abs(last - value))
         born = born_orbit(walker, found[-1], span, 1.0 / _SHRINKING)
         if born is None:
-            return Cascade(name, tuple(found), tuple(branches), "then no orbit is found")
+            return Cascade(parameter, tuple(found), tuple(branches), "then no orbit is found")
         walker, start = born

@@ -40,13 +40,13 @@ class BifurcationDiagram:
 
     Parameters
     ----------
-    system, name : str
+    system, parameter : str
         Name of the system and of its parameter.
     values : ndarray, shape (n,)
         Parameter values, increasing, in its unit.
     directions : tuple of str
         Direction of each branch: ``"up"``, ``"down"`` or ``"none"``.
-    starts : ndarray, shape (branches, dimension)
+    initial_conditions : ndarray, shape (branches, dimension)
         Given initial condition of each branch.
     points : ndarray, shape (branches, n, periods, dimension)
         Orbits after the transient, angles within their period; NaN where `status` is ESCAPED or DIVERGED.
@@ -71,10 +71,10 @@ class BifurcationDiagram:
     """
 
     system: str
-    name: str
+    parameter: str
     values: NDArray[np.float64]
     directions: tuple[str, ...]
-    starts: NDArray[np.float64]
+    initial_conditions: NDArray[np.float64]
     points: NDArray[np.float64]
     status: NDArray[np.uint8]
     restarted: NDArray[np.bool_]
@@ -89,7 +89,7 @@ class BifurcationDiagram:
     def __repr__(self) -> str:
         branches, n = self.status.shape
         ended = np.count_nonzero(self.status >= Status.ESCAPED)
-        text = f"{self.name} from {self.values[0]:g} to {self.values[-1]:g}: {n} values, {branches} branches"
+        text = f"{self.parameter} from {self.values[0]:g} to {self.values[-1]:g}: {n} values, {branches} branches"
         return (
             f"BifurcationDiagram({self.system}, {text}, {np.mean(self.chaotic):.3g} chaotic, {ended} orbits terminated)"
         )
@@ -104,15 +104,15 @@ class BifurcationDiagram:
 @checked
 def bifurcation_diagram(
     point_map: PointMap,
-    name: str,
+    parameter: str,
     values: ArrayLike,
-    start: ArrayLike,
+    initial_conditions: ArrayLike,
     follow: str = "both",
     transient: int = 500,
     periods: int = 128,
     max_period: int = 32,
     tolerance: float = 1e-6,
-    nudge: ArrayLike = 1e-6,
+    perturbation: ArrayLike = 1e-6,
     exponents: bool = True,
     progress: bool = False,
 ) -> BifurcationDiagram:
@@ -127,11 +127,11 @@ def bifurcation_diagram(
     ----------
     point_map : PointMap
         The map; for an interpolated map, its exact map is used.
-    name : str
+    parameter : str
         Name of the parameter.
     values : array_like, shape (n,)
         Parameter values, increasing or decreasing, in its unit.
-    start : array_like, shape (dimension,) or (starts, dimension)
+    initial_conditions : array_like, shape (dimension,) or (starts, dimension)
         Initial conditions.
     follow : {"both", "up", "down", "none"}, optional
         Follow orbits to larger values, to smaller values or both; with ``"none"`` every orbit begins at the given
@@ -144,8 +144,8 @@ def bifurcation_diagram(
         Longest period that is detected, at most half of `periods`.
     tolerance : float, optional
         Distance within which an orbit counts as having returned: for angles in units of their period, for other
-        coordinates relative to their largest size in the diagram, or to `nudge` if that is larger.
-    nudge : float or array_like, shape (dimension,), optional
+        coordinates relative to their largest size in the diagram, or to `perturbation` if that is larger.
+    perturbation : float or array_like, shape (dimension,), optional
         Perturbation of followed orbits at each value, in the units of the coordinates: without one, an orbit on an
         equilibrium stays on it after it has become unstable.
     exponents : bool, optional
@@ -179,13 +179,14 @@ def bifurcation_diagram(
     (array([1, 2, 4, 0]), array([False, False, False,  True]))
     """
     exact = point_map.without_table
-    swept = swept_map(exact, known_parameter("name", name, exact.params))
+    swept = swept_map(exact, known_parameter("parameter", parameter, exact.params))
     d = exact.dimension
     axis = np.sort(monotone_values("values", values))
-    given = state_points("start", start, point_map.coordinates)
+    given = state_points("initial_conditions", initial_conditions, point_map.coordinates)
     if not 1 <= given.ndim <= 2 or not given.size:
         raise ValueError(
-            f"start has shape {given.shape}: give one initial condition, or several in an array of shape (n, {d})"
+            f"initial_conditions has shape {given.shape}: give one initial condition, or several in an array of "
+            f"shape (n, {d})"
         )
     one_of("follow", follow, tuple(_DIRECTIONS))
     transient = whole_number("transient", transient)
@@ -196,12 +197,12 @@ def bifurcation_diagram(
             f"max_period={max_period!r}: a period is detected within twice as many steps; give periods={2 * max_period}"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
-    shift = real_array("nudge", nudge)
-    shift = finite_points("nudge", np.full(d, shift) if shift.ndim == 0 else shift, d)
+    shift = real_array("perturbation", perturbation)
+    shift = finite_points("perturbation", np.full(d, shift) if shift.ndim == 0 else shift, d)
     if shift.ndim != 1:
-        raise ValueError(f"nudge={shown(nudge)}: give one number, or one for each of {d} coordinates")
+        raise ValueError(f"perturbation={shown(perturbation)}: give one number, or one for each of {d} coordinates")
     directions = tuple(way for way in _DIRECTIONS[follow] for _ in given.reshape(-1, d))
-    starts = np.tile(wrap(given.reshape(-1, d), exact.coordinates), (len(_DIRECTIONS[follow]), 1))
+    initial_conditions = np.tile(wrap(given.reshape(-1, d), exact.coordinates), (len(_DIRECTIONS[follow]), 1))
     samples = len(directions) * axis.size * periods
     needed = 8 * samples * (2 * d + (d * d if exponents else 0))
     claim_memory(f"a diagram of {axis.size:,} values x {len(directions)} branches", needed, "take fewer of them")
@@ -209,24 +210,29 @@ def bifurcation_diagram(
     recorded = Recorded.empty(len(directions), axis.size, periods, d)
     label = f"diagram of {exact.name}" if progress else None
     if follow == "none":
-        record_each(swept, axis, starts, transient, recorded, label)
+        record_each(swept, axis, initial_conditions, transient, recorded, label)
     else:
-        record_followed(swept, axis, starts, directions, shift, transient, recorded, label)
+        record_followed(swept, axis, initial_conditions, directions, shift, transient, recorded, label)
     warn_of_tolerance(recorded.status, exact)
 
     alive = recorded.status < Status.ESCAPED
     period = _periods(
-        recorded.points, exact, np.maximum(np.abs(starts).max(axis=0), np.abs(shift)), max_period, tolerance, alive
+        recorded.points,
+        exact,
+        np.maximum(np.abs(initial_conditions).max(axis=0), np.abs(shift)),
+        max_period,
+        tolerance,
+        alive,
     )
     spectrum = np.full((2, *recorded.status.shape, d), np.nan)
     if exponents:
-        _fill_exponents(exact, swept, name, axis, recorded.points, period, alive, spectrum)
+        _fill_exponents(exact, swept, parameter, axis, recorded.points, period, alive, spectrum)
     return BifurcationDiagram(
         system=exact.name,
-        name=name,
+        parameter=parameter,
         values=axis,
         directions=directions,
-        starts=starts,
+        initial_conditions=initial_conditions,
         points=recorded.points,
         status=recorded.status,
         restarted=recorded.restarted,
@@ -235,7 +241,7 @@ def bifurcation_diagram(
         exponents=spectrum[0],
         standard_errors=spectrum[1],
         coordinates=exact.coordinates,
-        params={key: value for key, value in exact.params.items() if key != name},
+        params={key: value for key, value in exact.params.items() if key != parameter},
         settings={
             "follow": follow,
             "transient": transient,
@@ -289,8 +295,8 @@ def _rotation_numbers(
     turn = turns_of(exact.coordinates)[1]
     steps = np.where(period > 0, period, recorded.points.shape[2] - 1)
     first = (recorded.points.shape[2] - 1 - steps)[..., None, None]
-    start, whole = (np.take_along_axis(a, first, axis=2)[:, :, 0] for a in (recorded.points, recorded.turns))
-    moved = recorded.points[:, :, -1] - start + (recorded.turns[:, :, -1] - whole) * turn
+    start, whole = (np.take_along_axis(a, first, axis=2)[:, :, 0] for a in (recorded.points, recorded.rotations))
+    moved = recorded.points[:, :, -1] - start + (recorded.rotations[:, :, -1] - whole) * turn
     rounds = np.where(turn > 0, moved / np.where(turn > 0, turn, 1.0), 0.0)
     rounds = np.where((period > 0)[..., None], np.round(rounds), rounds)
     return np.where(alive[..., None], rounds / steps[..., None] + 0.0, np.nan)

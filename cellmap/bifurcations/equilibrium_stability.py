@@ -85,7 +85,7 @@ class StabilityMap:
 
     Parameters
     ----------
-    names : tuple of str
+    parameters : tuple of str
         Names of the parameters along x and y.
     x, y : ndarray, shapes (nx,) and (ny,)
         Their values.
@@ -99,7 +99,7 @@ class StabilityMap:
         Stability boundaries, refined in x at every value of y, and in y at every value of x.
     """
 
-    names: tuple[str, str]
+    parameters: tuple[str, str]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     largest: NDArray[np.float64]
@@ -116,18 +116,19 @@ class StabilityMap:
 
     def __repr__(self) -> str:
         share = np.mean(self.unstable == 0)
-        return f"StabilityMap({self.names[0]} x {self.names[1]}: {self.x.size} x {self.y.size}, {share:.4g} stable)"
+        plane = f"{self.parameters[0]} x {self.parameters[1]}"
+        return f"StabilityMap({plane}: {self.x.size} x {self.y.size}, {share:.4g} stable)"
 
 
 @checked
 def critical_values(
     system: ForcedSystem,
     equilibrium: ArrayLike,
-    name: str,
+    parameter: str,
     lower: float,
     upper: float,
-    points: int = 512,
-    every: bool = False,
+    n_points: int = 512,
+    all_crossings: bool = False,
 ) -> tuple[CriticalValue, ...]:
     """Compute the parameter values at which an equilibrium gains or loses stability, in increasing order.
 
@@ -142,13 +143,13 @@ def critical_values(
         System without switches, whose right-hand side can be traced and differentiated.
     equilibrium : array_like, shape (dimension,)
         State at which the right-hand side vanishes at all times, for all values of the parameter.
-    name : str
+    parameter : str
         Name of the parameter.
     lower, upper : float
         Interval of parameter values, in its unit.
-    points : int, optional
+    n_points : int, optional
         Parameter values of the scan, at least 3.
-    every : bool, optional
+    all_crossings : bool, optional
         Also keep values at which the number of unstable multipliers changes without a change of stability.
 
     Returns
@@ -180,12 +181,12 @@ def critical_values(
     low, high = finite_number("lower", lower), finite_number("upper", upper)
     if not low < high:
         raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
-    count = affordable_number("points", points, 8 * 100, at_least=3)
-    linear = linearise(system, equilibrium, (name,), _TOLERANCE)
+    count = affordable_number("n_points", n_points, 8 * 100, at_least=3)
+    linear = linearise(system, equilibrium, (parameter,), _TOLERANCE)
     scan = np.linspace(low, high, count)
     linear.check(scan[:, None])
     tests = CrossingFunctions(linear)
-    found = crossings_on_lines(tests, np.empty((1, 0)), 0, scan, tests(scan[:, None]), every, None)
+    found = crossings_on_lines(tests, np.empty((1, 0)), 0, scan, tests(scan[:, None]), all_crossings, None)
     return tuple(
         CriticalValue(float(x), Crossing(int(c)), int(b), int(a))
         for x, c, b, a in zip(found.values, found.crossing, found.below, found.above, strict=True)
@@ -269,7 +270,7 @@ def stability_map(
     rows = crossings_on_lines(tests, axes[1][:, None], 0, axes[0], on_grid, False, label)
     columns = crossings_on_lines(tests, axes[0][:, None], 1, axes[1], on_grid.turned(shape), False, label)
     return StabilityMap(
-        names=(names[0], names[1]),
+        parameters=(names[0], names[1]),
         x=axes[0],
         y=axes[1],
         largest=on_grid.largest.reshape(shape),

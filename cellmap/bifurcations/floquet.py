@@ -80,7 +80,7 @@ class FloquetResult:
 def floquet_multipliers(
     system: ForcedSystem,
     equilibrium: ArrayLike,
-    parameters: Mapping[str, ArrayLike] | None = None,
+    params: Mapping[str, ArrayLike] | None = None,
     rtol: float = 1e-10,
 ) -> FloquetResult:
     """Compute the Floquet multipliers of an equilibrium that is the same state at all parameter values.
@@ -94,7 +94,7 @@ def floquet_multipliers(
         System without switching functions, whose right-hand side can be traced and differentiated.
     equilibrium : array_like, shape (dimension,)
         State at which the right-hand side vanishes at all times, in units of the coordinates.
-    parameters : mapping of str to array_like, optional
+    params : mapping of str to array_like, optional
         Values of some parameters, arrays that broadcast against each other to shape (...).  The others keep the values
         that the system has.  The period follows if it is a function of the parameters.
     rtol : float, optional
@@ -133,10 +133,10 @@ def floquet_multipliers(
     >>> inverted.multipliers.shape
     (2, 2)
     """
-    given = {} if parameters is None else parameters
+    given = {} if params is None else params
     if not isinstance(given, Mapping):
-        raise TypeError(f"parameters={given!r}: give a mapping of names to arrays, such as {{'amplitude': [0.1, 0.2]}}")
-    arrays = {name: swept_values(f"parameters[{name!r}]", array) for name, array in given.items()}
+        raise TypeError(f"params={given!r}: give a mapping of names to arrays, such as {{'amplitude': [0.1, 0.2]}}")
+    arrays = {name: swept_values(f"params[{name!r}]", array) for name, array in given.items()}
     try:
         shape = np.broadcast_shapes(*(a.shape for a in arrays.values()))
     except ValueError:
@@ -205,10 +205,10 @@ class Linearised:
         )
 
         def work(part: slice) -> None:
-            starts = np.zeros((part.stop - part.start, d, d + 1 + m))
-            starts[:, :, :d] = np.eye(d)
-            starts[:, :, d + 1 :] = points[part, None, :]
-            orbits = Orbits.starting(starts.reshape(-1, d + 1 + m))
+            initial_conditions = np.zeros((part.stop - part.start, d, d + 1 + m))
+            initial_conditions[:, :, :d] = np.eye(d)
+            initial_conditions[:, :, d + 1 :] = points[part, None, :]
+            orbits = Orbits.starting(initial_conditions.reshape(-1, d + 1 + m))
             motion(orbits)
             ends = orbits.points.reshape(-1, d, d + 1 + m)
             matrices[part] = ends[:, :, :d].transpose(0, 2, 1)
@@ -282,7 +282,7 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
         raise ValueError(f"equilibrium has shape {state.shape}: give one state")
     for name in swept:
         if not isinstance(name, str) or name not in system.params:
-            raise ValueError(f"parameters has {shown(name)}: this system has {sorted(system.params)}")
+            raise ValueError(f"params has {shown(name)}: this system has {sorted(system.params)}")
     period = system.period if callable(system.period) else None
     compiled = None
     reason = why_untraced(system.rhs, system.dimension, system.params)

@@ -24,11 +24,11 @@ _SMALL = 0.1  # part of the interval that a branch may take to be followed in un
 def continue_orbit(
     point_map: PointMap,
     orbit: PeriodicOrbit | Attractor,
-    name: str,
+    parameter: str,
     lower: float,
     upper: float,
     step: float = 0.01,
-    points: int = 1000,
+    max_points: int = 1000,
     sizes: ArrayLike | None = None,
     progress: bool = False,
 ) -> Branch:
@@ -46,14 +46,14 @@ def continue_orbit(
         The map at the parameters of the orbit; for an interpolated map, its exact map is used.
     orbit : PeriodicOrbit or Attractor
         Initial orbit, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`.
-    name : str
+    parameter : str
         Name of the parameter.
     lower, upper : float
         Interval of parameter values, in its unit, which contains the present one.
     step : float, optional
         Longest step, in units in which the interval has length 1 and each coordinate its natural size, or the size that
         it has reached on the branch.
-    points : int, optional
+    max_points : int, optional
         Largest number of points on either side; `ends` of the branch shows where they did not suffice.
     sizes : array_like, shape (dimension,), optional
         Natural sizes of displacements, in units of the coordinates.  By default a radian for an angle; for other
@@ -88,23 +88,28 @@ def continue_orbit(
     low, high = finite_number("lower", lower), finite_number("upper", upper)
     if not low < high:
         raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
-    longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
-    exact, state, period = begin_orbit(point_map, orbit, name)
-    value = float(exact.params[name])
+    longest, most = (
+        finite_number("step", step, above=0.0, at_most=1.0),
+        whole_number("max_points", max_points, at_least=1),
+    )
+    exact, state, period = begin_orbit(point_map, orbit, parameter)
+    value = float(exact.params[parameter])
     if not low <= value <= high:
-        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain {name}={value:g} of the map")
+        raise ValueError(
+            f"lower={lower!r}, upper={upper!r}: the interval must contain {parameter}={value:g} of the map"
+        )
     own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
     if own is not None and not (own > 0.0).all():
         raise ValueError(f"sizes={own.tolist()}: give positive numbers")
     for end in (low, high):
-        exact.with_params(**{name: end})
-    label = f"continuation in {name}" if progress else None
+        exact.with_params(**{parameter: end})
+    label = f"continuation in {parameter}" if progress else None
 
     def follow(span: float) -> Branch:
-        problem = orbit_problem(exact, state, period, (name,), (span,), own)
+        problem = orbit_problem(exact, state, period, (parameter,), (span,), own)
         unknowns = np.append(state, value) / problem.scale
         start = corrected(problem, unknowns, problem.upright) or _at_a_fold(problem, unknowns)
-        walker = Walker(exact, name, problem, (low, high), longest, most, label)
+        walker = Walker(exact, parameter, problem, (low, high), longest, most, label)
         start = walker.clear_start(start)
         ahead = walker.walk(start)
         if ahead.end == "closed":
@@ -128,7 +133,7 @@ def switch_branch(
     lower: float,
     upper: float,
     step: float = 0.01,
-    points: int = 1000,
+    max_points: int = 1000,
     side: int = 1,
     progress: bool = False,
 ) -> Branch:
@@ -174,9 +179,12 @@ def switch_branch(
         raise ValueError(f"side={side!r}: give 1 or -1")
     if bifurcation._aside is None:
         raise ValueError(f"bifurcation={bifurcation!r}: no branch of periodic orbits leaves it")
-    longest, most = finite_number("step", step, above=0.0, at_most=1.0), whole_number("points", points, at_least=1)
-    label = f"continuation in {branch.name}" if progress else None
-    walker = Walker(branch.point_map, branch.name, branch._problem, (low, high), longest, most, label)
+    longest, most = (
+        finite_number("step", step, above=0.0, at_most=1.0),
+        whole_number("max_points", max_points, at_least=1),
+    )
+    label = f"continuation in {branch.parameter}" if progress else None
+    walker = Walker(branch.point_map, branch.parameter, branch._problem, (low, high), longest, most, label)
     born = born_orbit(walker, bifurcation, high - low, side=side)
     if born is None:
         raise ValueError(

@@ -85,7 +85,7 @@ def begin_orbit(
     if not isinstance(orbit, PeriodicOrbit | Attractor):
         raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
     exact = point_map.without_table
-    known_parameter("name", name, exact.params)
+    known_parameter("parameter", name, exact.params)
     if not orbit.period:
         raise ValueError(f"orbit={orbit!r}: give a periodic orbit")
     if orbit.coordinates != exact.coordinates:

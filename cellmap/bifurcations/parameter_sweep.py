@@ -20,7 +20,7 @@ class Recorded:
     """Orbits at values of a parameter: points and full rotations (branches, n, periods, d), the rest (branches, n)."""
 
     points: NDArray[np.float64]
-    turns: NDArray[np.int64]
+    rotations: NDArray[np.int64]
     status: NDArray[np.uint8]
     restarted: NDArray[np.bool_]
 
@@ -44,11 +44,11 @@ class Recorded:
         d = self.points.shape[-1]
         orbits = Orbits.starting(states.copy())
         swept.advance(orbits, transient)
-        orbits.turns[:] = 0
+        orbits.rotations[:] = 0
         for k in range(self.points.shape[2]):
             swept.advance(orbits, 1)
             self.points[rows, columns, k] = orbits.points[:, :d]
-            self.turns[rows, columns, k] = orbits.turns[:, :d]
+            self.rotations[rows, columns, k] = orbits.rotations[:, :d]
         self.points[rows[~orbits.alive], columns[~orbits.alive]] = np.nan
         self.status[rows, columns] = orbits.status
         return orbits.points
@@ -57,14 +57,14 @@ class Recorded:
 def record_each(
     swept: PointMap,
     axis: NDArray[np.float64],
-    starts: NDArray[np.float64],
+    initial_conditions: NDArray[np.float64],
     transient: int,
     recorded: Recorded,
     label: str | None,
 ) -> None:
     """Run every initial condition at every parameter value."""
-    rows, columns = (index.ravel() for index in np.indices((len(starts), axis.size)))
-    states = np.column_stack([starts[rows], axis[columns]])
+    rows, columns = (index.ravel() for index in np.indices((len(initial_conditions), axis.size)))
+    states = np.column_stack([initial_conditions[rows], axis[columns]])
 
     def work(part: slice) -> None:
         recorded.run(swept, states[part], rows[part], columns[part], transient)
@@ -75,7 +75,7 @@ def record_each(
 def record_followed(
     swept: PointMap,
     axis: NDArray[np.float64],
-    starts: NDArray[np.float64],
+    initial_conditions: NDArray[np.float64],
     directions: tuple[str, ...],
     shift: NDArray[np.float64],
     transient: int,
@@ -83,14 +83,14 @@ def record_followed(
     label: str | None,
 ) -> None:
     """Run every branch from value to value."""
-    branches, coordinates = len(starts), swept.coordinates[:-1]
+    branches, coordinates = len(initial_conditions), swept.coordinates[:-1]
     rows = np.arange(branches)
     upwards = np.array([way == "up" for way in directions])
-    now, followed = starts, np.zeros(branches, bool)
+    now, followed = initial_conditions, np.zeros(branches, bool)
     with progress_bar(axis.size, label) as tick:
         for step in range(axis.size):
             columns = np.where(upwards, step, axis.size - 1 - step)
-            begin = np.where(followed[:, None], wrap(now + shift, coordinates), starts)
+            begin = np.where(followed[:, None], wrap(now + shift, coordinates), initial_conditions)
             states = np.column_stack([begin, axis[columns]])
             ends = np.empty(states.shape)
             for part in slices(branches, _SLICE):
@@ -98,7 +98,7 @@ def record_followed(
             ended = np.asarray(np.isnan(ends).any(axis=-1))
             again = np.flatnonzero(ended & followed)
             if len(again):
-                states[again, :-1] = starts[again]
+                states[again, :-1] = initial_conditions[again]
                 ends[again] = recorded.run(swept, states[again], rows[again], columns[again], transient)
             recorded.restarted[rows, columns] = (ended | ~followed) & (step > 0)
             now, followed = ends[:, :-1], np.asarray(np.isfinite(ends).all(axis=-1))

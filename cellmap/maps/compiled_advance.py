@@ -82,6 +82,6 @@ class DiscreteAdvance(CompiledAdvance):
 
     def __call__(self, orbits: Orbits, periods: int = 1) -> None:
         """Move a batch of orbits on by some applications, in place."""
-        state = (orbits.points, orbits.turns, orbits.status)
+        state = (orbits.points, orbits.rotations, orbits.status)
         for some in legs(periods, len(orbits)):
             orbits.work.evaluations += iterate(*self.step.discrete, *state, self.lower, self.turn, some)

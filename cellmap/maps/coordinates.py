@@ -24,20 +24,20 @@ class Coordinate:
         Name on axes and in files.
     unit : str, optional
         Unit, such as ``"rad/s"``; empty for a pure number.
-    turn : float or None, optional
+    period : float or None, optional
         Period of an angle, in `unit`; None for a variable on the line.
     lower : float or None, optional
-        Branch cut of an angle: values are wrapped into ``[lower, lower + turn)``.  Default ``-turn/2``.
+        Branch cut of an angle: values are wrapped into ``[lower, lower + period)``.  Default ``-period/2``.
 
     Examples
     --------
-    >>> Coordinate("theta", "rad", turn=2 * pi).lower
+    >>> Coordinate("theta", "rad", period=2 * pi).lower
     -3.141592653589793
     """
 
     name: str
     unit: str = ""
-    turn: float | None = None
+    period: float | None = None
     lower: float | None = None
 
     def __post_init__(self) -> None:
@@ -45,52 +45,52 @@ class Coordinate:
             raise ValueError(f"name={shown(self.name)}: a coordinate needs a name, such as 'theta'")
         if not isinstance(self.unit, str):
             raise TypeError(f"unit={shown(self.unit)}: give a unit, such as 'rad', or '' for a pure number")
-        if self.turn is None:
+        if self.period is None:
             if self.lower is not None:
-                raise ValueError(f"lower={self.lower!r}: only an angle has a branch cut; give turn= as well")
+                raise ValueError(f"lower={self.lower!r}: only an angle has a branch cut; give period= as well")
             return
-        turn = real_number("turn", self.turn)
+        turn = real_number("period", self.period)
         if not 0.0 < turn < inf:
-            raise ValueError(f"turn={self.turn!r}: the period of an angle is a positive number, such as 2*pi")
+            raise ValueError(f"period={self.period!r}: the period of an angle is a positive number, such as 2*pi")
         lower = -0.5 * turn if self.lower is None else real_number("lower", self.lower)
         if not isfinite(lower):
             raise ValueError(f"lower={self.lower!r}: the branch cut of an angle is a finite number")
-        object.__setattr__(self, "turn", turn)
+        object.__setattr__(self, "period", turn)
         object.__setattr__(self, "lower", lower)
 
     @property
     def is_angle(self) -> bool:
         """Whether the variable is an angle."""
-        return self.turn is not None
+        return self.period is not None
 
     def __str__(self) -> str:
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
 
 @checked
-def angle(name: str, unit: str = "rad", turn: float = 2 * pi, lower: float | None = None) -> Coordinate:
+def angle(name: str, unit: str = "rad", period: float = 2 * pi, lower: float | None = None) -> Coordinate:
     """Return the coordinate of an angle.
 
     Parameters
     ----------
     name, unit : str
         Name and unit.
-    turn : float, optional
+    period : float, optional
         Period of the angle in that unit.
     lower : float, optional
-        Branch cut, by default ``-turn/2``.
+        Branch cut, by default ``-period/2``.
 
     Returns
     -------
     Coordinate
-        An angle that is wrapped into ``[lower, lower + turn)``.
+        An angle that is wrapped into ``[lower, lower + period)``.
 
     Examples
     --------
     >>> angle("theta").is_angle
     True
     """
-    return Coordinate(name, unit, turn, lower)
+    return Coordinate(name, unit, period, lower)
 
 
 def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
@@ -110,7 +110,7 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
 def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cuts and turns of all coordinates as arrays; a turn of 0 marks a variable on the line."""
     lower = np.array([c.lower if c.lower is not None else -inf for c in coordinates])
-    turn = np.array([c.turn or 0.0 for c in coordinates])
+    turn = np.array([c.period or 0.0 for c in coordinates])
     return lower, turn
 
 
@@ -118,13 +118,13 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
     """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase."""
     states = finite_points(name, points, len(coordinates))
     for j, c in enumerate(coordinates):
-        if c.turn is None or not states.size:
+        if c.period is None or not states.size:
             continue
-        angles, most = states[..., j], MOST_TURNS * c.turn
+        angles, most = states[..., j], MOST_TURNS * c.period
         if angles.min() <= -most or angles.max() >= most:
             far = np.argwhere(np.abs(angles) >= most)[0]
             raise ValueError(
-                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} periods of {c.turn:g} and "
+                f"{name}{[*map(int, far), j]}={angles[tuple(far)]}: at {MOST_TURNS:.0e} periods of {c.period:g} and "
                 "beyond an angle has no phase in double precision; give it within a few periods of 0"
             )
     return states
@@ -134,12 +134,12 @@ def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDAr
     """Return points (..., dimension) with every angle in its turn; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
-        if c.turn is not None and c.lower is not None:
+        if c.period is not None and c.lower is not None:
             angles = wrapped[..., j]
-            inside = (angles >= c.lower) & (angles < c.lower + c.turn)
-            whole = np.floor((angles - c.lower) / c.turn)
-            turned = np.maximum(angles - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * c.turn, c.lower)
-            wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.turn, c.lower, turned))
+            inside = (angles >= c.lower) & (angles < c.lower + c.period)
+            whole = np.floor((angles - c.lower) / c.period)
+            turned = np.maximum(angles - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * c.period, c.lower)
+            wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.period, c.lower, turned))
     return wrapped
 
 
@@ -149,8 +149,8 @@ def difference(
     """Return a - b, along angles the shorter way round."""
     d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
     for j, c in enumerate(coordinates):
-        if c.turn is not None:
-            d[..., j] -= c.turn * np.round(d[..., j] / c.turn)
+        if c.period is not None:
+            d[..., j] -= c.period * np.round(d[..., j] / c.period)
     return d
 
 

@@ -115,7 +115,7 @@ class Discrete(MapSpec[PointMap]):
         def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
             step = derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params))).address("step")
             growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
-            state = (orbits.points, orbits.turns, frames, ended)
+            state = (orbits.points, orbits.rotations, frames, ended)
             carrying(d)(step, parameters, lower, turn, _BOUND, *state, periods, growth)
             orbits.end(ended & ~before, Status.DIVERGED)
             return growth

@@ -40,7 +40,7 @@ def fingerprint(point_map: PointMap, probes: NDArray[np.float64]) -> dict[str, A
         if same is not None:
             orbits = Orbits.starting(wrap(probes, point_map.coordinates))
             same.advance(orbits, 1)
-            for part in (orbits.points, orbits.turns, orbits.status):
+            for part in (orbits.points, orbits.rotations, orbits.status):
                 digest.update(part.tobytes())
     return {
         "system": point_map.name,

@@ -28,7 +28,7 @@ def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
 
     Further states are the time under way, the sign of the side on which it moves, and the value on the section.
     """
-    turn = system.axes[place].turn
+    turn = system.axes[place].period
     rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
     taken = {c.name for c in system.axes}
     names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
@@ -130,7 +130,7 @@ class Trip:
 
         They come back from the side on which they were, except after a whole turn of an angle.
         """
-        d, turn = self.system.dimension, self.system.axes[self.place].turn
+        d, turn = self.system.dimension, self.system.axes[self.place].period
         round_ = np.inf if turn is None else 0.5 * turn
         back = np.abs(states[:, self.place] - states[:, d + 2]) < round_
         return np.where(back, -states[:, d + 1], states[:, d + 1])

@@ -97,28 +97,28 @@ class CellGrid:
         return (np.array(self.upper) - np.array(self.lower)) / np.array(self.shape)
 
     @checked
-    def axis(self, j: int) -> NDArray[np.float64]:
-        """Return the cell centres along axis `j`."""
-        self._own(j)
-        return self.along(j, np.arange(self.shape[j]) + 0.5)
+    def axis(self, axis: int) -> NDArray[np.float64]:
+        """Return the cell centres along axis `axis`."""
+        self._own(axis)
+        return self.along(axis, np.arange(self.shape[axis]) + 0.5)
 
     @checked
-    def edges(self, j: int) -> NDArray[np.float64]:
-        """Return the cell edges along axis `j`, one more than cells."""
-        self._own(j)
-        return self.along(j, np.arange(self.shape[j] + 1))
+    def edges(self, axis: int) -> NDArray[np.float64]:
+        """Return the cell edges along axis `axis`, one more than cells."""
+        self._own(axis)
+        return self.along(axis, np.arange(self.shape[axis] + 1))
 
     @checked
-    def along(self, j: int, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the coordinates at a distance of `numbers` cells from the lower end of axis `j`."""
-        self._own(j)
-        return between(self.lower[j], self.upper[j], self.shape[j], real_array("numbers", numbers))
+    def along(self, axis: int, cells: ArrayLike) -> NDArray[np.float64]:
+        """Return the coordinates at a distance of `cells` cells from the lower end of axis `axis`."""
+        self._own(axis)
+        return between(self.lower[axis], self.upper[axis], self.shape[axis], real_array("cells", cells))
 
-    def places(self, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the points at distances of `numbers` (..., dimension) cells from the lower corner."""
-        given = real_array("numbers", numbers)
+    def places(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """Return the points at distances of `cells` (..., dimension) cells from the lower corner."""
+        given = real_array("cells", cells)
         if given.shape[-1:] != (self.dimension,):
-            raise ValueError(f"numbers has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
+            raise ValueError(f"cells has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
         return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), given)
 
     def centres(self) -> NDArray[np.float64]:
@@ -155,20 +155,22 @@ class CellGrid:
             raise ValueError(f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}")
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
-            excess = (b - a) / c.turn - 1.0 if c.turn else -1.0
+            excess = (b - a) / c.period - 1.0 if c.period else -1.0
             if excess > 1e-9:
-                raise ValueError(f"{name} covers {b - a:g} of {c}, more than one period ({c.turn:g}): shorten the axis")
-            if c.turn is not None and max(-a, b) >= MOST_TURNS * c.turn:
                 raise ValueError(
-                    f"{name} lies {max(-a, b) / c.turn:.0e} periods away from 0 in {c}, where an angle has no phase in "
-                    "double precision: shift it"
+                    f"{name} covers {b - a:g} of {c}, more than one period ({c.period:g}): shorten the axis"
+                )
+            if c.period is not None and max(-a, b) >= MOST_TURNS * c.period:
+                raise ValueError(
+                    f"{name} lies {max(-a, b) / c.period:.0e} periods away from 0 in {c}, where an angle has no phase "
+                    "in double precision: shift it"
                 )
             wraps.append(excess > -1e-9)
         return CellGrid(self.lower, self.upper, self.shape, tuple(wraps))
 
     def _own(self, j: int) -> None:
         if not 0 <= j < self.dimension:
-            raise ValueError(f"j={j}: the grid has the axes 0 to {self.dimension - 1}")
+            raise ValueError(f"axis={j}: the grid has the axes 0 to {self.dimension - 1}")
 
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.shape))
@@ -204,7 +206,7 @@ class Locator:
 
 
 def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:
-    """Return the coordinates that lie `numbers` cells behind a lower end, counted from the end that is nearer.
+    """Return the coordinates that lie `cells` cells behind a lower end, counted from the end that is nearer.
 
     In a window that is symmetric about 0, ``cells - numbers`` gives the mirror image of ``numbers`` to the last bit.
     """

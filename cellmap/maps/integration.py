@@ -220,5 +220,5 @@ class Flow:
     def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
         """Move orbits on by some periods in place, with angles brought back into their turns."""
         for some in legs(periods, len(orbits)):
-            steps = integrate(self.numbers, orbits.points, orbits.turns, orbits.status, lower, turn, some)
+            steps = integrate(self.numbers, orbits.points, orbits.rotations, orbits.status, lower, turn, some)
             orbits.work.evaluations += steps * self.kernel.stages

@@ -152,8 +152,8 @@ class Step:
 
     def _turned(self, points: NDArray[np.float64], wrapped: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the turns of images that come from the turns of points."""
-        turns = points - wrapped
-        return np.asarray(turns + turns @ self.extra.T)
+        rotations = points - wrapped
+        return np.asarray(rotations + rotations @ self.extra.T)
 
 
 def preimages(

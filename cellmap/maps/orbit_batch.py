@@ -109,12 +109,12 @@ def legs(periods: int, orbits: int) -> Iterator[int]:
 class Orbits:
     """Working state of a batch of orbits; kernels change it in place.
 
-    ``points`` (n, d) float, ``turns`` (n, d) int whole turns taken out of the angles, ``status`` (n,) uint8; ``work``
+    ``points`` (n, d) float, ``rotations`` (n, d) int taken out of the angles, ``status`` (n,) uint8; ``work``
     is shared by all parts of a batch.
     """
 
     points: NDArray[np.float64]
-    turns: NDArray[np.int64]
+    rotations: NDArray[np.int64]
     status: NDArray[np.uint8]
     work: Work = field(default_factory=Work)
 
@@ -126,14 +126,16 @@ class Orbits:
     @classmethod
     def joined(cls, parts: Sequence[Orbits]) -> Orbits:
         """Put batches one behind the other."""
-        points, turns, status = (np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "turns", "status"))
-        return cls(points, turns, status)
+        points, rotations, status = (
+            np.concatenate([getattr(o, n) for o in parts]) for n in ("points", "rotations", "status")
+        )
+        return cls(points, rotations, status)
 
     def __getitem__(self, part: Any) -> Orbits:
-        return Orbits(self.points[part], self.turns[part], self.status[part], self.work)
+        return Orbits(self.points[part], self.rotations[part], self.status[part], self.work)
 
     def __setitem__(self, part: Any, other: Orbits) -> None:
-        self.points[part], self.turns[part], self.status[part] = other.points, other.turns, other.status
+        self.points[part], self.rotations[part], self.status[part] = other.points, other.rotations, other.status
 
     def __len__(self) -> int:
         return len(self.points)
@@ -156,7 +158,7 @@ class Orbits:
 
     def wrap(self, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
         """Bring angles into their turn, and end orbits whose angle is so large that it has no phase."""
-        if wrap_rows(self.points, self.turns, lower, turn):
+        if wrap_rows(self.points, self.rotations, lower, turn):
             self.end(np.flatnonzero(np.isnan(self.points).any(axis=1) & self.alive), Status.DIVERGED)
 
     def end(self, where: NDArray[Any], status: Status) -> None:

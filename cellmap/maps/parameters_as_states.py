@@ -25,14 +25,14 @@ from .system import ForcedSystem
 
 
 @checked
-def swept_map(point_map: PointMap, *names: str) -> PointMap:
+def swept_map(point_map: PointMap, *parameters: str) -> PointMap:
     """Return a map with some parameters appended to the state.
 
     Parameters
     ----------
     point_map : PointMap
         A map of some dimension d; for an interpolated map, the exact map behind it is used.
-    names : str
+    parameters : str
         Names of m different parameters.
 
     Returns
@@ -55,11 +55,11 @@ def swept_map(point_map: PointMap, *names: str) -> PointMap:
            [1. , 4. ]])
     """
     exact = point_map.without_table
-    for name in names:
-        known_parameter("names", name, exact.params)
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"names={names!r}: give the names of one or several different parameters")
-    return Swept(exact, names).build()
+    for name in parameters:
+        known_parameter("parameters", name, exact.params)
+    if not parameters or len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters={parameters!r}: give the names of one or several different parameters")
+    return Swept(exact, parameters).build()
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ def swept_system(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem |
     except ValueError as error:
         if period is None and "period" in str(error):
             raise ValueError(
-                f"names={names!r}: the period of the right-hand side changes with a parameter, and period="
+                f"parameters={names!r}: the period of the right-hand side changes with a parameter, and period="
                 f"{system.period!r} is a number; give a function, such as period=lambda p: 2 * pi / p.omega"
             ) from error
         raise
@@ -190,9 +190,9 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
             mine = np.flatnonzero((rows.ravel() == k) & orbits.alive)
             if len(mine):
                 part = orbits[mine]
-                inner = Orbits(part.points[:, :d].copy(), part.turns[:, :d].copy(), part.status, part.work)
+                inner = Orbits(part.points[:, :d].copy(), part.rotations[:, :d].copy(), part.status, part.work)
                 exact.with_params(**dict(zip(names, value.tolist(), strict=True))).advance(inner, periods)
-                part.points[:, :d], part.turns[:, :d], part.status = inner.points, inner.turns, inner.status
+                part.points[:, :d], part.rotations[:, :d], part.status = inner.points, inner.rotations, inner.status
                 part.points[~part.alive] = np.nan
                 orbits[mine] = part
 

@@ -122,16 +122,16 @@ class SectionMap(PointMap):
         points : array_like, shape (..., dimension)
             Initial conditions on the section.
         """
-        starts = state_points("points", points, self.coordinates)
-        flat = starts.reshape(-1, self.dimension)
+        initial_conditions = state_points("points", points, self.coordinates)
+        flat = initial_conditions.reshape(-1, self.dimension)
         images, times, status = np.empty_like(flat), np.empty(len(flat)), np.zeros(len(flat), np.uint8)
 
         def work(part: slice) -> None:
             images[part], _, times[part], status[part] = self.first_returns(flat[part])
 
         run_over(slices(len(flat), CHUNK), work)
-        shape = starts.shape[:-1]
-        return Returns(images.reshape(starts.shape), times.reshape(shape), status.reshape(shape))
+        shape = initial_conditions.shape[:-1]
+        return Returns(images.reshape(initial_conditions.shape), times.reshape(shape), status.reshape(shape))
 
 
 @checked
@@ -241,18 +241,18 @@ class Section(MapSpec[SectionMap]):
 
         def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
             images, times, status, _ = trip(points)
-            turns = np.zeros(images.shape, np.int64)
-            if wrap_rows(images, turns, lower, turn):
+            rotations = np.zeros(images.shape, np.int64)
+            if wrap_rows(images, rotations, lower, turn):
                 status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
                 images[status >= Status.ESCAPED] = np.nan
-            return images, turns, times, status
+            return images, rotations, times, status
 
         def advance(orbits: Orbits, periods: int) -> None:
             for _ in range(periods):
                 for now in orbits.living():
-                    images, turns, _, status = first_returns(now.points)
+                    images, rotations, _, status = first_returns(now.points)
                     now.points[:], now.status[:] = images, np.maximum(now.status, status)
-                    now.turns += turns
+                    now.rotations += rotations
 
         def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             carried = replace(trip, motion=derivatives_of(system.name, self._tangent_motion))

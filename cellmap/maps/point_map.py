@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
-from .._lib.checks import claim_memory, random_numbers, warn_caller, whole_number
+from .._lib.checks import claim_memory, warn_caller, whole_number
+from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
 from .._lib.tiles import check_client, completed
@@ -32,8 +33,8 @@ class Iterate:
     ----------
     points : ndarray, shape (..., dimension)
         Images, angles wrapped; NaN where `status` is ESCAPED or a later one.
-    turns : ndarray of int, shape (..., dimension)
-        Full rotations of each angle; ``points + turns * turn`` is the unwrapped image.
+    rotations : ndarray of int, shape (..., dimension)
+        Full rotations of each angle; ``points + rotations * turn`` is the unwrapped image.
     status : ndarray of uint8, shape (...)
         A :class:`Status` for each orbit.
     coordinates : tuple of Coordinate
@@ -41,7 +42,7 @@ class Iterate:
     """
 
     points: NDArray[np.float64]
-    turns: NDArray[np.int64]
+    rotations: NDArray[np.int64]
     status: NDArray[np.uint8]
     coordinates: tuple[Coordinate, ...]
 
@@ -55,7 +56,7 @@ class Iterate:
     @property
     def unwrapped(self) -> NDArray[np.float64]:
         """Unwrapped images, full rotations included, shape (..., dimension)."""
-        return self.points + self.turns * turns_of(self.coordinates)[1]
+        return self.points + self.rotations * turns_of(self.coordinates)[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,40 +233,42 @@ class PointMap:
         Iterate
             Arrays with a leading axis of length ``periods + 1``.
         """
-        starts = state_points("points", points, self.coordinates)
+        initial_conditions = state_points("points", points, self.coordinates)
         periods = whole_number("periods", periods)
-        needed = (periods + 1) * 2 * starts.nbytes
+        needed = (periods + 1) * 2 * initial_conditions.nbytes
         claim_memory(
-            f"orbits of {starts.size // self.dimension:,} points over {periods:,} periods", needed, "record less"
+            f"orbits of {initial_conditions.size // self.dimension:,} points over {periods:,} periods",
+            needed,
+            "record less",
         )
-        history = np.empty((periods + 1, starts.size // self.dimension, self.dimension))
-        turns = np.zeros(history.shape, np.int64)
+        history = np.empty((periods + 1, initial_conditions.size // self.dimension, self.dimension))
+        rotations = np.zeros(history.shape, np.int64)
         status = np.zeros(history.shape[:2], np.uint8)
-        history[0] = starts.reshape(-1, self.dimension)
+        history[0] = initial_conditions.reshape(-1, self.dimension)
         lower, turn = turns_of(self.coordinates)
-        wrap_rows(history[0], turns[0], lower, turn)
-        turns[0] = 0
+        wrap_rows(history[0], rotations[0], lower, turn)
+        rotations[0] = 0
         label = f"orbits of {self.name}" if progress else None
         with progress_bar(periods, label) as tick:
             for k in range(periods):
-                history[k + 1], turns[k + 1], status[k + 1] = history[k], turns[k], status[k]
-                orbits = Orbits(history[k + 1], turns[k + 1], status[k + 1])
+                history[k + 1], rotations[k + 1], status[k + 1] = history[k], rotations[k], status[k]
+                orbits = Orbits(history[k + 1], rotations[k + 1], status[k + 1])
                 run_over(slices(len(orbits), CHUNK), lambda part, o=orbits: self.advance(o[part], 1))  # type: ignore[misc]
                 tick(1)
         warn_of_tolerance(status[-1], self)
-        shape = (periods + 1, *starts.shape)
-        return Iterate(history.reshape(shape), turns.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
+        shape = (periods + 1, *initial_conditions.shape)
+        return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
 
     @checked
-    def error(self, points: int = 10_000, seed: int = 0) -> MapError:
+    def error(self, n_samples: int = 10_000, *, rng: Rng = 0) -> MapError:
         """Measure the error of one period of an interpolated map against the exact map.
 
         Parameters
         ----------
-        points : int, optional
+        n_samples : int, optional
             Number of random points in the window of the interpolated map.
-        seed : int, optional
-            Seed of the random points; the same seed gives the same result.
+        rng : int, numpy.random.Generator or None, optional
+            Seed or generator of the random points: with a seed, the default included, each call draws the same.
 
         Returns
         -------
@@ -279,9 +282,9 @@ class PointMap:
         """
         if self.exact is None or self.table is None:
             raise ValueError(f"{self!r} is exact; only an interpolated map has an error to measure")
-        points = whole_number("points", points, at_least=1)
+        n_samples = whole_number("n_samples", n_samples, at_least=1)
         grid = self.table.grid
-        places = random_numbers(seed).uniform(grid.lower, grid.upper, (points, self.dimension))
+        places = random_numbers(rng).uniform(grid.lower, grid.upper, (n_samples, self.dimension))
         shift = difference(self.iterate(places, 1).points, self.exact.iterate(places, 1).points, self.coordinates)
         errors = np.abs(shift).max(axis=-1)
         errors = errors[np.isfinite(errors)]
@@ -293,14 +296,18 @@ class PointMap:
 
 def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:
     """Iterate points as :meth:`PointMap.iterate` does, without a warning of missed tolerances."""
-    starts = state_points("points", points, point_map.coordinates)
+    initial_conditions = state_points("points", points, point_map.coordinates)
     periods = whole_number("periods", periods)
     check_client(client)
-    claim_memory(f"iterating {starts.size:,} numbers", 3 * starts.nbytes, "iterate fewer points at a time")
-    orbits = Orbits.starting(starts.reshape(-1, point_map.dimension))
+    claim_memory(
+        f"iterating {initial_conditions.size:,} numbers",
+        3 * initial_conditions.nbytes,
+        "iterate fewer points at a time",
+    )
+    orbits = Orbits.starting(initial_conditions.reshape(-1, point_map.dimension))
     lower, turn = turns_of(point_map.coordinates)
     orbits.wrap(lower, turn)
-    orbits.turns[:] = 0
+    orbits.rotations[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
     parts = slices(len(orbits), CHUNK)
 
@@ -308,8 +315,10 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
         range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), client, label
     ):
         orbits[parts[number]] = images
-    shape = starts.shape
-    return Iterate(starts, orbits.turns.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates)
+    shape = initial_conditions.shape
+    return Iterate(
+        initial_conditions, orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ def stroboscopic_map(
     >>> strobe = stroboscopic_map(pendulum)
     >>> strobe([[0.0, 0.0], [3.0, 4.0]]).shape
     (2, 2)
-    >>> strobe.iterate([3.0, 4.0], 1).turns
+    >>> strobe.iterate([3.0, 4.0], 1).rotations
     array([4, 0])
     """
     return Stroboscopic(system, phase, rtol, atol, method, max_steps).build()

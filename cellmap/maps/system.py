@@ -202,7 +202,7 @@ class ForcedSystem:
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
-        angles = [(j, c) for j, c in enumerate(self.axes) if c.turn is not None]
+        angles = [(j, c) for j, c in enumerate(self.axes) if c.period is not None]
         functions = "rhs" if self.switches is None else "rhs or switches"
         failure: Exception | None = None
         checked = False
@@ -212,7 +212,8 @@ class ForcedSystem:
             try:
                 now, later = self.derivative(t, places), self.derivative(t + self.length, places)
                 turned = [
-                    self.derivative(t, [*places[:j], places[j] + (c.turn or 0.0), *places[j + 1 :]]) for j, c in angles
+                    self.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]])
+                    for j, c in angles
                 ]
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 failure = error
@@ -248,7 +249,7 @@ class ForcedSystem:
                 if _differ(now, there):
                     raise ValueError(
                         f"coordinates: rhs is {now} and one period of {c.name} further on {there}, so {c.name} is not "
-                        f"an angle of period {c.turn:g}; give turn= its period, or the name alone if it is no angle"
+                        f"an angle of period {c.period:g}; give period= its period, or the name alone if it is no angle"
                     )
             checked = True
         if not checked:

@@ -96,8 +96,8 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
            [ 0.3,  0. ]])
     """
     exact = point_map.without_table
-    starts = state_points("points", points, exact.coordinates)
-    return tangent(exact, starts, whole_number("periods", periods))[1]
+    initial_conditions = state_points("points", points, exact.coordinates)
+    return tangent(exact, initial_conditions, whole_number("periods", periods))[1]
 
 
 def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -96,9 +96,9 @@ class Trajectory:
 @checked
 def trajectory(
     system: ForcedSystem,
-    starts: ArrayLike,
+    initial_conditions: ArrayLike,
     periods: int,
-    samples: int = 64,
+    samples_per_period: int = 64,
     phase: float = 0.0,
     rtol: float = 1e-9,
     atol: float = 1e-9,
@@ -117,11 +117,11 @@ def trajectory(
     ----------
     system : ForcedSystem
         The system.
-    starts : array_like, shape (..., dimension)
+    initial_conditions : array_like, shape (..., dimension)
         Initial conditions at ``t = phase * period``.
     periods : int
         Periods of the forcing, at least 1.
-    samples : int, optional
+    samples_per_period : int, optional
         States recorded in each period.
     phase : float, optional
         Phase of the forcing at the initial time, as a fraction of the period.
@@ -137,7 +137,7 @@ def trajectory(
     Returns
     -------
     Trajectory
-        ``periods * samples + 1`` times and states, the initial ones included.
+        ``periods * samples_per_period + 1`` times and states, the initial ones included.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def trajectory(
     ...     q, v = x
     ...     return v, -q
     >>> oscillator = ForcedSystem(rhs, {}, 2 * pi, ("q", "v"), outputs={"energy": lambda t, x, p: (x[0]**2 + x[1]**2,)})
-    >>> motion = trajectory(oscillator, [1.0, 0.0], periods=2, samples=4)
+    >>> motion = trajectory(oscillator, [1.0, 0.0], periods=2, samples_per_period=4)
     >>> motion.states[:, 0].round(6) + 0.0
     array([ 1.,  0., -1.,  0.,  1.,  0., -1.,  0.,  1.])
     >>> motion.strobe.shape
@@ -168,10 +168,10 @@ def trajectory(
     """
     spec = Stroboscopic(system, phase, rtol, atol, method, max_steps)
     strobe = spec.build()
-    places = state_points("starts", starts, system.axes)
+    places = state_points("initial_conditions", initial_conditions, system.axes)
     periods = whole_number("periods", periods, at_least=1)
-    samples = whole_number("samples", samples, at_least=1)
-    count, moments = places.size // system.dimension, periods * samples + 1
+    samples_per_period = whole_number("samples_per_period", samples_per_period, at_least=1)
+    count, moments = places.size // system.dimension, periods * samples_per_period + 1
     needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
     what = f"{moments:,} states of {count:,} initial conditions"
     claim_memory(what, needed, "take fewer periods, samples or initial conditions")
@@ -184,14 +184,14 @@ def trajectory(
     begins = [orbits]
     with progress_bar(periods, f"periods of {system.name}" if progress else None) as tick:
         for k in range(1, periods + 1):
-            orbits = Orbits(orbits.points.copy(), orbits.turns.copy(), orbits.status.copy())
+            orbits = Orbits(orbits.points.copy(), orbits.rotations.copy(), orbits.status.copy())
             run_over(slices(count, CHUNK), lambda part, now=orbits: strobe.advance(now[part], 1))  # type: ignore[misc]
-            states[k * samples] = orbits.points + orbits.turns * turn
+            states[k * samples_per_period] = orbits.points + orbits.rotations * turn
             begins.append(orbits)
             tick(1)
     within = Orbits.joined(begins[:-1])
-    cells = states[:-1].reshape(periods, samples, count, system.dimension)
-    advances = _between_samples(spec, samples)
+    cells = states[:-1].reshape(periods, samples_per_period, count, system.dimension)
+    advances = _between_samples(spec, samples_per_period)
 
     def fill(part: slice) -> None:
         now = within[part]
@@ -199,7 +199,7 @@ def trajectory(
         for k, advance in enumerate(advances, 1):
             for living in now.living():
                 advance(living)
-            cells[period, k, start] = now.points + now.turns * turn
+            cells[period, k, start] = now.points + now.rotations * turn
 
     label = f"trajectories of {system.name}" if progress else None
     run_over(slices(len(within), CHUNK), fill, label)
@@ -208,9 +208,9 @@ def trajectory(
     ended = np.logical_or.accumulate(np.isnan(states).any(axis=-1), axis=0)
     states[ended] = np.nan
     warn_of_tolerance(status, strobe)
-    times = (phase + np.arange(moments) / samples) * system.length
+    times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)
-    return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples)
+    return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples_per_period)
 
 
 def _between_samples(spec: Stroboscopic, samples: int) -> list[Callable[[Orbits], None]]:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from .._lib.checks import finite_number, random_numbers, whole_number
+from .._lib.checks import finite_number, whole_number
+from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points, wrap
@@ -25,12 +26,13 @@ _PRESERVED = 1e-6  # mean logarithm of the factor by which volumes change in a s
 @checked
 def alignment_test(
     point_map: PointMap,
-    starts: ArrayLike,
+    initial_conditions: ArrayLike,
     periods: int = 2000,
     transient: int = 0,
     order: int = 2,
     confidence: float = 0.999,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> ChaosTest:
     """Distinguish chaotic from regular orbits by the generalized alignment index of deviation vectors (GALI, SALI).
 
@@ -44,7 +46,7 @@ def alignment_test(
     ----------
     point_map : PointMap
         Volume-preserving map; for an interpolated map, the exact map behind it is used.
-    starts : array_like, shape (..., d)
+    initial_conditions : array_like, shape (..., d)
         Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 44.
@@ -54,8 +56,8 @@ def alignment_test(
         Number of deviations, from 2 to d.
     confidence : float, optional
         Confidence level of the interval, from the spread between 11 parts of the second half.
-    seed : int, optional
-        Seed of the initial deviations.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the initial deviations.
 
     Returns
     -------
@@ -80,9 +82,9 @@ def alignment_test(
     1.0
     """
     exact = point_map.without_table
-    points = state_points("starts", starts, exact.coordinates)
+    points = state_points("initial_conditions", initial_conditions, exact.coordinates)
     if not points.size:
-        raise ValueError("starts is empty: give at least one initial condition")
+        raise ValueError("initial_conditions is empty: give at least one initial condition")
     periods = whole_number("periods", periods, at_least=2 * _PARTS)
     transient = whole_number("transient", transient)
     number = whole_number("order", order, at_least=2, at_most=exact.dimension)
@@ -92,7 +94,7 @@ def alignment_test(
     # Means over parts, since along regular orbits the index swings; what is left over comes before the first.
     length = periods // _PARTS
     before = periods - length * _PARTS
-    first = np.linalg.qr(random_numbers(seed).standard_normal((d, d)))[0][:, :number]
+    first = np.linalg.qr(random_numbers(rng).standard_normal((d, d)))[0][:, :number]
     logs = np.empty((_PARTS, len(states)))
     volumes, ended = np.empty(len(states)), np.empty(len(states), bool)
 

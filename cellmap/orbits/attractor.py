@@ -87,7 +87,7 @@ class Attractor:
     points : ndarray, shape (period, dimension)
         Its points in the order of the orbit, angles wrapped; for a chaotic attractor a sample of an orbit, for a
         sticking set a sample of its equilibria.
-    turns : tuple of int
+    rotations : tuple of int
         Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are not angles.
     multipliers : ndarray of complex, shape (dimension,)
         Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a chaotic attractor.
@@ -104,7 +104,7 @@ class Attractor:
     kind: Kind
     period: int
     points: NDArray[np.float64]
-    turns: tuple[int, ...]
+    rotations: tuple[int, ...]
     multipliers: NDArray[np.complex128]
     exponents: NDArray[np.float64]
     coordinates: tuple[Coordinate, ...]
@@ -116,7 +116,7 @@ class Attractor:
         """Rotation number: full rotations of each coordinate per step of the map; NaN for angles if chaotic."""
         if not self.period:
             return tuple(np.nan if c.is_angle else 0.0 for c in self.coordinates)
-        return tuple(t / self.period for t in self.turns)
+        return tuple(t / self.period for t in self.rotations)
 
     @property
     def name(self) -> str:
@@ -128,7 +128,7 @@ class Attractor:
         if self.kind is Kind.EQUILIBRIA:
             return f"equilibria around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
         text = f"{self.kind}, period {self.period}"
-        for t in self.turns:
+        for t in self.rotations:
             if t:
                 text += f", winding number {t:+d}"
         return text
@@ -156,12 +156,12 @@ def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits
     """Write a point with its angles in multiples of pi where they are whole ones; the branch cut has one name only."""
     texts = []
     for v, c in zip(point.tolist(), coordinates, strict=True):
-        if c.turn is not None and c.lower is not None:
-            rounds = (v - c.lower) / c.turn
+        if c.period is not None and c.lower is not None:
+            rounds = (v - c.lower) / c.period
             if abs(rounds - round(rounds)) < 1e-6:
-                v = min(c.lower + c.turn, c.lower, key=abs)
-            half_turns = round(2.0 * v / c.turn)
-            if isclose(c.turn, 2 * pi) and half_turns and abs(v - half_turns * pi) < 1e-6:
+                v = min(c.lower + c.period, c.lower, key=abs)
+            half_turns = round(2.0 * v / c.period)
+            if isclose(c.period, 2 * pi) and half_turns and abs(v - half_turns * pi) < 1e-6:
                 texts.append({1: "π", -1: "-π"}.get(half_turns, f"{half_turns}π"))
                 continue
         texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 else "0")
@@ -175,8 +175,8 @@ def sort_key(attractor: Attractor) -> tuple[Any, ...]:
     return (
         list(Kind).index(attractor.kind),
         attractor.period,
-        sum(map(abs, attractor.turns)),
+        sum(map(abs, attractor.rotations)),
         round(float(np.linalg.norm(point)), 6),
-        tuple(-t for t in attractor.turns),
+        tuple(-t for t in attractor.rotations),
         tuple(-rounded),
     )

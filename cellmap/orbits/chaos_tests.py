@@ -86,7 +86,7 @@ class ChaosTest:
 @checked
 def exponent_test(
     point_map: PointMap,
-    starts: ArrayLike,
+    initial_conditions: ArrayLike,
     periods: int = 2000,
     transient: int = 500,
     confidence: float = 0.999,
@@ -104,7 +104,7 @@ def exponent_test(
     ----------
     point_map : PointMap
         Stroboscopic or discrete map; for an interpolated map, the exact map behind it is used.
-    starts : array_like, shape (..., d)
+    initial_conditions : array_like, shape (..., d)
         Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 40.
@@ -138,7 +138,7 @@ def exponent_test(
     """
     periods = whole_number("periods", periods, at_least=2 * GROUPS)
     confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
-    found = lyapunov_spectrum(point_map, starts, periods, transient, progress)
+    found = lyapunov_spectrum(point_map, initial_conditions, periods, transient, progress)
     late = np.flatnonzero(found.steps > periods // 2)
     length = int(found.steps[-1] - found.steps[late[0] - 1])
     first = np.linspace(0, len(late), GROUPS // 2 + 1).round().astype(int)[:-1]

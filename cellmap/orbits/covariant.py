@@ -114,7 +114,7 @@ class CovariantVectors:
 
 @checked
 def covariant_vectors(
-    point_map: PointMap, start: ArrayLike, periods: int = 1000, transient: int = 200
+    point_map: PointMap, initial_condition: ArrayLike, periods: int = 1000, transient: int = 200
 ) -> CovariantVectors:
     """Return the covariant Lyapunov vectors along an orbit.
 
@@ -129,7 +129,7 @@ def covariant_vectors(
     point_map : PointMap
         Stroboscopic or discrete map with an invertible derivative; for an interpolated map, the exact map behind it is
         used.
-    start : array_like, shape (d,)
+    initial_condition : array_like, shape (d,)
         Initial condition of the orbit.
     periods : int, optional
         Number of points at which vectors are computed, at least 20.
@@ -161,9 +161,11 @@ def covariant_vectors(
            [2., 3.]])
     """
     exact = point_map.without_table
-    begin = state_points("start", start, exact.coordinates)
+    begin = state_points("initial_condition", initial_condition, exact.coordinates)
     if begin.ndim != 1:
-        raise ValueError(f"start has the shape {begin.shape}: give one point of {exact.dimension} coordinates")
+        raise ValueError(
+            f"initial_condition has the shape {begin.shape}: give one point of {exact.dimension} coordinates"
+        )
     periods = whole_number("periods", periods, at_least=GROUPS)
     transient = whole_number("transient", transient)
     d = exact.dimension
@@ -228,13 +230,13 @@ def _forward(
     for k in range(-turning, total):
         image, matrix = tangent(exact, place)
         if not (np.isfinite(image).all() and np.isfinite(matrix).all()):
-            raise ValueError(f"start: the orbit terminates at {place.tolist()} after {turning + k} periods")
+            raise ValueError(f"initial_condition: the orbit terminates at {place.tolist()} after {turning + k} periods")
         turned, upper = np.linalg.qr(matrix @ frame)
         sizes = np.abs(np.diagonal(upper))
         if not sizes.min() > _VANISHING * sizes.max():
             raise ValueError(
-                f"start: the orbit comes to {place.tolist()}, where the derivative is singular in double precision: a "
-                "direction is mapped to zero there"
+                f"initial_condition: the orbit comes to {place.tolist()}, where the derivative is singular in double "
+                "precision: a direction is mapped to zero there"
             )
         if k >= 0:
             points[k], frames[k], factors[k] = place, frame, upper

@@ -137,8 +137,8 @@ def finite_time_exponents(
     images = np.empty((grid.size, d))
 
     def work(part: slice) -> None:
-        starts = wrap(grid_points(axes, part), exact.coordinates)
-        forward[part], backward[part], images[part] = growth(exact, starts, periods)
+        initial_conditions = wrap(grid_points(axes, part), exact.coordinates)
+        forward[part], backward[part], images[part] = growth(exact, initial_conditions, periods)
 
     run_over(slices(grid.size, CHUNK // 16), work, f"exponents of {exact.name}" if progress else None)
     return ExponentField(

@@ -141,7 +141,11 @@ class LyapunovSpectrum:
 
 @checked
 def lyapunov_spectrum(
-    point_map: PointMap, starts: ArrayLike, periods: int = 2000, transient: int = 500, progress: bool = False
+    point_map: PointMap,
+    initial_conditions: ArrayLike,
+    periods: int = 2000,
+    transient: int = 500,
+    progress: bool = False,
 ) -> LyapunovSpectrum:
     """Return the spectrum of Lyapunov exponents along one or many orbits.
 
@@ -153,7 +157,7 @@ def lyapunov_spectrum(
     ----------
     point_map : PointMap
         Stroboscopic or discrete map, in any dimension; for an interpolated map, the exact map behind it is used.
-    starts : array_like, shape (..., d)
+    initial_conditions : array_like, shape (..., d)
         Initial conditions of the orbits.
     periods : int, optional
         Periods that count, at least 20.
@@ -191,14 +195,14 @@ def lyapunov_spectrum(
     array([[ 0.9624, -0.9624]])
     """
     exact = point_map.without_table
-    points = state_points("starts", starts, exact.coordinates)
+    points = state_points("initial_conditions", initial_conditions, exact.coordinates)
     periods = whole_number("periods", periods, at_least=GROUPS)
     transient = whole_number("transient", transient)
     shape, d = points.shape[:-1], exact.dimension
     states = points.reshape(-1, d)
     n = len(states)
     if not n:
-        raise ValueError("starts is empty: give at least one initial condition")
+        raise ValueError("initial_conditions is empty: give at least one initial condition")
     steps = np.linspace(0, periods, min(periods, STRETCHES) + 1).round().astype(np.int64)[1:]
     claim_memory(f"growth along {n:,} orbits", 8 * n * d * (len(steps) + d + 4), "take fewer initial conditions")
     growth = np.empty((len(steps), n, d))

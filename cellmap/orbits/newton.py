@@ -137,11 +137,11 @@ def closed_orbit(
 ) -> PeriodicOrbit:
     """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
     exact = point_map.without_table
-    points, turns, matrices = _follow(exact, point, period)
+    points, rotations, matrices = _follow(exact, point, period)
     same = 1e-8 * resolution(points[0], extent)
     for q in range(1, period):
         if period % q == 0 and (np.abs(difference(points[q], points[0], exact.coordinates)) <= same).all():
-            points, turns, matrices = _follow(exact, point, q)
+            points, rotations, matrices = _follow(exact, point, q)
             period = q
             break
     # Mirror images are equally far away; the largest coordinates decide between them.
@@ -151,7 +151,7 @@ def closed_orbit(
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
     matrix = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
-    return PeriodicOrbit(period, points, turns, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
+    return PeriodicOrbit(period, points, rotations, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
 
 
 def stable_orbit(
@@ -161,10 +161,10 @@ def stable_orbit(
     orbit = closed_orbit(point_map, point, period, extent)
     if not np.abs(orbit.multipliers[0]) < _STABLE:
         return None
-    kind = Kind.ROTATING if any(orbit.turns) else Kind.FIXED_POINT if orbit.period == 1 else Kind.PERIODIC
+    kind = Kind.ROTATING if any(orbit.rotations) else Kind.FIXED_POINT if orbit.period == 1 else Kind.PERIODIC
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(orbit.multipliers)) / orbit.period
-    return Attractor(kind, orbit.period, orbit.points, orbit.turns, orbit.multipliers, exponents, orbit.coordinates)
+    return Attractor(kind, orbit.period, orbit.points, orbit.rotations, orbit.multipliers, exponents, orbit.coordinates)
 
 
 def _follow(
@@ -181,7 +181,7 @@ def _follow(
         place = wrap(image, exact.coordinates)
     # Rounding must not decide on which side of its cut an angle lies.
     for j, c in enumerate(exact.coordinates):
-        if c.turn is not None and c.lower is not None:
-            points[points[:, j] > c.lower + c.turn * (1.0 - 1e-12), j] = c.lower
-    turns = tuple(round(t / c.turn) if c.turn else 0 for t, c in zip(total, exact.coordinates, strict=True))
-    return points, turns, matrices
+        if c.period is not None and c.lower is not None:
+            points[points[:, j] > c.lower + c.period * (1.0 - 1e-12), j] = c.lower
+    rotations = tuple(round(t / c.period) if c.period else 0 for t, c in zip(total, exact.coordinates, strict=True))
+    return points, rotations, matrices

@@ -41,7 +41,7 @@ class PeriodicOrbit:
         Least period in steps of the map, up to full rotations of angles.
     points : ndarray, shape (period, dimension)
         Its points in the order of the orbit, angles wrapped, beginning with the one nearest the origin.
-    turns : tuple of int
+    rotations : tuple of int
         Full rotations of each coordinate in one period of the orbit; 0 for coordinates that are not angles.
     matrix : ndarray, shape (dimension, dimension)
         Monodromy matrix at the first point.
@@ -55,7 +55,7 @@ class PeriodicOrbit:
 
     period: int
     points: NDArray[np.float64]
-    turns: tuple[int, ...]
+    rotations: tuple[int, ...]
     matrix: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     coordinates: tuple[Coordinate, ...]
@@ -103,7 +103,7 @@ class PeriodicOrbit:
     @property
     def rotation_number(self) -> tuple[float, ...]:
         """Rotation number, full rotations of each coordinate per step of the map."""
-        return tuple(t / self.period for t in self.turns)
+        return tuple(t / self.period for t in self.rotations)
 
     @property
     def jury(self) -> NDArray[np.float64]:

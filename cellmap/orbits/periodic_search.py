@@ -68,7 +68,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
 
 @checked
 def find_periodic_orbits(
-    point_map: PointMap, window: CellGrid, max_period: int = 1, progress: bool = False
+    point_map: PointMap, region: CellGrid, max_period: int = 1, progress: bool = False
 ) -> tuple[PeriodicOrbit, ...]:
     """Find the periodic orbits with a point in a window, stable and unstable.
 
@@ -81,7 +81,7 @@ def find_periodic_orbits(
     ----------
     point_map : PointMap
         The map; an interpolated map makes the search faster, and orbits are still those of its exact map.
-    window : CellGrid
+    region : CellGrid
         Cells; an orbit counts if one of its points is inside the window.
     max_period : int, optional
         Longest period.
@@ -110,7 +110,7 @@ def find_periodic_orbits(
     PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
     PeriodicOrbit(flip saddle, period 2, at (0.9758, -0.14274), |multiplier| 3.01)
     """
-    grid = window.on(point_map.coordinates, "window")
+    grid = region.on(point_map.coordinates, "region")
     longest = whole_number("max_period", max_period, at_least=1)
     d = grid.dimension
     claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")

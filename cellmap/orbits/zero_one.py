@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from .._lib.checks import affordable_number, finite_number, of_the_user, random_numbers, real_array, shown, whole_number
+from .._lib.checks import affordable_number, finite_number, of_the_user, real_array, shown, whole_number
+from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
 from .._lib.threads import run_over
 from ..maps.coordinates import Coordinate, state_points
@@ -25,13 +26,14 @@ _FREQUENCIES = (pi / 5.0, 4.0 * pi / 5.0)
 @checked
 def zero_one_test(
     point_map: PointMap,
-    starts: ArrayLike,
+    initial_conditions: ArrayLike,
     periods: int = 2000,
     transient: int = 500,
     observable: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
-    frequencies: int = 100,
+    n_frequencies: int = 100,
     confidence: float = 0.95,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> ChaosTest:
     """Distinguish chaotic from regular orbits by the 0-1 test, without derivatives.
 
@@ -40,7 +42,7 @@ def zero_one_test(
     point_map : PointMap
         Any map.  One step should be about as long as the correlation time: orbits that are sampled much more finely
         appear regular.
-    starts : array_like, shape (..., d)
+    initial_conditions : array_like, shape (..., d)
         Initial conditions of the orbits.
     periods : int, optional
         Length of the orbits after the transient, at least 200.
@@ -49,7 +51,7 @@ def zero_one_test(
     observable : callable, optional
         ``observable(points)`` returns a number for each of the points (..., d).  By default the sum of all coordinates
         in units of their standard deviations, with the sine and cosine of each angle.
-    frequencies, confidence, seed
+    n_frequencies, confidence, rng
         See :func:`zero_one_test_of_series`.
 
     Returns
@@ -73,9 +75,9 @@ def zero_one_test(
     >>> zero_one_test(logistic, [0.3])
     ChaosTest(K over 2000 periods: 1 chaotic)
     """
-    points = state_points("starts", starts, point_map.coordinates)
+    points = state_points("initial_conditions", initial_conditions, point_map.coordinates)
     if not points.size:
-        raise ValueError("starts is empty: give at least one initial condition")
+        raise ValueError("initial_conditions is empty: give at least one initial condition")
     periods = whole_number("periods", periods, at_least=200)
     begin = point_map.iterate(points, whole_number("transient", transient))
     ended = begin.status >= Status.ESCAPED
@@ -85,7 +87,7 @@ def zero_one_test(
     series = _standardised(path, point_map.coordinates) if observable is None else _observed(observable, path)
     if series.shape != path.shape[:-1]:
         raise ValueError(f"observable returns the shape {series.shape} for points of {path.shape}: one number for each")
-    test = zero_one_test_of_series(series, frequencies, confidence, seed)
+    test = zero_one_test_of_series(series, n_frequencies, confidence, rng=rng)
     for values in (test.value, test.low, test.high):
         values[ended] = np.nan
     test.verdict[ended] = UNDECIDED
@@ -95,7 +97,7 @@ def zero_one_test(
 
 @checked
 def zero_one_test_of_series(
-    series: ArrayLike, frequencies: int = 100, confidence: float = 0.95, seed: int = 0
+    series: ArrayLike, n_frequencies: int = 100, confidence: float = 0.95, *, rng: Rng = 0
 ) -> ChaosTest:
     """Distinguish chaotic from regular time series by the 0-1 test.
 
@@ -107,12 +109,12 @@ def zero_one_test_of_series(
     ----------
     series : array_like, shape (n, ...)
         Time series along the first axis, at least 200 long.
-    frequencies : int, optional
+    n_frequencies : int, optional
         Number of random frequencies c, at least 20.
     confidence : float, optional
         Confidence level of the interval of the median, from order statistics (distribution-free).
-    seed : int, optional
-        Seed of the random frequencies.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the random frequencies.
 
     Returns
     -------
@@ -144,8 +146,8 @@ def zero_one_test_of_series(
     columns = given.reshape(length, -1)
     if not columns.shape[1]:
         raise ValueError(f"series has the shape {given.shape}: give at least one series")
-    count = affordable_number("frequencies", frequencies, 200 * length, at_least=20)
-    chosen = np.sort(random_numbers(seed).uniform(*_FREQUENCIES, count))
+    count = affordable_number("n_frequencies", n_frequencies, 200 * length, at_least=20)
+    chosen = np.sort(random_numbers(rng).uniform(*_FREQUENCIES, count))
     growth = np.empty((count, columns.shape[1]))
 
     def work(k: int) -> None:
@@ -202,7 +204,7 @@ def _standardised(path: NDArray[np.float64], coordinates: Sequence[Coordinate]) 
     total = np.zeros(path.shape[:-1])
     for j, c in enumerate(coordinates):
         x = path[..., j]
-        values = np.sin(2.0 * pi * x / c.turn) + np.cos(2.0 * pi * x / c.turn) if c.turn else x
+        values = np.sin(2.0 * pi * x / c.period) + np.cos(2.0 * pi * x / c.period) if c.period else x
         deviation = values.std(axis=0)
         moves = deviation > _ROUNDING * np.abs(values).max(axis=0, initial=0.0)
         total += np.where(moves, (values - values.mean(axis=0)) / np.where(moves, deviation, 1.0), 0.0)

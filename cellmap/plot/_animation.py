@@ -102,7 +102,8 @@ def animate(
     ...     outputs={"positions": lambda t, x, p: (0.0, 0.0, sin(x[0]), -cos(x[0]))},
     ... )
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     plot.animate(trajectory(pendulum, [2.0, 0.0], periods=1, samples=8), Path(folder) / "pendulum.gif")
+    ...     motion = trajectory(pendulum, [2.0, 0.0], periods=1, samples_per_period=8)
+    ...     plot.animate(motion, Path(folder) / "pendulum.gif")
     """
     every = whole_number("every", every, at_least=1)
     trace = trajectory.samples if trace is None else whole_number("trace", trace)

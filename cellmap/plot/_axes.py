@@ -56,7 +56,7 @@ def legend_below(ax: Axes, names: Iterable[tuple[Any, str]]) -> None:
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
     """Name an axis; write an angle whose turn is 2 pi in multiples of pi, unless it spans too little for them."""
     axis.set_label_text(str(coordinate))
-    if coordinate.turn is not None and isclose(coordinate.turn, 2 * pi) and span >= pi:
+    if coordinate.period is not None and isclose(coordinate.period, 2 * pi) and span >= pi:
         axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
 

@@ -23,7 +23,7 @@ def basins(
     ax: Axes | None = None,
     colours: Mapping[int, Any] | None = None,
     shade: bool = False,
-    points: bool = True,
+    show_attractors: bool = True,
     legend: bool = True,
 ) -> Axes:
     """Draw basins of attraction.
@@ -38,7 +38,7 @@ def basins(
         Colours of some labels; others keep the default ones.
     shade : bool, optional
         Draw initial conditions with long settling times in lighter colours.
-    points : bool, optional
+    show_attractors : bool, optional
         Mark the attractors' points.
     legend : bool, optional
         Name each attractor with the fraction of its basin.
@@ -64,7 +64,7 @@ def basins(
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
     show_cells(ax, _painted(basins, palette, shade), grid, basins.coordinates)
-    if points:
+    if show_attractors:
         _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
         names = dict(enumerate(distinct_names(basins.attractors)))
@@ -94,7 +94,7 @@ def _mark_attractors(ax: Axes, basins: Basins, wide: list[int]) -> None:
             ax.plot(*places.T, ",", color="black", alpha=0.5, scalex=False, scaley=False)
             continue
         for k, j in enumerate(wide):
-            turn = basins.coordinates[j].turn
+            turn = basins.coordinates[j].period
             if turn is not None:  # a point on the seam is seen at both ends
                 places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])
         style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}

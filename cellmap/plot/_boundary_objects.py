@@ -53,7 +53,7 @@ def edge_orbit(
     >>> from cellmap.analysis.boundary import edge_orbit
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
-    >>> plot.edge_orbit(edge_orbit(basins, steps=30), basins=basins).get_ylabel()
+    >>> plot.edge_orbit(edge_orbit(basins, periods=30), basins=basins).get_ylabel()
     'y'
     """
     if len(edge.coordinates) == 1:
@@ -150,7 +150,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     Returns
     -------
     matplotlib Axes
-        The axes with the cumulative distribution and the distance `within`.
+        The axes with the cumulative distribution and the largest distance that counts.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def chaotic_saddle(
     >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.analysis.boundary import chaotic_saddle
     >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
-    >>> plot.chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n=100)).get_ylabel()
+    >>> plot.chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n_points=100)).get_ylabel()
     'next x'
     """
     ax = _below(basins, ax)

@@ -37,7 +37,7 @@ def branches(
     *,
     coordinate: int | str = 0,
     ax: Axes | None = None,
-    every_point: bool = True,
+    all_points: bool = True,
     colour: Any = None,
     legend: bool = True,
 ) -> Axes:
@@ -52,7 +52,7 @@ def branches(
         Number or name of the coordinate that is drawn.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
-    every_point : bool, optional
+    all_points : bool, optional
         Draw all points of each orbit, for which the map is iterated; otherwise only the first one, which a branch
         stores.
     colour : colour, optional
@@ -86,13 +86,13 @@ def branches(
     several = tuple(branches) if isinstance(branches, Sequence) else (branches,)
     if not several or not all(isinstance(b, Branch) for b in several):
         raise TypeError(f"branches={branches!r}: give a Branch, or several, as continue_orbit returns them")
-    name, coordinates = several[0].name, several[0].point_map.coordinates
+    name, coordinates = several[0].parameter, several[0].point_map.coordinates
     for other in several:
-        if (other.name, other.point_map.coordinates) != (name, coordinates):
+        if (other.parameter, other.point_map.coordinates) != (name, coordinates):
             raise ValueError(f"branches={branches!r}: give branches over one parameter of one system")
     column = column_of(coordinate, coordinates)
     ax = axes_or_new(ax)
-    traces = [_Trace.of(branch, _birth(branch, several), column, every_point) for branch in several]
+    traces = [_Trace.of(branch, _birth(branch, several), column, all_points) for branch in several]
     kinds: set[BifurcationKind] = set()
     styles: set[str] = set()
     for number, trace in enumerate(traces):
@@ -150,7 +150,7 @@ class _Trace:
                 values.append(bifurcation.value)
                 states.append(bifurcation.point)
                 kinds.append(bifurcation.kind)
-        axes = (Coordinate(branch.name), branch.point_map.coordinates[column])
+        axes = (Coordinate(branch.parameter), branch.point_map.coordinates[column])
         heights = _orbits(branch, np.array(values), np.array(states), branch.period if every_point else 1)[..., column]
         curves = np.stack([np.broadcast_to(values, heights.shape), _unwrapped(heights, axes[1])], axis=-1)
         return cls(curves, np.array(counts[:-1]) == 0, kinds, axes)
@@ -158,7 +158,7 @@ class _Trace:
     @property
     def span(self) -> float:
         """How far the points are apart at most, along the axis on which they are drawn."""
-        turn = self.axes[1].turn
+        turn = self.axes[1].period
         span = float(np.ptp(self.curves[..., 1]))
         return span if turn is None else min(span, turn)
 
@@ -180,8 +180,8 @@ class _Trace:
         here = [k for k, other in enumerate(self.kinds) if other is kind]
         places = self.curves[:, here].reshape(-1, 2).copy()
         axis = self.axes[1]
-        if axis.turn is not None and axis.lower is not None:
-            places[:, 1] = axis.lower + np.mod(places[:, 1] - axis.lower, axis.turn)
+        if axis.period is not None and axis.lower is not None:
+            places[:, 1] = axis.lower + np.mod(places[:, 1] - axis.lower, axis.period)
         return places
 
 
@@ -207,7 +207,7 @@ def _orbits(
     """Return the first points of orbits (points, n, dimension), each orbit at its own value of the parameter."""
     orbits = [states]
     if points > 1:
-        swept = swept_map(branch.point_map, branch.name)
+        swept = swept_map(branch.point_map, branch.parameter)
         place = np.column_stack([states, values])
         for _ in range(points - 1):
             place = swept(place)

@@ -22,7 +22,7 @@ _PALEST = 0.75  # share of white in the colour of the cells that are the last to
 
 
 @checked
-def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = False) -> Axes:
+def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, show_steps: bool = False) -> Axes:
     """Draw the groups of a simple cell mapping.
 
     Parameters
@@ -31,7 +31,7 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
         Result of :func:`simple_cell_mapping`, on a grid with two axes of more than one cell.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
-    steps : bool, optional
+    show_steps : bool, optional
         Draw the number of steps to a group, in steps of the map, instead of the groups.
 
     Returns
@@ -57,7 +57,7 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
     groups = mapping.groups.ravel()
     periodic = mapping.periodic_cells
     title = f"{mapping.point_map.name}, {len(mapping.group_periods)} groups"
-    if steps:
+    if show_steps:
         taken = np.where(groups >= 0, mapping.steps.ravel() * mapping.periods, np.nan)
         return _picture(ax, mapping.grid, coordinates, taken, title, "steps to a group")
     codes = [to_rgb(CODE_COLOURS[label]) for label in (-2, -1)]
@@ -70,7 +70,7 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, steps: bool = 
 
 
 @checked
-def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None = None) -> Axes:
+def absorption(chain: CellChain, *, ax: Axes | None = None, group: int | None = None) -> Axes:
     """Draw the absorption probability of cells in a class, or the number of classes that can be reached.
 
     Parameters
@@ -79,7 +79,7 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None =
         Result of :func:`generalized_cell_mapping`, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
-    number : int, optional
+    group : int, optional
         Number of a closed class, -1 for the outside or -2 for divergence; by default the number of classes that can be
         reached is drawn, which is more than 1 along basin boundaries.
 
@@ -98,23 +98,23 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, number: int | None =
     >>> from cellmap import CellGrid, discrete_map, plot
     >>> from cellmap.sets import generalized_cell_mapping
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
-    >>> plot.absorption(generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,))), number=1).get_ylabel()
+    >>> plot.absorption(generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,))), group=1).get_ylabel()
     'probability of absorption in class 1'
     """
     coordinates = chain.point_map.coordinates
-    if number is None:
+    if group is None:
         values = chain.domiciles.astype(float)
         return _picture(ax, chain.grid, coordinates, values, chain.point_map.name, "number of reachable classes")
-    number = whole_number("number", number, at_least=-2, at_most=len(chain.closed) - 1)
-    name = {-1: "of escape", -2: "of divergence"}.get(number, f"of absorption in class {number}")
-    values = chain.absorption[..., number]
+    group = whole_number("group", group, at_least=-2, at_most=len(chain.closed) - 1)
+    name = {-1: "of escape", -2: "of divergence"}.get(group, f"of absorption in class {group}")
+    values = chain.absorption[..., group]
     return _picture(
         ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=Normalize(0.0, 1.0)
     )
 
 
 @checked
-def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int = 0) -> Axes:
+def invariant_measure(chain: CellChain, *, ax: Axes | None = None, group: int = 0) -> Axes:
     """Draw the invariant density of a closed class.
 
     Parameters
@@ -123,7 +123,7 @@ def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int =
         Result of :func:`generalized_cell_mapping`, on a grid with one axis or two of more than one cell.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
-    number : int, optional
+    group : int, optional
         Number of the closed class.
 
     Returns
@@ -144,7 +144,7 @@ def invariant_measure(chain: CellChain, *, ax: Axes | None = None, number: int =
     >>> plot.invariant_measure(generalized_cell_mapping(logistic, CellGrid((0,), (1.01,), (101,)))).get_ylabel()
     'invariant density'
     """
-    density = chain.density(number)
+    density = chain.density(group)
     flat = sum(n > 1 for n in chain.grid.shape) == 2
     name = chain.point_map.name
     values = np.where(density > 0.0, density, np.nan) if flat else density

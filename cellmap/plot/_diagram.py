@@ -58,7 +58,7 @@ def bifurcation_diagram(
     else:
         drawn = (ax,)
     _draw_points(drawn[0], diagram, column, size)
-    drawn[-1].set_xlabel(diagram.name)
+    drawn[-1].set_xlabel(diagram.parameter)
     drawn[0].set_title(diagram.system)
     return drawn
 
@@ -99,6 +99,6 @@ def _branch_names(diagram: BifurcationDiagram) -> list[str]:
     for branch, way in enumerate(diagram.directions):
         words = [] if way == "none" else [way]
         if rounds > 1 or not words:
-            words.append(f"from ({', '.join(f'{v:.4g}' for v in diagram.starts[branch])})")
+            words.append(f"from ({', '.join(f'{v:.4g}' for v in diagram.initial_conditions[branch])})")
         names.append(" ".join(words))
     return names

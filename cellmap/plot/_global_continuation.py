@@ -79,7 +79,7 @@ def basin_continuation(
     upper.set_ylabel("fraction of initial conditions")
     upper.margins(x=0.0)
     upper.set_title(continuation.system)
-    drawn[-1].set_xlabel(continuation.name)
+    drawn[-1].set_xlabel(continuation.parameter)
     if legend:
         names = [continuation.label_name(label) for label in palette]
         patches = [Patch(facecolor=c, edgecolor="0.3", label=n) for n, c in zip(names, palette.values(), strict=True)]

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from .._lib.checks import is_sequence, listed, shown, whole_number
+from .._lib.checks import is_sequence, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
-from ._axes import cut_at_seams, label_axis
+from ._axes import cut_at_seams, label_axis, pair_of
 from ._colours import colour_of
 
 _TIME = Coordinate("t")
@@ -25,9 +25,9 @@ def time_series(
     trajectory: Trajectory,
     *,
     names: str | Sequence[str] | None = None,
-    axes: Sequence[Axes] | None = None,
+    ax: Axes | Sequence[Axes] | None = None,
     labels: Sequence[str] | None = None,
-    strobe: bool = True,
+    stroboscopic: bool = True,
 ) -> tuple[Axes, ...]:
     """Draw state variables, or outputs, against time.
 
@@ -37,11 +37,11 @@ def time_series(
         One orbit or many; each has its colour.
     names : str or sequence of str, optional
         Coordinates and outputs of the system, a panel for each component; by default all coordinates.
-    axes : sequence of matplotlib Axes, optional
+    ax : matplotlib Axes or sequence of them, optional
         Axes to draw on, one for each panel; by default those of a new figure.
     labels : sequence of str, optional
         Names of the orbits, for a legend.
-    strobe : bool, optional
+    stroboscopic : bool, optional
         Mark the points of the stroboscopic map.
 
     Returns
@@ -64,19 +64,19 @@ def time_series(
     """
     _check(trajectory, labels)
     series = _series(trajectory, names)
-    if axes is None:
+    if ax is None:
         _, grid = plt.subplots(
             len(series), figsize=(7.0, 1.0 + 1.7 * len(series)), sharex=True, squeeze=False, layout="constrained"
         )
         panels = tuple(grid[:, 0])
         panels[0].set_title(trajectory.system.name)
     else:
-        panels = tuple(axes)
+        panels = (ax,) if isinstance(ax, Axes) else tuple(ax)
         if len(panels) != len(series):
-            raise ValueError(f"axes has {len(panels)} panels: give {len(series)}, one for each component")
+            raise ValueError(f"ax has {len(panels)} panels: give {len(series)}, one for each component")
     for panel, (coordinate, values) in zip(panels, series, strict=True):
         times = np.broadcast_to(trajectory.times[:, None], values.shape)
-        _draw(panel, trajectory, (_TIME, coordinate), (times, values), labels, strobe)
+        _draw(panel, trajectory, (_TIME, coordinate), (times, values), labels, stroboscopic)
         low, high = panel.get_ylim()
         label_axis(panel.yaxis, coordinate, high - low)
         panel.set_xlim(trajectory.times[0], trajectory.times[-1])
@@ -90,11 +90,10 @@ def time_series(
 def phase_portrait(
     trajectory: Trajectory,
     *,
-    x: int | str = 0,
-    y: int | str = 1,
+    coordinates: tuple[int | str, int | str] = (0, 1),
     ax: Axes | None = None,
     labels: Sequence[str] | None = None,
-    strobe: bool = True,
+    stroboscopic: bool = True,
 ) -> Axes:
     """Draw one state variable against another.
 
@@ -102,13 +101,13 @@ def phase_portrait(
     ----------
     trajectory : Trajectory
         One orbit or many; each has its colour.
-    x, y : int or str, optional
-        Numbers or names of the coordinates on the horizontal and the vertical axis.
+    coordinates : tuple, optional
+        Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
     labels : sequence of str, optional
         Names of the orbits, for a legend.
-    strobe : bool, optional
+    stroboscopic : bool, optional
         Mark the points of the stroboscopic map.
 
     Returns
@@ -127,23 +126,23 @@ def phase_portrait(
     >>> from math import pi
     >>> from cellmap import ForcedSystem, plot, trajectory
     >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
-    >>> plot.phase_portrait(trajectory(oscillator, [1.0, 0.0], periods=1), y="v").get_ylabel()
+    >>> plot.phase_portrait(trajectory(oscillator, [1.0, 0.0], periods=1), coordinates=("q", "v")).get_ylabel()
     'v'
     """
     _check(trajectory, labels)
-    columns = [_column(trajectory, name, given) for name, given in (("x", x), ("y", y))]
+    columns = pair_of("coordinates", coordinates, trajectory.system.axes)
     if ax is None:
         _, ax = plt.subplots(figsize=(6.0, 5.0), layout="constrained")
         ax.set_title(trajectory.system.name)
     pair = tuple(trajectory.system.axes[j] for j in columns)
     states = _flat(trajectory.states)
-    _draw(ax, trajectory, pair, tuple(states[..., j] for j in columns), labels, strobe)
-    label_axis(ax.xaxis, pair[0], pair[0].turn or 0.0)
-    label_axis(ax.yaxis, pair[1], pair[1].turn or 0.0)
-    if pair[0].lower is not None and pair[0].turn is not None:
-        ax.set_xlim(pair[0].lower, pair[0].lower + pair[0].turn)
-    if pair[1].lower is not None and pair[1].turn is not None:
-        ax.set_ylim(pair[1].lower, pair[1].lower + pair[1].turn)
+    _draw(ax, trajectory, pair, tuple(states[..., j] for j in columns), labels, stroboscopic)
+    label_axis(ax.xaxis, pair[0], pair[0].period or 0.0)
+    label_axis(ax.yaxis, pair[1], pair[1].period or 0.0)
+    if pair[0].lower is not None and pair[0].period is not None:
+        ax.set_xlim(pair[0].lower, pair[0].lower + pair[0].period)
+    if pair[1].lower is not None and pair[1].period is not None:
+        ax.set_ylim(pair[1].lower, pair[1].lower + pair[1].period)
     if labels is not None:
         ax.legend(fontsize="small")
     return ax
@@ -185,15 +184,6 @@ def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[t
                 f"{sorted(system.outputs) or 'none'}"
             )
     return series
-
-
-def _column(trajectory: Trajectory, name: str, given: int | str) -> int:
-    known = [c.name for c in trajectory.system.axes]
-    if isinstance(given, str):
-        if given not in known:
-            raise ValueError(f"{name}={given!r}: the coordinates of {trajectory.system.name} are {known}")
-        return known.index(given)
-    return whole_number(name, given, at_most=len(known) - 1)
 
 
 def _draw(

@@ -55,7 +55,7 @@ def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("predicted time (s)")
     ax.set_ylabel("predicted error of one period (99th percentile)")
     ax.legend(fontsize="small")
-    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.starts:,} initial conditions")
+    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.initial_conditions:,} initial conditions")
     return ax
 
 

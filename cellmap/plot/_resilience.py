@@ -42,7 +42,7 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     >>> from cellmap.analysis.resilience import basin_stability
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
     >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
-    >>> len(plot.basin_stability(basin_stability(basins, n=100)).patches)
+    >>> len(plot.basin_stability(basin_stability(basins, n_samples=100)).patches)
     2
     """
     ax = axes_or_new(ax, (6.0, 4.5))
@@ -120,7 +120,7 @@ def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) ->
     >>> from cellmap.analysis.resilience import minimal_fatal_shock
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
-    >>> plot.fatal_shock(minimal_fatal_shock(basins, 0, trials=64), basins=basins).get_ylabel()
+    >>> plot.fatal_shock(minimal_fatal_shock(basins, 0, n_trials=64), basins=basins).get_ylabel()
     'y'
     """
     ax = _on_basins(basins, ax)

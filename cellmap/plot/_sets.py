@@ -26,8 +26,8 @@ def boxes(
     boxes: BoxSet,
     *,
     values: ArrayLike | None = None,
-    coordinates: Sequence[str | Coordinate] = (),
-    components: tuple[int | str, int | str] = (0, 1),
+    names: Sequence[str | Coordinate] = (),
+    coordinates: tuple[int | str, int | str] = (0, 1),
     ax: Axes | None = None,
     **style: Any,
 ) -> Axes:
@@ -40,9 +40,9 @@ def boxes(
         values.
     values : array_like, shape (n,), optional
         A number for each box, such as a density or a component of an eigenvector, shown as colour.
-    coordinates : sequence of str or Coordinate, optional
+    names : sequence of str or Coordinate, optional
         Names of the axes, such as ``point_map.coordinates``.
-    components : tuple, optional
+    coordinates : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
@@ -60,10 +60,10 @@ def boxes(
         For another number of values than boxes.
     """
     ax = axes_or_new(ax)
-    names = listed("coordinates", coordinates)
+    names = listed("names", names)
     axes = as_coordinates(names or [f"x{j + 1}" for j in range(boxes.grid.dimension)])
     if len(axes) != boxes.grid.dimension:
-        raise ValueError(f"coordinates={names!r}: give one for each of {boxes.grid.dimension} axes")
+        raise ValueError(f"names={names!r}: give one for each of {boxes.grid.dimension} axes")
     shown = None if values is None else real_array("values", values)
     if shown is not None and shown.shape != (len(boxes),):
         raise ValueError(f"values has the shape {shown.shape}: give one for each of the {len(boxes)} boxes")
@@ -72,7 +72,7 @@ def boxes(
         ax.bar(boxes.lower_corners()[:, 0], heights, boxes.grid.widths[0], align="edge", **style)
         _frame(ax, boxes.grid, axes, [0])
         return ax
-    pair = list(pair_of("components", components, axes))
+    pair = list(pair_of("coordinates", coordinates, axes))
     squares = PolyCollection(list(_rectangles(boxes, pair)), **{"linewidth": 0.0, **style})
     if shown is not None:
         squares.set_array(shown)
@@ -82,14 +82,16 @@ def boxes(
 
 
 @checked
-def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None) -> Axes:
+def morse_graph(
+    graph: MorseGraph, *, coordinates: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None
+) -> Axes:
     """Draw Morse sets, each in its colour, with arrows along the edges of the Morse graph.
 
     Parameters
     ----------
     graph : MorseGraph
         Morse sets and their order.
-    components : tuple, optional
+    coordinates : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
@@ -108,14 +110,14 @@ def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = 
         colour = colour_of(k)
         boxes(
             members,
-            coordinates=graph.coordinates,
-            components=components,
+            names=graph.coordinates,
+            coordinates=coordinates,
             ax=ax,
             label=label,
             **({"facecolor": colour, "edgecolor": colour, "linewidth": 1.0} if plane else {"color": colour}),
         )
     if plane:
-        pair = list(pair_of("components", components, graph.coordinates))
+        pair = list(pair_of("coordinates", coordinates, graph.coordinates))
         middles = [_middle(boxes)[pair] for boxes in graph.sets]
         for i, j in graph.edges:
             ax.annotate("", middles[j], middles[i], arrowprops={"arrowstyle": "->", "color": "0.4"})
@@ -124,14 +126,14 @@ def morse_graph(graph: MorseGraph, *, components: tuple[int | str, int | str] = 
 
 
 @checked
-def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None = None) -> Axes:
+def eigenvalues(operator: TransferOperator, *, n_eigenvalues: int = 12, ax: Axes | None = None) -> Axes:
     """Draw the largest eigenvalues of a transfer operator, with the unit circle.
 
     Parameters
     ----------
     operator : TransferOperator
         The operator.
-    number : int, optional
+    n_eigenvalues : int, optional
         Number of eigenvalues.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
@@ -142,7 +144,7 @@ def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None
         The axes.
     """
     ax = axes_or_new(ax)
-    values = operator.eigenvalues(min(number, len(operator.boxes)))
+    values = operator.eigenvalues(min(n_eigenvalues, len(operator.boxes)))
     turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 400))
     ax.plot(turn.real, turn.imag, color="0.7", linewidth=0.8)
     ax.plot(values.real, values.imag, "o", color=colour_of(0))
@@ -154,9 +156,9 @@ def eigenvalues(operator: TransferOperator, *, number: int = 12, ax: Axes | None
 def eigenvector(
     operator: TransferOperator,
     *,
-    which: int = 0,
+    index: int = 0,
     saturation: float = 0.98,
-    components: tuple[int | str, int | str] = (0, 1),
+    coordinates: tuple[int | str, int | str] = (0, 1),
     ax: Axes | None = None,
 ) -> Axes:
     """Draw an eigenvector of a transfer operator over its boxes, or the invariant density.
@@ -165,12 +167,12 @@ def eigenvector(
     ----------
     operator : TransferOperator
         The operator.
-    which : int, optional
+    index : int, optional
         0 for the density of the invariant measure; else the real part of the eigenvector of that number, the largest
         eigenvalue being number 0.
     saturation : float, optional
         Quantile of the modulus at which the colours end, above 0.
-    components : tuple, optional
+    coordinates : tuple, optional
         Coordinates on the horizontal and the vertical axis, by number or name.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
@@ -182,24 +184,24 @@ def eigenvector(
     """
     ax = axes_or_new(ax)
     quantile = finite_number("saturation", saturation, above=0.0, at_most=1.0)
-    which = whole_number("which", which, at_most=len(operator.boxes) - 1)
+    index = whole_number("index", index, at_most=len(operator.boxes) - 1)
     try:
-        values = operator.density if which == 0 else operator.eigenvectors(which + 1)[1][:, which].real
+        values = operator.density if index == 0 else operator.eigenvectors(index + 1)[1][:, index].real
     except ValueError as error:
-        raise ValueError(f"operator={operator!r}, which={which}: {error}") from error
+        raise ValueError(f"operator={operator!r}, index={index}: {error}") from error
     top = float(np.quantile(np.abs(values), quantile)) or 1.0
-    style = {"cmap": "viridis", "clim": (0.0, top)} if which == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
+    style = {"cmap": "viridis", "clim": (0.0, top)} if index == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
     plane = operator.boxes.grid.dimension > 1
     boxes(
         operator.boxes,
         values=values,
-        coordinates=operator.coordinates,
-        components=components,
+        names=operator.coordinates,
+        coordinates=coordinates,
         ax=ax,
         **(style if plane else {}),
     )
     if plane and ax.figure is not None:
-        ax.figure.colorbar(ax.collections[-1], ax=ax, label="density" if which == 0 else f"eigenvector {which}")
+        ax.figure.colorbar(ax.collections[-1], ax=ax, label="density" if index == 0 else f"eigenvector {index}")
     return ax
 
 

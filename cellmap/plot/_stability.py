@@ -106,8 +106,8 @@ def stability_map(
         label = f"measured ({away.sum()} of {away.size} outside of the map)" if away.any() else "measured"
         handles.append(ax.errorbar(dots[:, 0], dots[:, 1], errors, label=label, **_DOTS))
     ax.set(
-        xlabel=stability.names[0],
-        ylabel=stability.names[1],
+        xlabel=stability.parameters[0],
+        ylabel=stability.parameters[1],
         xlim=(stability.x[0], stability.x[-1]),
         ylim=(stability.y[0], stability.y[-1]),
     )

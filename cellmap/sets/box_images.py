@@ -41,7 +41,7 @@ class Hits:
 
 
 @checked
-def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> BoxSet:
+def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", periods: int = 1) -> BoxSet:
     """Return the boxes that the image of a set of boxes intersects.
 
     Parameters
@@ -55,7 +55,7 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
         only at an edge may be missed.  "adaptive": the lattice of centres is refined until the images of neighbours are
         closer than the width of a box, and each image covers half the distance to its neighbours.  This misses only
         folds of the map between lattice points, and includes some boxes that are near the image.
-    steps : int, optional
+    periods : int, optional
         Steps of the map.
 
     Returns
@@ -80,12 +80,12 @@ def box_image(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive",
     >>> box_image(BoxSet.full(CellGrid((0,), (1,), (8,))), half, samples=2)
     BoxSet(4 of 8 boxes)
     """
-    found = [hits.targets for hits in _hits(boxes, point_map, samples, steps)]
+    found = [hits.targets for hits in _hits(boxes, point_map, samples, periods)]
     return BoxSet(boxes.grid, _distinct(np.concatenate([np.empty(0, np.int64), *found]), boxes.grid.size))
 
 
 @checked
-def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1) -> csr_array:
+def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", periods: int = 1) -> csr_array:
     """Return the transition graph of a set of boxes, on which set-oriented methods are based.
 
     Parameters
@@ -114,7 +114,7 @@ def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adap
     n = len(boxes)
     claim_memory(f"transitions of {n:,} boxes", 20 * _CLAIMED * n, "take fewer boxes")
     rows, columns, counts = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    for hits in _hits(boxes, point_map, samples, steps):
+    for hits in _hits(boxes, point_map, samples, periods):
         places = boxes.indices(hits.targets)
         kept = places >= 0
         rows.append(hits.rows[kept])
@@ -141,7 +141,7 @@ def points_in(samples: Samples, dimension: int) -> int:
 def _hits(boxes: BoxSet, point_map: PointMap, samples: Samples, steps: int) -> list[Hits]:
     """Return what the boxes meet, slice after slice, rows numbered through."""
     check_boxes(boxes, point_map)
-    steps = whole_number("steps", steps, at_least=1)
+    steps = whole_number("periods", steps, at_least=1)
     adaptive = isinstance(samples, str)
     if adaptive and samples != "adaptive":
         raise ValueError(f"samples={samples!r}: give a number of points along each axis, or 'adaptive'")

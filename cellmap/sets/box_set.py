@@ -129,11 +129,11 @@ class BoxSet:
         places = np.minimum(np.searchsorted(self.keys, keys), len(self) - 1)
         return np.where(self.keys[places] == keys, places, -1)
 
-    def chosen(self, which: NDArray[np.bool_]) -> BoxSet:
+    def chosen(self, mask: NDArray[np.bool_]) -> BoxSet:
         """Return the subset given by a mask of shape (n,)."""
-        mask = np.asarray(which) if is_sequence(which) else np.array(which)
+        mask = np.asarray(mask) if is_sequence(mask) else np.array(mask)
         if mask.shape != self.keys.shape or mask.dtype != bool:
-            raise ValueError(f"which={shown(which)}: give True or False for each of {len(self)} boxes")
+            raise ValueError(f"mask={shown(mask)}: give True or False for each of {len(self)} boxes")
         return BoxSet(self.grid, self.keys[mask])
 
     @checked

@@ -124,13 +124,13 @@ class CellChain:
         return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
 
     @checked
-    def density(self, number: int = 0) -> NDArray[np.float64]:
+    def density(self, group: int = 0) -> NDArray[np.float64]:
         """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
         if not self.closed:
             raise ValueError(f"{self!r}, and so no density: take a window that orbits do not leave, or less noise")
-        number = whole_number("number", number, at_most=len(self.closed) - 1)
+        group = whole_number("group", group, at_most=len(self.closed) - 1)
         density = np.zeros(self.grid.size)
-        density[self.closed[number].cells] = self.measures[number] / np.prod(self.grid.widths)
+        density[self.closed[group].cells] = self.measures[group] / np.prod(self.grid.widths)
         return density.reshape(self.grid.shape)
 
     @cached_property
@@ -158,7 +158,7 @@ class CellChain:
     @checked
     def probabilities(
         self,
-        polish: bool | None = None,
+        refine: bool | None = None,
         max_periods: int = 2000,
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
@@ -167,7 +167,7 @@ class CellChain:
 
         Parameters
         ----------
-        polish : bool, optional
+        refine : bool, optional
             Iterate the exact map from each closed class and label the class with the attractor that is found, so that
             classes of one attractor are merged.  Otherwise classes are attractors, and adjacent classes are merged;
             this is the default with noise.
@@ -183,15 +183,15 @@ class CellChain:
         Raises
         ------
         ValueError
-            For `polish` with noise.
+            For `refine` with noise.
         """
-        if polish and self.noisy:
-            raise ValueError(f"polish={polish!r}: orbits with noise settle on no point; leave polish out")
+        if refine and self.noisy:
+            raise ValueError(f"refine={refine!r}: orbits with noise settle on no point; leave polish out")
         cells = np.concatenate([np.empty(0, np.int64), *(one.cells for one in self.closed)])
         owners = np.repeat(np.arange(len(self.closed)), [len(one.cells) for one in self.closed])
-        if polish is None:
-            polish = not self.noisy
-        if polish:
+        if refine is None:
+            refine = not self.noisy
+        if refine:
             limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
             found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
         else:
@@ -206,8 +206,8 @@ class CellChain:
     @checked
     def basins(
         self,
-        polish: bool | None = None,
-        at_least: float = 0.0,
+        refine: bool | None = None,
+        min_probability: float = 0.0,
         max_periods: int = 2000,
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
@@ -216,9 +216,9 @@ class CellChain:
 
         Parameters
         ----------
-        polish, max_periods, max_period, attractors : optional
+        refine, max_periods, max_period, attractors : optional
             As in :meth:`probabilities`.
-        at_least : float, optional
+        min_probability : float, optional
             Smallest probability; cells whose largest probability is below it are undecided.
 
         Returns
@@ -226,24 +226,24 @@ class CellChain:
         Basins
             Basins whose settling times are the expected numbers of steps to a closed class, rounded.
         """
-        at_least = finite_number("at_least", at_least, at_least=0.0, at_most=1.0)
+        min_probability = finite_number("min_probability", min_probability, at_least=0.0, at_most=1.0)
         began = time.perf_counter()
-        found, chances = self.probabilities(polish, max_periods, max_period, attractors)
+        found, chances = self.probabilities(refine, max_periods, max_period, attractors)
         columns = chances.shape[-1]
         chances = chances.reshape(-1, columns)
         labels = chances.argmax(axis=1)
         likely = np.take_along_axis(chances, labels[:, None], axis=1)[:, 0]
         labels = np.where(labels < len(found), labels, labels - columns)
-        verifiable = not self.noisy and polish is not False
+        verifiable = not self.noisy and refine is not False
         settings = {"max_periods": max_periods, "max_period": max_period, "method": "generalized cell mapping"}
         return basins_from_cells(
             self.point_map if verifiable else None,
             self.grid,
-            np.where(likely >= at_least, labels, Label.UNDECIDED),
+            np.where(likely >= min_probability, labels, Label.UNDECIDED),
             found,
             np.round(self.expected_times.ravel()),
             self.point_map,
-            {**settings, "samples": self.samples, "periods": self.periods, "at_least": at_least},
+            {**settings, "samples": self.samples, "periods": self.periods, "min_probability": min_probability},
             self.inaccurate,
             Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
         )
@@ -254,7 +254,7 @@ class CellChain:
         claim_memory(
             f"probabilities of {n:,} cells to end in {count:,} classes",
             8 * (n + 2) * (count + 2),
-            "take fewer cells, or set polish=True, so that classes are merged",
+            "take fewer cells, or set refine=True, so that classes are merged",
         )
         values = np.zeros((n + 2, count + 2))
         for one, column in zip(self.closed, columns, strict=True):

@@ -54,10 +54,10 @@ def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> NDArray[n
     periods = whole_number("periods", periods, at_least=1)
     exact = point_map.without_table
     claim_memory(f"exponents of {len(boxes):,} boxes", 8 * (2 * boxes.grid.dimension + 1) * len(boxes), "take fewer")
-    starts, exponents = wrap(boxes.centres(), exact.coordinates), np.empty(len(boxes))
+    initial_conditions, exponents = wrap(boxes.centres(), exact.coordinates), np.empty(len(boxes))
 
     def work(part: slice) -> None:
-        exponents[part] = growth(exact, starts[part], periods)[0]
+        exponents[part] = growth(exact, initial_conditions[part], periods)[0]
 
     run_over(slices(len(boxes), CHUNK // 16), work)
     return exponents / periods

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 
 from .._lib.checks import whole_number
+from .._lib.randomness import Rng, random_seed
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -23,7 +24,8 @@ def generalized_cell_mapping(
     samples: Sequence[int] | int | None = None,
     periods: int = 1,
     noise: float | Sequence[float] | Noise | None = None,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     progress: bool = False,
 ) -> CellChain:
     """Compute a generalized cell mapping: a Markov chain whose states are the cells of a window.
@@ -48,8 +50,8 @@ def generalized_cell_mapping(
     noise : float, sequence of float, or callable, optional
         Noise that is added after each step of the map: normally distributed with this standard deviation, one for all
         coordinates or one for each; or the values that ``noise(rng, n)`` returns, of shape (n, dimension).
-    seed : int, optional
-        Seed of random samples and noise.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of random samples and noise.
     progress : bool, optional
         Show a progress bar on a terminal if the work takes more than two seconds.
 
@@ -89,7 +91,7 @@ def generalized_cell_mapping(
     samples = checked_samples((5,) * grid.dimension if samples is None else samples, grid)
     periods = whole_number("periods", periods, at_least=1)
     kick = checked_noise(noise, grid)
-    seed = whole_number("seed", seed)
+    seed = random_seed(rng)
     began = time.perf_counter()
     matrix, inaccurate, taken = transitions(point_map, grid, samples, periods, kick, seed, progress)
     warn_of_inaccurate(inaccurate, taken)

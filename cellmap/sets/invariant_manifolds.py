@@ -24,8 +24,8 @@ def unstable_set(
     points: ArrayLike,
     grid: CellGrid,
     samples: Samples = "adaptive",
-    steps: int = 1,
-    max_rounds: int | None = None,
+    periods: int = 1,
+    max_iterations: int | None = None,
 ) -> BoxSet:
     """Compute a covering of the unstable manifold of an invariant set by continuation, in any dimension.
 
@@ -42,9 +42,9 @@ def unstable_set(
         Window and resolution.
     samples : int or "adaptive", optional
         Sample points in a box, as for :func:`box_image`.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step; for a periodic orbit, its period is a good choice.
-    max_rounds : int, optional
+    max_iterations : int, optional
         Largest number of images; by default, iteration ends when an image adds no new box.
 
     Returns
@@ -71,17 +71,17 @@ def unstable_set(
     array([ True,  True, False])
     """
     boxes = boxes_around(point_map, points, BoxSet(grid.on(point_map.coordinates), np.empty(0, np.int64)))
-    return forward_closure(boxes, point_map, samples, steps, max_rounds)
+    return forward_closure(boxes, point_map, samples, periods, max_iterations)
 
 
 @checked
 def stable_set(
     point_map: PointMap,
     points: ArrayLike,
-    window: CellGrid | BoxSet,
+    region: CellGrid | BoxSet,
     depth: Depth,
     samples: Samples = "adaptive",
-    steps: int = 1,
+    periods: int = 1,
 ) -> BoxSet:
     """Compute a covering of the stable manifold of an invariant set by subdivision, without the inverse of the map.
 
@@ -93,13 +93,13 @@ def stable_set(
         The map; it need not be invertible.
     points : array_like, shape (..., dimension)
         Points of the set, as for :func:`unstable_set`.
-    window : CellGrid or BoxSet
+    region : CellGrid or BoxSet
         Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
         Number of bisections of each axis.
     samples : int or "adaptive", optional
         Sample points in a box, as for :func:`box_image`.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step.
 
     Returns
@@ -121,12 +121,12 @@ def stable_set(
     >>> axis.contains([[0.0, 0.7], [0.0, -1.0], [0.2, 0.0]])
     array([ True,  True, False])
     """
-    boxes = boxes_to_begin_with(point_map, window)
+    boxes = boxes_to_begin_with(point_map, region)
     for axis in bisections(depth, boxes.grid):
         boxes = boxes.subdivided(axis)
         goal = boxes_around(point_map, points, boxes)
         boxes |= goal
-        links = box_transitions(boxes, point_map, samples, steps)
+        links = box_transitions(boxes, point_map, samples, periods)
         boxes = boxes.chosen(_leading_to(links, boxes.indices(goal.keys)))
     return boxes
 
@@ -139,7 +139,7 @@ def forward_closure(
     max_rounds: int | None = None,
 ) -> BoxSet:
     """Return a set with all boxes of the window that chains of images lead to."""
-    rounds = 2**62 if max_rounds is None else whole_number("max_rounds", max_rounds)
+    rounds = 2**62 if max_rounds is None else whole_number("max_iterations", max_rounds)
     fresh = boxes
     while len(fresh) and rounds:
         fresh = box_image(fresh, point_map, samples, steps) - boxes
@@ -155,7 +155,7 @@ def boxes_around(point_map: PointMap, points: ArrayLike, boxes: BoxSet) -> BoxSe
     held = BoxSet.of_points(boxes.grid, places)
     if not places.size or (boxes.grid.locate(places) < 0).any():
         raise ValueError(
-            f"points={np.asarray(points).tolist()!r}: give at least one point, all in the window of the grid"
+            f"points={np.asarray(points).tolist()!r}: give at least one point, all in the region of the grid"
         )
     return held | held.neighbours()
 

@@ -21,7 +21,7 @@ Depth = int | Sequence[int]
 
 @checked
 def relative_attractor(
-    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+    point_map: PointMap, region: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", periods: int = 1
 ) -> BoxSet:
     """Compute a covering of the relative global attractor of a window (Dellnitz and Hohmann 1997).
 
@@ -33,14 +33,14 @@ def relative_attractor(
     ----------
     point_map : PointMap
         The map.
-    window : CellGrid or BoxSet
+    region : CellGrid or BoxSet
         Initial covering: the cells of a window, or boxes.  They should be so small that a few points in each resolve
         the folds of the map.
     depth : int or sequence of int
         Number of bisections of each axis: a cell becomes ``2**depth`` boxes along it.
     samples : int or "adaptive", optional
         Sample points in a box, as for :func:`box_image`.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step.
 
     Returns
@@ -68,14 +68,14 @@ def relative_attractor(
     """
 
     def select(boxes: BoxSet) -> BoxSet:
-        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, steps), backwards_only=True))
+        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, periods), backwards_only=True))
 
-    return subdivide(point_map, window, depth, select)
+    return subdivide(point_map, region, depth, select)
 
 
 @checked
 def maximal_invariant_set(
-    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+    point_map: PointMap, region: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", periods: int = 1
 ) -> BoxSet:
     """Compute a covering of the maximal invariant set: all orbits that stay in the window in forward and backward time.
 
@@ -103,14 +103,14 @@ def maximal_invariant_set(
     """
 
     def select(boxes: BoxSet) -> BoxSet:
-        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, steps)))
+        return boxes.chosen(_lasting(box_transitions(boxes, point_map, samples, periods)))
 
-    return subdivide(point_map, window, depth, select)
+    return subdivide(point_map, region, depth, select)
 
 
 @checked
 def chain_recurrent_set(
-    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+    point_map: PointMap, region: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", periods: int = 1
 ) -> BoxSet:
     """Compute a covering of the chain recurrent set: all points to which orbits with arbitrarily small errors return.
 
@@ -141,9 +141,9 @@ def chain_recurrent_set(
     """
 
     def select(boxes: BoxSet) -> BoxSet:
-        return boxes.chosen(recurrent_parts(box_transitions(boxes, point_map, samples, steps)) >= 0)
+        return boxes.chosen(recurrent_parts(box_transitions(boxes, point_map, samples, periods)) >= 0)
 
-    return subdivide(point_map, window, depth, select)
+    return subdivide(point_map, region, depth, select)
 
 
 def subdivide(
@@ -161,10 +161,10 @@ def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSe
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if isinstance(window, BoxSet):
-        return BoxSet(window.grid.on(point_map.coordinates, "window"), window.keys)
+        return BoxSet(window.grid.on(point_map.coordinates, "region"), window.keys)
     if not isinstance(window, CellGrid):
-        raise TypeError(f"window={window!r}: give a CellGrid, or a BoxSet to begin with")
-    return BoxSet.full(window.on(point_map.coordinates, "window"))
+        raise TypeError(f"region={window!r}: give a CellGrid, or a BoxSet to begin with")
+    return BoxSet.full(window.on(point_map.coordinates, "region"))
 
 
 def _lasting(graph: csr_array, backwards_only: bool = False) -> NDArray[np.bool_]:

@@ -56,7 +56,7 @@ class MorseGraph:
 
 @checked
 def morse_graph(
-    point_map: PointMap, window: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", steps: int = 1
+    point_map: PointMap, region: CellGrid | BoxSet, depth: Depth, samples: Samples = "adaptive", periods: int = 1
 ) -> MorseGraph:
     """Compute the Morse graph of a map in a window, at the resolution of the boxes.
 
@@ -68,13 +68,13 @@ def morse_graph(
     ----------
     point_map : PointMap
         The map.
-    window : CellGrid or BoxSet
+    region : CellGrid or BoxSet
         Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
         Number of bisections of each axis.
     samples : int or "adaptive", optional
         Sample points in a box, as for :func:`box_image`.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step.
 
     Returns
@@ -94,9 +94,9 @@ def morse_graph(
     >>> graph, graph.edges.tolist()
     (MorseGraph(3 sets, 2 of them attracting, 2 edges), [[0, 1], [0, 2]])
     """
-    recurrent = chain_recurrent_set(point_map, window, depth, samples, steps)
-    boxes = forward_closure(recurrent, point_map, samples, steps)
-    graph = box_transitions(boxes, point_map, samples, steps)
+    recurrent = chain_recurrent_set(point_map, region, depth, samples, periods)
+    boxes = forward_closure(recurrent, point_map, samples, periods)
+    graph = box_transitions(boxes, point_map, samples, periods)
     graph = graph + _touching(boxes, recurrent_parts(graph) >= 0)
     parts = recurrent_parts(graph)
     reaches = _reaches(graph, parts)

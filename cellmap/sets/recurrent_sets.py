@@ -232,7 +232,7 @@ def basins_from_cells(
         attractors=tuple(attractors[k] for k in used),
         settling_time=np.where(final >= 0, np.minimum(times, _LATEST), -1).astype(np.int32).reshape(grid.shape),
         grid=grid,
-        starts=None,
+        initial_conditions=None,
         name=like.name,
         params=dict(like.params),
         coordinates=like.coordinates,

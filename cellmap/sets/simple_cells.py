@@ -88,7 +88,7 @@ class CellMapping:
     @checked
     def basins(
         self,
-        polish: bool = True,
+        refine: bool = True,
         max_periods: int = 2000,
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
@@ -97,7 +97,7 @@ class CellMapping:
 
         Parameters
         ----------
-        polish : bool, optional
+        refine : bool, optional
             Iterate the exact map from each group and label the group with the attractor that is found, so that groups
             of one attractor are merged, and spurious groups are recognised.  Otherwise groups are attractors; adjacent
             groups are merged, and so are those that are connected in both directions by perturbations of one cell.
@@ -109,14 +109,14 @@ class CellMapping:
         Returns
         -------
         Basins
-            Settling times are the numbers of steps to a group, in steps of the map.  Without `polish`, attractors have
+            Settling times are the numbers of steps to a group, in steps of the map.  Without `refine`, attractors have
             no multipliers and no neighbourhoods, and basins no map with which they could be verified.
         """
         began = time.perf_counter()
         limits = {"max_periods": max_periods, "max_period": max_period}
         cells = self.periodic_cells
         owners = self.groups.ravel()[cells].astype(np.int64)
-        if polish:
+        if refine:
             given = {**limits, "attractors": attractors}
             found, labels = polished_sets(self.point_map, self.grid, cells, owners, given)
         else:
@@ -128,13 +128,13 @@ class CellMapping:
             sets = np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()]
             labels = ends_of_sets(self.point_map, self.grid, cells, sets[cells], sets, self.periods)[labels]
         return basins_from_cells(
-            self.point_map if polish else None,
+            self.point_map if refine else None,
             self.grid,
             np.append(labels, (DIVERGED, LEFT))[self.groups.ravel()],
             found,
             self.steps.ravel() * self.periods,
             self.point_map,
-            {**limits, "method": "simple cell mapping", "periods": self.periods, "polish": polish},
+            {**limits, "method": "simple cell mapping", "periods": self.periods, "refine": refine},
             self.inaccurate,
             Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
         )

@@ -49,13 +49,13 @@ class SubdivisionSearch:
 @checked
 def find_attractors_by_subdivision(
     point_map: PointMap,
-    window: CellGrid | BoxSet,
+    region: CellGrid | BoxSet,
     depth: Depth,
     samples: Samples = "adaptive",
-    steps: int = 1,
+    periods: int = 1,
     max_periods: int = 2000,
     max_period: int = 32,
-    max_starts: int = 4096,
+    max_initial_conditions: int = 4096,
 ) -> SubdivisionSearch:
     """Find the attractors in a window from a covering of its recurrent sets by boxes.
 
@@ -68,17 +68,17 @@ def find_attractors_by_subdivision(
     ----------
     point_map : PointMap
         The map.
-    window : CellGrid or BoxSet
+    region : CellGrid or BoxSet
         Initial covering: the cells of a window, or boxes.
     depth : int or sequence of int
         Number of bisections of each axis.
     samples : int or "adaptive", optional
         Sample points in a box, as for :func:`box_image`.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step of the boxes.
     max_periods, max_period : int, optional
         Longest orbit, and longest period of an attractor, as for :func:`find_attractors`.
-    max_starts : int, optional
+    max_initial_conditions : int, optional
         Largest number of initial conditions in a Morse set, evenly distributed over its boxes.
 
     Returns
@@ -99,12 +99,12 @@ def find_attractors_by_subdivision(
     >>> found, sorted(float(a.points[0, 0].round(9)) for a in found.attractors)
     (SubdivisionSearch(2 attractors, 1 Morse sets without one), [-1.0, 1.0])
     """
-    most = whole_number("max_starts", max_starts, at_least=1)
-    graph = morse_graph(point_map, window, depth, samples, steps)
+    most = whole_number("max_initial_conditions", max_initial_conditions, at_least=1)
+    graph = morse_graph(point_map, region, depth, samples, periods)
     if not graph.sets:
         return SubdivisionSearch((), graph, ())
-    starts = np.concatenate([_spread(boxes, most) for boxes in graph.sets])
-    attractors = find_attractors(point_map, starts, max_periods, max_period)
+    initial_conditions = np.concatenate([_spread(boxes, most) for boxes in graph.sets])
+    attractors = find_attractors(point_map, initial_conditions, max_periods, max_period)
     holders = tuple(
         tuple(k for k, a in enumerate(attractors) if boxes.contains(a.points).any()) for boxes in graph.sets
     )

@@ -151,16 +151,20 @@ class TransferOperator:
         return _leading(self.matrix)
 
     @checked
-    def eigenvalues(self, number: int | None = None) -> NDArray[np.complex128]:
+    def eigenvalues(self, n_eigenvalues: int | None = None) -> NDArray[np.complex128]:
         """Compute the eigenvalues of largest modulus, by default six; of a conjugate pair the upper one first."""
-        return self.eigenvectors(number)[0]
+        return self.eigenvectors(n_eigenvalues)[0]
 
     @checked
-    def eigenvectors(self, number: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def eigenvectors(self, n_eigenvalues: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Compute the eigenvalues of largest modulus (m,) and their eigenmeasures (n, m)."""
         most = len(self.boxes)
-        number = min(6, most) if number is None else whole_number("number", number, at_least=1, at_most=most)
-        return _eigen(csr_array(self.matrix.T), number)
+        n_eigenvalues = (
+            min(6, most)
+            if n_eigenvalues is None
+            else whole_number("n_eigenvalues", n_eigenvalues, at_least=1, at_most=most)
+        )
+        return _eigen(csr_array(self.matrix.T), n_eigenvalues)
 
     @checked
     def cycle(self, order: int) -> Cycle:
@@ -201,7 +205,7 @@ class TransferOperator:
         return Cycle(order, found, tuple(self.boxes.chosen(carried & (where == k)) for k in range(order)))
 
     @checked
-    def almost_invariant_sets(self, number: int = 2) -> AlmostInvariant:
+    def almost_invariant_sets(self, n_sets: int = 2) -> AlmostInvariant:
         """Compute a partition into sets that retain as much of the invariant measure as possible.
 
         The operator is symmetrised in time; its leading eigenvectors are nearly constant on the sets.  The boxes that
@@ -210,7 +214,7 @@ class TransferOperator:
 
         Parameters
         ----------
-        number : int, optional
+        n_sets : int, optional
             Number of sets, at least 2.
 
         References
@@ -218,18 +222,18 @@ class TransferOperator:
         Dellnitz, Junge (1999); Froyland, Physica D 200 (2005) 205; Deuflhard, Weber, Linear Algebra and its
         Applications 398 (2005) 161, on the choice of the sets.
         """
-        number = whole_number("number", number, at_least=2, at_most=int(self._carried.sum()))
+        n_sets = whole_number("n_sets", n_sets, at_least=2, at_most=int(self._carried.sum()))
         carried = np.flatnonzero(self._carried)
         weights = self._weights[carried]
         inner = csr_array(self.matrix[carried][:, carried])
         flow = diags_array(weights) @ inner
         root = np.sqrt(weights)
         symmetric = csr_array(diags_array(0.5 / root) @ (flow + flow.T) @ diags_array(1.0 / root))
-        values, vectors = _largest_symmetric(symmetric, number)
+        values, vectors = _largest_symmetric(symmetric, n_sets)
         functions = vectors / root[:, None]
         corners = _far_corners(functions)
         members = np.linalg.solve(functions[corners].T, functions.T).argmax(axis=0)
-        masks = [members == k for k in range(number)]
+        masks = [members == k for k in range(n_sets)]
         kept = tuple(float(flow[m][:, m].sum() / weights[m].sum()) for m in masks)
         return AlmostInvariant(tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values)
 
@@ -246,7 +250,7 @@ class TransferOperator:
 
 
 @checked
-def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, steps: int = 1) -> TransferOperator:
+def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, periods: int = 1) -> TransferOperator:
     """Compute the transfer operator of a map on a set of boxes.
 
     Parameters
@@ -257,7 +261,7 @@ def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, step
         The map.
     samples : int, optional
         Sample points along each axis of a box: transition probabilities have an error of the order of 1/samples.
-    steps : int, optional
+    periods : int, optional
         Number of iterates of the map that are taken as one step.
 
     Returns
@@ -288,7 +292,7 @@ def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, step
     if not isinstance(boxes, BoxSet) or not len(boxes):
         raise ValueError(f"boxes={boxes!r}: give a BoxSet of at least one box")
     number = points_in(samples, boxes.grid.dimension)
-    counts = box_transitions(boxes, point_map, samples, steps)
+    counts = box_transitions(boxes, point_map, samples, periods)
     matrix = csr_array(counts / float(number))
     lost = 1.0 - counts.sum(axis=1) / number
     return TransferOperator(boxes, matrix, lost, number, point_map.coordinates)

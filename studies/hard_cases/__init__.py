@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from . import damping, friction, grids, multipliers, scales, starts
+from . import damping, friction, grids, initial_conditions, multipliers, scales
 from .case import HardCase, Outcome
 from .frozen import TABLE as TABLE
 
 
 def _cases() -> dict[str, tuple[HardCase, ...]]:
     """Cases by the titles of their sections, in the order of the modules."""
-    modules = (damping, scales, starts, multipliers, friction, grids)
+    modules = (damping, scales, initial_conditions, multipliers, friction, grids)
     return {
         (module.__doc__ or "").strip().rstrip("."): tuple(v for v in vars(module).values() if isinstance(v, HardCase))
         for module in modules

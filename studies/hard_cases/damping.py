@@ -29,9 +29,9 @@ FREE = driven_pendulum(amplitude=NO_DRIVE, damping=0.0)
 def free_swings() -> Iterator[Finding]:
     periods = 10_000
     angles = np.array([0.1, 1.0, 2.0, 3.0])
-    starts = np.stack([angles, np.zeros(4)], axis=-1)
-    ends = stroboscopic_map(FREE, **TIGHT).iterate(starts, periods).points
-    before, after = (FREE.output("energy", 0.0, x).sum(axis=-1) for x in (starts, ends))
+    initial_conditions = np.stack([angles, np.zeros(4)], axis=-1)
+    ends = stroboscopic_map(FREE, **TIGHT).iterate(initial_conditions, periods).points
+    before, after = (FREE.output("energy", 0.0, x).sum(axis=-1) for x in (initial_conditions, ends))
     yield at_most("largest change of the energy, in units of g l", np.abs(after - before).max() / GRAVITY / ROD, 1e-11)
     sine, *_ = ellipj(FREE_RATE * periods * FREE.length + ellipk(np.sin(angles / 2) ** 2), np.sin(angles / 2) ** 2)
     exact = 2.0 * np.arcsin(np.sin(angles / 2) * sine)
@@ -69,22 +69,24 @@ def _undecided(basins: Basins) -> bool:
 )
 def volumes() -> Iterator[Finding]:
     rng = np.random.default_rng(0)
-    starts = rng.uniform(-1.0, 1.0, (40, 2)) * (pi, 100.0)
+    initial_conditions = rng.uniform(-1.0, 1.0, (40, 2)) * (pi, 100.0)
     for damping in (0.0, 10.0):
         worst = 0.0
         for amplitude in (0.003, 0.01, 0.1):
-            matrices = jacobian(stroboscopic_map(driven_pendulum(amplitude=amplitude, damping=damping)), starts)
+            matrices = jacobian(
+                stroboscopic_map(driven_pendulum(amplitude=amplitude, damping=damping)), initial_conditions
+            )
             worst = max(worst, _determinant_error(matrices, np.full(40, exp(-0.02 * damping))))
         yield at_most(
             f"damping {damping:g} /s: largest error of 120 determinants, by the size of their terms", worst, 1e-11
         )
-    starts = rng.uniform(-1.0, 1.0, (40, 4)) * (pi, pi, 30.0, 30.0)
+    initial_conditions = rng.uniform(-1.0, 1.0, (40, 4)) * (pi, pi, 30.0, 30.0)
     exact = stroboscopic_map(double_pendulum(damping=0.0))
-    ends = exact.iterate(starts, 1).unwrapped
-    inertia, later = (1.0 + 0.25 * np.sin(x[:, 0] - x[:, 1]) ** 2 for x in (starts, ends))
+    ends = exact.iterate(initial_conditions, 1).unwrapped
+    inertia, later = (1.0 + 0.25 * np.sin(x[:, 0] - x[:, 1]) ** 2 for x in (initial_conditions, ends))
     yield at_most(
         "double pendulum: largest error of 40 determinants, by the size of their terms",
-        _determinant_error(jacobian(exact, starts), inertia / later),
+        _determinant_error(jacobian(exact, initial_conditions), inertia / later),
         1e-8,
     )
 
@@ -117,13 +119,13 @@ def tiny_damping() -> Iterator[Finding]:
 def huge_damping() -> Iterator[Finding]:
     for damping in (1e4, 1e5, 1e6, 1e7):
         name = f"damping {damping:g} /s"
-        turns = f"damping times period {damping * damped(damping).system.length:,.0f}"
+        rotations = f"damping times period {damping * damped(damping).system.length:,.0f}"
         found = image(name)
         status = Status(int(found.status)).name
         if found.status <= Status.INACCURATE:
-            yield at_most(f"{turns}: status {status}, error", error(name, found), 1e-9)
+            yield at_most(f"{rotations}: status {status}, error", error(name, found), 1e-9)
         else:
-            yield is_so(f"{turns}: status {status}, no image", bool(np.isnan(found.points).all()))
+            yield is_so(f"{rotations}: status {status}, no image", bool(np.isnan(found.points).all()))
     more = image("damping 1e+07 /s", max_steps=2**20)
     yield at_most("200,000 with a million steps allowed: status OK, error", error("damping 1e+07 /s", more), 1e-9)
     yield is_so("its status is OK", bool(more.status == Status.OK))

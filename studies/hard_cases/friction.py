@@ -36,10 +36,11 @@ def permanent_sticking() -> Iterator[Finding]:
     for name, centre in (("hanging", 0.0), ("upright", -pi)):
         angles = centre + offsets
         angles = angles[angles >= -pi] if centre else angles
-        starts = np.stack([angles, np.zeros(len(angles))], axis=-1)
-        ends = exact.iterate(starts, 1000).points
+        initial_conditions = np.stack([angles, np.zeros(len(angles))], axis=-1)
+        ends = exact.iterate(initial_conditions, 1000).points
         yield is_so(
-            f"{name}: {len(angles)} starts at rest for 1,000 periods, bit for bit", bool((ends == starts).all())
+            f"{name}: {len(angles)} starts at rest for 1,000 periods, bit for bit",
+            bool((ends == initial_conditions).all()),
         )
     outside = np.array([[1.01 * LIMIT, 0.0], [-1.01 * LIMIT, 0.0]])
     slipped = exact(outside) - outside
@@ -83,12 +84,12 @@ def at_the_limit() -> Iterator[Finding]:
 def friction_alone() -> Iterator[Finding]:
     system = driven_pendulum(friction=FRICTION, damping=0.0, gravity=0.0, amplitude=0.0)
     exact = stroboscopic_map(system)
-    starts = np.array([[0.1, 1.0], [0.1, -3.0], [2.0, 100.0], [0.0, 0.2], [0.0, 0.2 + 1e-9], [1.0, 0.0]])
-    once = exact.iterate(starts, 1).unwrapped
-    rates = np.sign(starts[:, 1]) * np.maximum(np.abs(starts[:, 1]) - FRICTION * 0.02, 0.0)
+    initial_conditions = np.array([[0.1, 1.0], [0.1, -3.0], [2.0, 100.0], [0.0, 0.2], [0.0, 0.2 + 1e-9], [1.0, 0.0]])
+    once = exact.iterate(initial_conditions, 1).unwrapped
+    rates = np.sign(initial_conditions[:, 1]) * np.maximum(np.abs(initial_conditions[:, 1]) - FRICTION * 0.02, 0.0)
     yield at_most("largest error of the rate after a period (rad/s)", float(np.abs(once[:, 1] - rates).max()), 1e-12)
-    ends = exact.iterate(starts, 501)
-    stopped = starts[:, 0] + starts[:, 1] * np.abs(starts[:, 1]) / (2.0 * FRICTION)
+    ends = exact.iterate(initial_conditions, 501)
+    stopped = initial_conditions[:, 0] + initial_conditions[:, 1] * np.abs(initial_conditions[:, 1]) / (2.0 * FRICTION)
     yield at_most(
         "largest error of the angle at rest, after up to 80 turns (rad)",
         float(np.abs(ends.unwrapped[:, 0] - stopped).max()),

@@ -45,13 +45,13 @@ def all_leave() -> Iterator[Finding]:
 )
 def one_and_two_cells() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum())
-    starts = CellGrid((-pi, -100.0), (pi, 100.0), (12, 12))
-    direct = find_basins(exact, starts)
+    initial_conditions = CellGrid((-pi, -100.0), (pi, 100.0), (12, 12))
+    direct = find_basins(exact, initial_conditions)
     for shape in ((2, 1), (1, 2), (2, 2)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that all cells are left to the exact map
             table = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), shape), outside="integrate")
-        wrong = int(np.count_nonzero(find_basins(table, starts).labels != direct.labels))
+        wrong = int(np.count_nonzero(find_basins(table, initial_conditions).labels != direct.labels))
         yield at_most(f"table of {shape[0]} x {shape[1]} cells: wrong labels of 144", wrong, 0)
     single = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (1, 1)), outside="integrate")
     yield is_so(

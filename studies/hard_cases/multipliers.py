@@ -89,7 +89,7 @@ def long_transients() -> Iterator[Finding]:
         return ((1.0 + p.gap) * up if x[0] >= 0.0 and x[0] <= 1.0 else -0.5 + 0.5 * x[0] / (1.0 + abs(x[0])),)
 
     exact = discrete_map(tent, {"gap": 1e-4}, ("x",))
-    starts = now = np.random.default_rng(0).uniform(0.0, 1.0, (5_000, 1))
+    initial_conditions = now = np.random.default_rng(0).uniform(0.0, 1.0, (5_000, 1))
     for before, periods in ((0, 2_000), (2_000, 10_000)):
         now = exact.iterate(now, periods - before).points
         share = float((now >= 0.0).mean())
@@ -98,9 +98,9 @@ def long_transients() -> Iterator[Finding]:
             f"share under way after {periods:,} periods",
             share,
             expected,
-            4.0 * sqrt(expected * (1 - expected) / len(starts)),
+            4.0 * sqrt(expected * (1 - expected) / len(initial_conditions)),
         )
-    basins = find_basins(exact, starts[:500])
+    basins = find_basins(exact, initial_conditions[:500])
     yield is_so(
         f"attractors: {', '.join(a.name for a in basins.attractors)}",
         [a.kind for a in basins.attractors] == [Kind.FIXED_POINT],
@@ -116,8 +116,10 @@ def long_transients() -> Iterator[Finding]:
     "add up to -0.05 times 2 pi.",
 )
 def chaos() -> Iterator[Finding]:
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 2))
-    found = find_attractors(stroboscopic_map(dimensionless_pendulum(0.25, 0.55, 0.05)), starts, max_periods=300)
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 2))
+    found = find_attractors(
+        stroboscopic_map(dimensionless_pendulum(0.25, 0.55, 0.05)), initial_conditions, max_periods=300
+    )
     yield is_so("one attractor, chaotic", [a.kind for a in found] == [Kind.CHAOTIC])
     yield at_most("error of the sum of its exponents", float(abs(found[0].exponents.sum() + 0.05 * 2 * pi)), 1e-6)
     yield is_so(f"largest exponent {found[0].exponents[0]:.3f}", bool(found[0].exponents[0] > 0.1))

@@ -30,9 +30,12 @@ def large_drive() -> Iterator[Finding]:
         found = image(f"amplitude {amplitude:g} m")
         yield at_most(f"{amplitude:g} m: error", error(f"amplitude {amplitude:g} m", found), 1e-9)
     exact = stroboscopic_map(driven_pendulum(amplitude=1.0))
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (100, 2)) * (3.0, 100.0)
-    yield is_so("1 m: 100 images are mirror images bit for bit", bool((exact(starts) == -exact(-starts)).all()))
-    ends = stroboscopic_map(driven_pendulum(amplitude=1e10)).iterate(starts, 1)
+    initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (100, 2)) * (3.0, 100.0)
+    yield is_so(
+        "1 m: 100 images are mirror images bit for bit",
+        bool((exact(initial_conditions) == -exact(-initial_conditions)).all()),
+    )
+    ends = stroboscopic_map(driven_pendulum(amplitude=1e10)).iterate(initial_conditions, 1)
     yield is_so("1e10 m: all 100 starts have the status DIVERGED", bool((ends.status == Status.DIVERGED).all()))
 
 
@@ -149,8 +152,8 @@ def whip() -> Iterator[Finding]:
 def periods() -> Iterator[Finding]:
     def scaled(period: float) -> np.ndarray:
         system = driven_pendulum(0.1, 0.01, 1.0 / period, 0.3 / period, gravity=1.0 / period**2)
-        starts = np.array([[1.0, 0.5], [-2.0, 3.0], [3.1, -7.0]]) / [1.0, period]
-        return stroboscopic_map(system, rtol=1e-12, atol=1e-14).iterate(starts, 3).unwrapped * [1.0, period]
+        initial_conditions = np.array([[1.0, 0.5], [-2.0, 3.0], [3.1, -7.0]]) / [1.0, period]
+        return stroboscopic_map(system, rtol=1e-12, atol=1e-14).iterate(initial_conditions, 3).unwrapped * [1.0, period]
 
     unit = scaled(1.0)
     for period in (1e-8, 1e-4, 1e4, 1e8):
@@ -196,14 +199,14 @@ def parameters() -> Iterator[Finding]:
 def fast_rotation() -> Iterator[Finding]:
     name = "rate 1e6 rad/s"
     found, exact = image(name, **TIGHT), frozen_image(name)
-    turns = round((exact[0] - found.points[0]) / (2.0 * pi))
-    yield is_so(f"{int(found.turns[0]):,} turns, as frozen", int(found.turns[0]) == turns)
+    rotations = round((exact[0] - found.points[0]) / (2.0 * pi))
+    yield is_so(f"{int(found.rotations[0]):,} turns, as frozen", int(found.rotations[0]) == rotations)
     yield at_most("error of the angle after 318,310 turns (rad)", abs(found.unwrapped[0] - exact[0]), 1e-7)
 
     def rotor(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], 0.0 * sin(x[0])
 
-    system = ForcedSystem(rotor, {}, 1.0, (angle("x", "turns", turn=1.0, lower=0.0), "rate"))
+    system = ForcedSystem(rotor, {}, 1.0, (angle("x", "turns", period=1.0, lower=0.0), "rate"))
     end = stroboscopic_map(system).iterate([0.125, 1000.25], 50_000)
-    yield is_so(f"{int(end.turns[0]):,} turns of the rotor", int(end.turns[0]) == 50_012_500)
+    yield is_so(f"{int(end.rotations[0]):,} turns of the rotor", int(end.rotations[0]) == 50_012_500)
     yield at_most("error of its angle (turns)", abs(end.points[0] - 0.125), 1e-12)

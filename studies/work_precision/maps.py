@@ -38,13 +38,13 @@ def exact_maps(quick: bool) -> list[Chart]:
 
 
 def _own_methods(problem: Problem, tolerances: tuple[float, ...], quick: bool) -> Iterator[Run]:
-    many = np.tile(problem.starts, (5 if quick else 20, 1))
+    many = np.tile(problem.initial_conditions, (5 if quick else 20, 1))
     for method in ("Taylor", "DOP853", "RK45"):
         for tolerance in tolerances:
             if method == "RK45" and tolerance < 1e-10:
                 continue  # so many steps that nobody would take it
             point_map = stroboscopic_map(problem.system, rtol=tolerance, atol=tolerance, method=method)
-            images = point_map.iterate(problem.starts, 1).unwrapped
+            images = point_map.iterate(problem.initial_conditions, 1).unwrapped
             seconds = best_seconds(lambda m=point_map: m.iterate(many, 1), 3)  # type: ignore[misc]
             error = largest(images - problem.images)
             yield Run(f"cellmap {method}", f"{tolerance:.0e}", 1e6 * seconds / len(many), error)
@@ -53,10 +53,10 @@ def _own_methods(problem: Problem, tolerances: tuple[float, ...], quick: bool) -
 def _peers(problem: Problem, tolerances: tuple[float, ...], quick: bool) -> Iterator[Run]:
     for name in installed():
         make, _, most = PEERS[name]
-        many = np.tile(problem.starts, (20, 1))[: min(most, 400) if quick else most]
+        many = np.tile(problem.initial_conditions, (20, 1))[: min(most, 400) if quick else most]
         for tolerance in tolerances[::2] if "SciPy" in name else tolerances:
             run = make(problem.system, tolerance)
-            few = problem.starts[:most]
+            few = problem.initial_conditions[:most]
             error = largest(run(few) - problem.images[:most])
             seconds = best_seconds(lambda r=run, m=many: r(m), 1 if "SciPy" in name else 3)  # type: ignore[misc]
             yield Run(name, f"{tolerance:.0e}", 1e6 * seconds / len(many), error)
@@ -67,24 +67,28 @@ def tables(quick: bool) -> list[Chart]:
     charts = []
     for problem in PROBLEMS[: 2 if quick else None]:
         exact = stroboscopic_map(problem.system, rtol=1e-12, atol=1e-12)
-        starts = problem.grid(100 if problem.system.dimension == 2 else 10).centres().reshape(-1, exact.dimension)
+        initial_conditions = (
+            problem.grid(100 if problem.system.dimension == 2 else 10).centres().reshape(-1, exact.dimension)
+        )
         sizes = (QUICK_SIZES if quick else FULL_SIZES)[exact.dimension]
         kinds = [(1, 1), (3, 1), (5, 1), *([(5, 4)] if exact.dimension == 2 else [])]
-        runs = [_table(problem, exact, starts, order, leap, cells) for order, leap in kinds for cells in sizes]
-        periods = f"{len(starts):,} starts, {LOOKUPS} periods"
+        runs = [
+            _table(problem, exact, initial_conditions, order, leap, cells) for order, leap in kinds for cells in sizes
+        ]
+        periods = f"{len(initial_conditions):,} starts, {LOOKUPS} periods"
         charts.append(Chart(f"tables, {problem.name}", f"s with tabulation, {periods}", "median error", tuple(runs)))
     return charts
 
 
-def _table(problem: Problem, exact: PointMap, starts: np.ndarray, order: int, leap: int, cells: int) -> Run:
+def _table(problem: Problem, exact: PointMap, initial_conditions: np.ndarray, order: int, leap: int, cells: int) -> Run:
     """Measure one table; leaps of several periods are taken where they are as accurate as their default asks."""
     settings: dict[str, Any] = {"tolerance": _ANY} if leap == 1 else {"leap": leap}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of coarse tables, which are what is measured
         table = interpolated_map(exact, problem.table(cells), order=order, outside="integrate", **settings)
     assert table.table is not None
-    errors = np.abs(table.iterate(problem.starts, 1).unwrapped - problem.images).max(axis=1)
-    seconds = best_seconds(lambda: table.iterate(starts, LOOKUPS), 2)
+    errors = np.abs(table.iterate(problem.initial_conditions, 1).unwrapped - problem.images).max(axis=1)
+    seconds = best_seconds(lambda: table.iterate(initial_conditions, LOOKUPS), 2)
     more = f"tabulated in {table.cost.seconds:.2g} s, largest error {errors.max():.1e}"
     name = f"order {order}" + (f", leaps of {leap}" if leap > 1 else "")
     return Run(name, f"{cells} cells a side", table.cost.seconds + seconds, float(np.median(errors)), more)

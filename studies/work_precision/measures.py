@@ -47,7 +47,7 @@ def _exponent(quick: bool) -> Chart:
     few, many = (4, 6) if quick else (4, 7)
 
     def by_pairs(pairs: int) -> tuple[float, float]:
-        found = uncertainty_exponent(point_map, REGION, outcome=_side, pairs=pairs, uncertain=10**9)
+        found = uncertainty_exponent(point_map, REGION, outcome=_side, max_pairs=pairs, min_uncertain=10**9)
         return found.exponent, found.standard_error
 
     def by_picture(side: int) -> tuple[float, float]:

@@ -24,14 +24,14 @@ def scipy_each(system: ForcedSystem, tolerance: float) -> Map:
 
     p = system.parameters
 
-    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def run(initial_conditions: NDArray[np.float64]) -> NDArray[np.float64]:
         span = (0.0, system.length)
         return np.array(
             [
                 solve_ivp(
                     lambda t, x: system.rhs(t, tuple(x), p), span, s, method="DOP853", rtol=tolerance, atol=tolerance
                 ).y[:, -1]
-                for s in starts
+                for s in initial_conditions
             ]
         )
 
@@ -45,13 +45,15 @@ def scipy_stacked(system: ForcedSystem, tolerance: float) -> Map:
     rhs: Any = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
     p, d = system.parameters, system.dimension
 
-    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        n = len(starts)
+    def run(initial_conditions: NDArray[np.float64]) -> NDArray[np.float64]:
+        n = len(initial_conditions)
 
         def fun(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.concatenate([np.broadcast_to(f, n) for f in rhs(t, tuple(y.reshape(d, n)), p)])
 
-        done = solve_ivp(fun, (0.0, system.length), starts.T.ravel(), method="DOP853", rtol=tolerance, atol=tolerance)
+        done = solve_ivp(
+            fun, (0.0, system.length), initial_conditions.T.ravel(), method="DOP853", rtol=tolerance, atol=tolerance
+        )
         return np.asarray(done.y[:, -1].reshape(d, n).T)
 
     return run
@@ -75,10 +77,10 @@ def numbalsoda(system: ForcedSystem, tolerance: float) -> Map:
     address, times, nothing = field.address, np.array([0.0, system.length]), np.zeros(1)
 
     @numba.njit
-    def every(starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        images = np.empty_like(starts)
-        for i in range(len(starts)):
-            images[i] = dop853(address, starts[i], times, nothing, rtol=tolerance, atol=tolerance)[0][-1]
+    def every(initial_conditions: NDArray[np.float64]) -> NDArray[np.float64]:
+        images = np.empty_like(initial_conditions)
+        for i in range(len(initial_conditions)):
+            images[i] = dop853(address, initial_conditions[i], times, nothing, rtol=tolerance, atol=tolerance)[0][-1]
         return images
 
     every(np.zeros((1, d)))
@@ -95,14 +97,14 @@ def heyoka(system: ForcedSystem, tolerance: float, periods: int = 1) -> Map:
     equations = list(zip(states, field, strict=True))
     integrator = hy.taylor_adaptive_batch(equations, np.zeros((len(states), size)), tol=tolerance)
 
-    def run(starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        images = np.empty_like(starts)
-        for i in range(0, len(starts), size):
-            batch = starts[np.minimum(np.arange(i, i + size), len(starts) - 1)]
+    def run(initial_conditions: NDArray[np.float64]) -> NDArray[np.float64]:
+        images = np.empty_like(initial_conditions)
+        for i in range(0, len(initial_conditions), size):
+            batch = initial_conditions[np.minimum(np.arange(i, i + size), len(initial_conditions) - 1)]
             integrator.set_time(np.zeros(size))
             integrator.state[:] = batch.T
             integrator.propagate_until(np.full(size, periods * system.length))
-            images[i : i + size] = integrator.state.T[: len(starts) - i]
+            images[i : i + size] = integrator.state.T[: len(initial_conditions) - i]
         return images
 
     return run
@@ -130,7 +132,7 @@ def diffrax(system: ForcedSystem, tolerance: float) -> Map:
         ).ys[-1]
 
     every = jax.jit(jax.vmap(one))
-    return lambda starts: np.asarray(every(jnp.asarray(starts)).block_until_ready())
+    return lambda initial_conditions: np.asarray(every(jnp.asarray(initial_conditions)).block_until_ready())
 
 
 PEERS: dict[str, tuple[Callable[[ForcedSystem, float], Map], str, int]] = {

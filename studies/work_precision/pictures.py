@@ -108,7 +108,11 @@ def _numbers(basins: Basins, reference: Basins) -> np.ndarray:
     for label, attractor in enumerate(basins.attractors):
         number[label] = -9
         for k, other in enumerate(reference.attractors):
-            if other.kind == attractor.kind and other.period == attractor.period and other.turns == attractor.turns:
+            if (
+                other.kind == attractor.kind
+                and other.period == attractor.period
+                and other.rotations == attractor.rotations
+            ):
                 apart = np.abs(difference(attractor.points[:1], other.points, basins.coordinates)).max(axis=-1).min()
                 if apart < 1e-3 or not attractor.period:
                     number[label] = k

@@ -30,7 +30,7 @@ class Problem:
     reach: tuple[float, ...]
 
     @property
-    def starts(self) -> NDArray[np.float64]:
+    def initial_conditions(self) -> NDArray[np.float64]:
         """Random starts in the window, shape (STARTS, dimension), with few enough digits to be written exactly."""
         span = np.array(self.window)
         return np.random.default_rng(1).uniform(-span, span, (STARTS, len(span))).round(6)

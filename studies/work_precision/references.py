@@ -33,8 +33,8 @@ def precise_images(problem: Problem) -> NDArray[np.float64]:
         high_accuracy=True,
         compact_mode=True,
     )
-    images = np.empty((len(problem.starts), system.dimension))
-    for image, start in zip(images, problem.starts, strict=True):
+    images = np.empty((len(problem.initial_conditions), system.dimension))
+    for image, start in zip(images, problem.initial_conditions, strict=True):
         integrator.time = number(0)
         integrator.state[:] = start
         integrator.propagate_until(number(system.length))

@@ -153,27 +153,27 @@ def basins():
 
 
 COUNTS: dict[str, Callable[[Any, int], Any]] = {
-    "n=": lambda basins, many: basins.verify(many),
-    "n= of stability": lambda basins, many: basin_stability(basins, n=many),
-    "trials=": lambda basins, many: minimal_fatal_shock(basins, 0, scale=1.0, trials=many),
-    "n= of escape": lambda basins, many: escape_rate(tent(), TENT, n=many),
-    "most=": lambda basins, many: escape_rate(tent(), TENT, n=500, most=many),
-    "steps=": lambda basins, many: edge_orbit(basins, steps=many),
-    "n= of a saddle": lambda basins, many: chaotic_saddle(tent(), TENT, n=many),
+    "n_samples=": lambda basins, many: basins.verify(many),
+    "n_samples= of stability": lambda basins, many: basin_stability(basins, n_samples=many),
+    "trials=": lambda basins, many: minimal_fatal_shock(basins, 0, scale=1.0, n_trials=many),
+    "n_samples= of escape": lambda basins, many: escape_rate(tent(), TENT, n_samples=many),
+    "max_periods=": lambda basins, many: escape_rate(tent(), TENT, n_samples=500, max_periods=many),
+    "periods=": lambda basins, many: edge_orbit(basins, periods=many),
+    "n_points= of a saddle": lambda basins, many: chaotic_saddle(tent(), TENT, n_points=many),
     "transient=": lambda basins, many: chaotic_saddle(tent(), TENT, transient=many),
-    "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, discs=many),
+    "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, n_discs=many),
     "audit=": lambda basins, many: certify(tabulated(), audit=many),
     "max_period=": lambda basins, many: find_basins(cubic(), WINDOW, max_period=many),
     "max_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], max_period=many),
     "max_period= of a continuation": lambda basins, many: continue_basins(
         slope(), "r", [1.4, 1.5], WINDOW, max_period=many
     ),
-    "offsets=": lambda basins, many: box_dimension(np.random.default_rng(0).random((200, 2)), offsets=many),
+    "offsets=": lambda basins, many: box_dimension(np.random.default_rng(0).random((200, 2)), n_offsets=many),
     "offsets= of a boundary": lambda basins, many: boundary_dimension(
-        np.arange(4096).reshape(64, 64) > 2000, offsets=many
+        np.arange(4096).reshape(64, 64) > 2000, n_offsets=many
     ),
-    "frequencies=": lambda basins, many: zero_one_test_of_series(np.arange(300.0) % 7.0, frequencies=many),
-    "positions=": lambda basins, many: basin_entropy(basins, box=5, positions=many),
+    "frequencies=": lambda basins, many: zero_one_test_of_series(np.arange(300.0) % 7.0, n_frequencies=many),
+    "positions=": lambda basins, many: basin_entropy(basins, box_size=5, n_positions=many),
 }
 
 
@@ -189,7 +189,8 @@ def test_numbers_that_need_no_memory_may_be_large(basins):
     signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
     region = CellGrid((-3.0, -1.0), (3.0, 1.0), (10, 10))
     found = [
-        uncertainty_exponent(signs, region, pairs=many, uncertain=50, distances=[1e-2, 5e-3]) for many in (10**7, 2**62)
+        uncertainty_exponent(signs, region, max_pairs=many, min_uncertain=50, distances=[1e-2, 5e-3])
+        for many in (10**7, 2**62)
     ]
     np.testing.assert_array_equal(found[0].uncertain, found[1].uncertain)
     with pytest.raises(ValueError, match="lifetime=4611686018427387904"):

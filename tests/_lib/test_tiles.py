@@ -77,7 +77,7 @@ MAPS = {
     "lambda": lambda_map,
     "discrete": newton_map,
     "table": lambda: interpolated_map(pendulum(), WINDOW, outside="escape"),
-    "table, leaps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, leap=4),
+    "table, leaps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, max_step=4),
 }
 
 
@@ -91,7 +91,9 @@ def assert_same(ours, theirs) -> None:
     assert (ours.inaccurate, ours.cost.steps) == (theirs.inaccurate, theirs.cost.steps)
     assert len(ours.attractors) == len(theirs.attractors)
     for one, other in zip(ours.attractors, theirs.attractors, strict=True):
-        assert pickle.dumps((one.kind, one.period, one.turns)) == pickle.dumps((other.kind, other.period, other.turns))
+        assert pickle.dumps((one.kind, one.period, one.rotations)) == pickle.dumps(
+            (other.kind, other.period, other.rotations)
+        )
         for name in ("points", "multipliers", "exponents"):
             assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
@@ -104,10 +106,10 @@ def assert_same(ours, theirs) -> None:
 def test_a_map_that_was_pickled_has_the_same_bits(name):
     original = MAPS[name]()
     again = pickle.loads(cloudpickle.dumps(original))
-    starts = np.random.default_rng(0).uniform(0.1, 3.0, (500, original.dimension))
-    ours, theirs = again.iterate(starts, 5), original.iterate(starts, 5)
+    initial_conditions = np.random.default_rng(0).uniform(0.1, 3.0, (500, original.dimension))
+    ours, theirs = again.iterate(initial_conditions, 5), original.iterate(initial_conditions, 5)
     assert ours.points.tobytes() == theirs.points.tobytes()
-    assert np.array_equal(ours.turns, theirs.turns)
+    assert np.array_equal(ours.rotations, theirs.rotations)
     assert again.recipe == original.recipe
     assert again.params == original.params
     if original.table is not None:
@@ -143,10 +145,10 @@ def test_something_that_is_no_client(wrong):
 
 def test_iterates_from_a_cluster(client):
     strobe = pendulum()
-    starts = np.random.default_rng(0).uniform([-pi, -500.0], [pi, 500.0], (20_000, 2))
-    ours, theirs = strobe.iterate(starts, 2, client=client), strobe.iterate(starts, 2)
+    initial_conditions = np.random.default_rng(0).uniform([-pi, -500.0], [pi, 500.0], (20_000, 2))
+    ours, theirs = strobe.iterate(initial_conditions, 2, client=client), strobe.iterate(initial_conditions, 2)
     assert ours.points.tobytes() == theirs.points.tobytes()
-    assert np.array_equal(ours.turns, theirs.turns)
+    assert np.array_equal(ours.rotations, theirs.rotations)
     assert np.array_equal(ours.status, theirs.status)
 
 
@@ -160,13 +162,18 @@ def test_table_from_a_cluster(client):
 @pytest.mark.parametrize("name", ["stroboscopic", "table", "discrete"])
 def test_basins_from_a_cluster(client, name):
     point_map = MAPS[name]()
-    starts = PICTURE if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
-    assert_same(find_basins(point_map, starts, 400, 8, client=client), find_basins(point_map, starts, 400, 8))
+    initial_conditions = PICTURE if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
+    assert_same(
+        find_basins(point_map, initial_conditions, 400, 8, client=client),
+        find_basins(point_map, initial_conditions, 400, 8),
+    )
 
 
 def test_basins_of_given_starts_from_a_cluster(client):
-    starts = np.random.default_rng(1).uniform(-3.0, 3.0, (30_000, 1))
-    assert_same(find_basins(newton_map(), starts, client=client), find_basins(newton_map(), starts))
+    initial_conditions = np.random.default_rng(1).uniform(-3.0, 3.0, (30_000, 1))
+    assert_same(
+        find_basins(newton_map(), initial_conditions, client=client), find_basins(newton_map(), initial_conditions)
+    )
 
 
 def test_an_error_of_a_worker_arrives(client):
@@ -228,7 +235,7 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, 
     """It loses all of them in the middle: that is said, the call ends, and another one goes on from the checkpoint."""
     for name, seconds in {"_SELDOM": 0.05, "_WARNED": 0.2, "_GIVEN_UP": 1.0}.items():
         monkeypatch.setattr(f"cellmap._lib.tiles.{name}", seconds)
-    path, starts, done = tmp_path / "basins.h5", CellGrid((-3.0,), (3.0,), (200_000,)), []
+    path, initial_conditions, done = tmp_path / "basins.h5", CellGrid((-3.0,), (3.0,), (200_000,)), []
     original, (cluster, client) = Checkpoint.finish, lonely
     client.wait_for_workers(1)
 
@@ -245,9 +252,11 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, 
         pytest.warns(UserWarning, match=r"client=.*: the cluster has had no workers for 0\.2 s"),
         pytest.raises(TimeoutError, match=r"client=.*no workers for 1 s; start some and call again"),
     ):
-        find_basins(newton_map(), starts, client=client, checkpoint=path)
+        find_basins(newton_map(), initial_conditions, client=client, checkpoint=path)
     before = len(done)
-    assert_same(find_basins(newton_map(), starts, checkpoint=path), find_basins(newton_map(), starts))
+    assert_same(
+        find_basins(newton_map(), initial_conditions, checkpoint=path), find_basins(newton_map(), initial_conditions)
+    )
     assert 0 < before < 13
     assert len(done) == 13, "tiles that were done are not done again"
 

@@ -60,7 +60,7 @@ def test_exponents_of_the_cat_map():
     cat = discrete_map(
         lambda x, p: (2 * x[0] + x[1], x[0] + x[1]),
         {},
-        (angle("a", turn=1.0, lower=0.0), angle("b", turn=1.0, lower=0.0)),
+        (angle("a", period=1.0, lower=0.0), angle("b", period=1.0, lower=0.0)),
     )
     exponents, _ = lyapunov_exponents(cat, np.random.default_rng(0).uniform(0, 1, (5, 2)), 300)
     value = log((3 + sqrt(5)) / 2)
@@ -79,8 +79,8 @@ def test_exponents_of_henons_map():
 def test_sum_of_exponents_is_the_damping(damping):
     """Liouville: volumes shrink by exp(-damping * period) in every period."""
     strobe = stroboscopic_map(DAMPED.with_params(gamma=damping))
-    starts = np.random.default_rng(0).uniform([-pi, -1], [pi, 1], (5, 2))
-    exponents, _ = lyapunov_exponents(strobe, starts, 40)
+    initial_conditions = np.random.default_rng(0).uniform([-pi, -1], [pi, 1], (5, 2))
+    exponents, _ = lyapunov_exponents(strobe, initial_conditions, 40)
     assert exponents.sum(axis=-1) == pytest.approx(-damping * 2 * pi, abs=1e-10)
 
 
@@ -113,7 +113,7 @@ def test_chaotic_pendulum(pendulum):
 
 def test_record_of_a_chaotic_attractor(pendulum):
     (a,) = pendulum.attractors
-    assert (a.period, a.turns, a.multipliers.shape, a.neighbourhood) == (0, (0, 0), (0,), None)
+    assert (a.period, a.rotations, a.multipliers.shape, a.neighbourhood) == (0, (0, 0), (0,), None)
     assert a.points.shape[1] == 2
     assert len(a.points) >= 1000
     assert np.isnan(a.rotation_number[0])
@@ -134,8 +134,8 @@ def test_interpolated_map_is_chaotic_alike(pendulum):
 def test_cover_holds_the_attractor_for_ever():
     henon = systems.henon_map()
     (a,) = chaotic_attractors(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
-    starts = henon.iterate(np.linspace(0.0, 0.2, 20)[:, None] * [1.0, 1.0], 100).points
-    later = henon.orbit(starts, 5_000).points.reshape(-1, 2)
+    initial_conditions = henon.iterate(np.linspace(0.0, 0.2, 20)[:, None] * [1.0, 1.0], 100).points
+    later = henon.orbit(initial_conditions, 5_000).points.reshape(-1, 2)
     assert inside_cover(a.cover, later, henon).mean() > 0.9999
     assert inside_cover(a.cover, a.points, henon).all()
     assert not inside_cover(a.cover, np.array([[0.0, 0.0], [1.0, 0.35]]), henon).any()

@@ -31,16 +31,16 @@ LINE = np.linspace(-2.0, 2.0, 21)[:, None]
 
 
 @pytest.mark.parametrize(
-    ("make", "starts", "before", "after"),
+    ("make", "initial_conditions", "before", "after"),
     [(pendulum, WIDE, 0.003, 0.00305), (systems.henon_map, PLANE, 0.5, 0.51), (systems.logistic_map, UNIT, 3.4, 3.42)],
     ids=["pendulum", "Henon", "logistic"],
 )
-def test_attractors_are_those_of_a_search(make, starts, before, after) -> None:
-    followed = continue_attractors(make(after), find_attractors(make(before), starts))
-    searched = find_attractors(make(after), starts)
-    assert [(a.kind, a.period, a.turns) for a in followed] == [(a.kind, a.period, a.turns) for a in searched]
+def test_attractors_are_those_of_a_search(make, initial_conditions, before, after) -> None:
+    followed = continue_attractors(make(after), find_attractors(make(before), initial_conditions))
+    searched = find_attractors(make(after), initial_conditions)
+    assert [(a.kind, a.period, a.rotations) for a in followed] == [(a.kind, a.period, a.rotations) for a in searched]
     for one, other in zip(followed, searched, strict=True):
-        assert np.abs(one.points - other.points).max() <= 1e-10 * np.abs(starts).max()
+        assert np.abs(one.points - other.points).max() <= 1e-10 * np.abs(initial_conditions).max()
         assert one.neighbourhood is not None
 
 

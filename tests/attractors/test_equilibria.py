@@ -36,18 +36,18 @@ def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
         assert away.max() == pytest.approx(HOLDS, rel=0.1) and away.max() < HOLDS
         assert (attractor.points[:, 1] == 0.0).all()
         assert attractor.multipliers == pytest.approx([1.0, 0.0], abs=1e-9)
-        assert attractor.period == 1 and attractor.turns == (0, 0)
+        assert attractor.period == 1 and attractor.rotations == (0, 0)
 
 
 @pytest.mark.slow
 def test_every_end_is_where_its_label_says(stuck) -> None:
     """Upright, the set repels what slips beside it; hanging, orbits creep towards its edges for ever."""
-    starts = stuck.grid.centres().reshape(-1, 2)
+    initial_conditions = stuck.grid.centres().reshape(-1, 2)
     labels = stuck.labels.ravel()
-    assert (stuck.point_map.iterate(starts[labels < 2], 500).points[:, 1] != 0.0).all()
-    theta, rate = stuck.point_map.iterate(starts[labels == 3], 500).points.T
+    assert (stuck.point_map.iterate(initial_conditions[labels < 2], 500).points[:, 1] != 0.0).all()
+    theta, rate = stuck.point_map.iterate(initial_conditions[labels == 3], 500).points.T
     assert (np.abs(theta % (2 * pi) - pi) <= HOLDS * (1 + 1e-9)).all() and (rate == 0.0).all()
-    creeping = stuck.point_map.iterate(starts[labels == 2], 500).points
+    creeping = stuck.point_map.iterate(initial_conditions[labels == 2], 500).points
     before, after = (np.abs(p[:, 0]) for p in (creeping, stuck.point_map.iterate(creeping, 500).points))
     assert (before < 1.01 * HOLDS).all() and (creeping[:, 1] == 0.0).all()
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
@@ -70,8 +70,8 @@ def test_mirror_images_have_equal_shares(stuck) -> None:
 def test_without_gravity_all_angles_are_held() -> None:
     """One set, the whole circle, which closes upon itself."""
     system = systems.driven_pendulum(gravity=0.0, amplitude=0.0, damping=0.0, friction=FRICTION)
-    starts = CellGrid((-pi, -20.0), (pi, 20.0), (6, 6)).centres()
-    (circle,) = find_attractors(stroboscopic_map(system), starts)
+    initial_conditions = CellGrid((-pi, -20.0), (pi, 20.0), (6, 6)).centres()
+    (circle,) = find_attractors(stroboscopic_map(system), initial_conditions)
     assert circle.kind is Kind.EQUILIBRIA
     gaps = np.diff(np.sort(circle.points[:, 0]))
     assert np.ptp(circle.points[:, 0]) + gaps.max() == pytest.approx(2 * pi, rel=1e-6)
@@ -91,8 +91,8 @@ def test_a_set_of_two_dimensions() -> None:
         ("x", "y", "x'", "y'"),
         switches=lambda t, x, p: (x[2], x[3]),
     )
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 4))
-    (held,) = find_attractors(stroboscopic_map(system), starts)
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 4))
+    (held,) = find_attractors(stroboscopic_map(system), initial_conditions)
     assert held.kind is Kind.EQUILIBRIA
     assert held.multipliers == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-9)
     reach = np.abs(held.points).max(axis=0)

@@ -38,7 +38,7 @@ def _logistic(x, p):
 
 def circle(rate: float, k: float = 0.9, turn: float = 2 * pi) -> PointMap:
     """theta' = theta + turn (rate - k sin(2 pi theta/turn) / (2 pi))."""
-    return discrete_map(_circle, {"rate": rate, "k": k, "turn": turn}, (angle("a", turn=turn),), name="circle")
+    return discrete_map(_circle, {"rate": rate, "k": k, "turn": turn}, (angle("a", period=turn),), name="circle")
 
 
 def _circle(x, p):
@@ -73,7 +73,7 @@ LINE = np.linspace(0.03, 0.97, 30)[:, None]
 
 def test_fixed_point_of_the_logistic_map():
     (a,) = find_attractors(logistic(2.8), LINE)
-    assert (a.kind, a.period, a.turns, a.rotation_number) == (Kind.FIXED_POINT, 1, (0,), (0.0,))
+    assert (a.kind, a.period, a.rotations, a.rotation_number) == (Kind.FIXED_POINT, 1, (0,), (0.0,))
     assert a.points == pytest.approx(np.array([[1 - 1 / 2.8]]), abs=1e-14)
     assert a.multipliers == pytest.approx([2 - 2.8], abs=1e-12)
     assert a.exponents == pytest.approx([np.log(0.8)], abs=1e-12)
@@ -114,15 +114,15 @@ def test_cycle_longer_than_allowed_is_not_found():
     assert find_attractors(logistic(3.5), LINE, max_periods=300, max_period=3) == ()
 
 
-@pytest.mark.parametrize("turns", [-2, -1, 0, 1, 3])
+@pytest.mark.parametrize("rotations", [-2, -1, 0, 1, 3])
 @pytest.mark.parametrize("turn", [2 * pi, 360.0, 1.0])
-def test_rotation_on_the_circle(turns, turn):
+def test_rotation_on_the_circle(rotations, turn):
     """Fixed up to whole turns where sin = 2 pi rate/k; the multiplier is 1 - k cos."""
     rate, k = 0.05, 0.9
-    (a,) = find_attractors(circle(turns + rate, k, turn), CIRCLE * turn / (2 * pi))
+    (a,) = find_attractors(circle(rotations + rate, k, turn), CIRCLE * turn / (2 * pi))
     place = np.arcsin(2 * pi * rate / k)
-    assert a.kind is (Kind.ROTATING if turns else Kind.FIXED_POINT)
-    assert (a.period, a.turns, a.rotation_number) == (1, (turns,), (turns,))
+    assert a.kind is (Kind.ROTATING if rotations else Kind.FIXED_POINT)
+    assert (a.period, a.rotations, a.rotation_number) == (1, (rotations,), (rotations,))
     assert a.points == pytest.approx(np.array([[place * turn / (2 * pi)]]), abs=1e-12 * turn)
     assert a.multipliers == pytest.approx([1 - k * cos(place)], abs=1e-11)
 
@@ -130,11 +130,11 @@ def test_rotation_on_the_circle(turns, turn):
 @pytest.mark.parametrize(("rate", "p", "q"), [(0.5, 1, 2), (-0.5, -1, 2), (1.5, 3, 2), (0.342, 1, 3), (-0.342, -1, 3)])
 def test_locked_rotation_has_a_rational_rotation_number(rate, p, q):
     (a,) = find_attractors(circle(rate, 0.95), CIRCLE)
-    assert (a.kind, a.period, a.turns) == (Kind.ROTATING, q, (p,))
+    assert (a.kind, a.period, a.rotations) == (Kind.ROTATING, q, (p,))
     assert a.rotation_number == (p / q,)
     orbit = circle(rate, 0.95).iterate(a.points, q)
     assert orbit.points == pytest.approx(a.points, abs=1e-12)
-    assert (orbit.turns == p).all()
+    assert (orbit.rotations == p).all()
 
 
 def test_rotations_of_two_angles_have_a_common_period():
@@ -143,7 +143,7 @@ def test_rotations_of_two_angles_have_a_common_period():
 
     torus_map = discrete_map(torus, {}, (angle("a"), angle("b")))
     (a,) = find_attractors(torus_map, grid_of((-pi, -pi), (pi, pi), 12))
-    assert (a.period, a.turns, a.rotation_number) == (6, (3, 2), (1 / 2, 1 / 3))
+    assert (a.period, a.rotations, a.rotation_number) == (6, (3, 2), (1 / 2, 1 / 3))
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.7, pi / 2, pi])
@@ -164,9 +164,9 @@ def pendulum():
 
     def attractors(amplitude: float, window: float):
         if (amplitude, window) not in found:
-            starts = grid_of((-pi, -window), (pi, window), 60)
+            initial_conditions = grid_of((-pi, -window), (pi, window), 60)
             found[amplitude, window] = find_attractors(
-                stroboscopic_map(systems.driven_pendulum(amplitude=amplitude)), starts
+                stroboscopic_map(systems.driven_pendulum(amplitude=amplitude)), initial_conditions
             )
         return found[amplitude, window]
 
@@ -192,7 +192,7 @@ def test_rotations_at_three_millimetres(pendulum):
     *_, plus, minus = pendulum(0.003, 500.0)
     point = np.array([2.520339579944, 1.019933227842 * W])
     for a, sign in ((plus, 1), (minus, -1)):
-        assert (a.kind, a.period, a.turns, a.rotation_number) == (Kind.ROTATING, 1, (sign, 0), (sign, 0))
+        assert (a.kind, a.period, a.rotations, a.rotation_number) == (Kind.ROTATING, 1, (sign, 0), (sign, 0))
         assert a.points[0] == pytest.approx(sign * point, rel=1e-10)
 
 
@@ -255,8 +255,8 @@ SEARCHES = {
 def search(request):
     system, window = SEARCHES[request.param]
     exact = stroboscopic_map(system)
-    starts = grid_of(*window, 24)
-    return exact, starts, window, find_attractors(exact, starts)
+    initial_conditions = grid_of(*window, 24)
+    return exact, initial_conditions, window, find_attractors(exact, initial_conditions)
 
 
 def test_no_attractor_is_found_twice(search):
@@ -272,7 +272,7 @@ def test_attractors_are_stable_periodic_orbits(search):
     exact, *_, found = search
     for a in found:
         moved = exact.iterate(a.points, a.period).unwrapped - a.points
-        assert moved == pytest.approx(np.broadcast_to(np.multiply(a.turns, [2 * pi, 0.0]), moved.shape), abs=1e-6)
+        assert moved == pytest.approx(np.broadcast_to(np.multiply(a.rotations, [2 * pi, 0.0]), moved.shape), abs=1e-6)
         step = exact(a.points)
         assert difference(step, np.roll(a.points, -1, axis=0), exact.coordinates) == pytest.approx(0.0, abs=1e-6)
         assert (np.abs(a.multipliers) < 1).all()
@@ -287,33 +287,33 @@ def test_mirror_images_stand_side_by_side(search):
     rotating = [a for a in found if a.kind is Kind.ROTATING]
     assert len(rotating) % 2 == 0
     for plus, minus in zip(rotating[::2], rotating[1::2], strict=True):
-        assert plus.turns[0] == -minus.turns[0] > 0
+        assert plus.rotations[0] == -minus.rotations[0] > 0
         apart = np.abs(difference(plus.points[:, None], -minus.points[None], exact.coordinates)).max(axis=-1)
         assert apart.min(axis=1) == pytest.approx(0.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_order_of_starts_does_not_matter(search, seed):
-    exact, starts, _, found = search
-    shuffled = np.random.default_rng(seed).permutation(starts.reshape(-1, 2))
+    exact, initial_conditions, _, found = search
+    shuffled = np.random.default_rng(seed).permutation(initial_conditions.reshape(-1, 2))
     again = find_attractors(exact, shuffled)
-    assert [(a.kind, a.period, a.turns) for a in again] == [(a.kind, a.period, a.turns) for a in found]
+    assert [(a.kind, a.period, a.rotations) for a in again] == [(a.kind, a.period, a.rotations) for a in found]
     for a, b in zip(found, again, strict=True):
         assert same_orbit(a.points, b.points)
 
 
 def test_interpolated_map_has_the_attractors_of_the_exact_one(search):
-    exact, starts, window, found = search
+    exact, initial_conditions, window, found = search
     icm = interpolated_map(exact, CellGrid(*np.multiply(window, ([1.0, 1.2],) * 2), (256, 256)), outside="integrate")
-    again = find_attractors(icm, starts)
-    assert [(a.kind, a.period, a.turns) for a in again] == [(a.kind, a.period, a.turns) for a in found]
+    again = find_attractors(icm, initial_conditions)
+    assert [(a.kind, a.period, a.rotations) for a in again] == [(a.kind, a.period, a.rotations) for a in found]
     for a, b in zip(found, again, strict=True):
         assert same_orbit(a.points, b.points)
 
 
 def test_known_attractors_are_kept(search):
-    exact, starts, _, found = search
-    again = find_attractors(exact, starts.reshape(-1, 2)[:4], known=found)
+    exact, initial_conditions, _, found = search
+    again = find_attractors(exact, initial_conditions.reshape(-1, 2)[:4], attractors=found)
     assert [a.name for a in again] == [a.name for a in found]
 
 
@@ -359,11 +359,11 @@ WEAK = {
 @pytest.mark.parametrize("name", WEAK)
 def test_weakly_attracting_cycles(name):
     system, periods, undecided = WEAK[name]
-    starts = grid_of((-2.5, -2.5), (2.5, 2.5), 6)
-    basins = find_basins(stroboscopic_map(system), starts, max_periods=600)
+    initial_conditions = grid_of((-2.5, -2.5), (2.5, 2.5), 6)
+    basins = find_basins(stroboscopic_map(system), initial_conditions, max_periods=600)
     assert [a.period for a in basins.attractors] == periods
     assert np.count_nonzero(basins.labels == Label.UNDECIDED) <= undecided
-    longer = find_basins(stroboscopic_map(system), starts, attractors=basins.attractors)
+    longer = find_basins(stroboscopic_map(system), initial_conditions, attractors=basins.attractors)
     decided = basins.labels >= 0
     assert (longer.labels >= 0).all()
     assert np.array_equal(longer.labels[decided], basins.labels[decided])
@@ -379,8 +379,10 @@ def test_no_guess_is_polished_twice(monkeypatch):
         return newton(point_map, points, periods, extent, **options)
 
     monkeypatch.setattr("cellmap.attractors.search.newton", counted)
-    starts = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
-    basins = find_basins(stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), starts, max_periods=600)
+    initial_conditions = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
+    basins = find_basins(
+        stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), initial_conditions, max_periods=600
+    )
     assert [a.period for a in basins.attractors] == [6]
     assert (basins.labels == Label.UNDECIDED).any()
     assert len(guesses) == len(set(guesses)) > 100
@@ -443,7 +445,7 @@ def test_neutral_and_unstable_points_are_not_stable(r):
 
 
 @pytest.mark.parametrize(
-    ("starts", "options", "error", "message"),
+    ("initial_conditions", "options", "error", "message"),
     [
         ([[0.1, 0.2]], {}, ValueError, "last axis must hold the 1 state variables"),
         (0.5, {}, ValueError, "last axis"),
@@ -453,9 +455,9 @@ def test_neutral_and_unstable_points_are_not_stable(r):
         ([[0.1]], {"max_periods": 10.5}, TypeError, "max_periods=10.5"),
         ([[0.1]], {"max_period": 0}, ValueError, "max_period=0"),
         ([[0.1]], {"max_period": True}, TypeError, "max_period=True"),
-        (np.empty((0, 1)), {}, ValueError, "starts"),
+        (np.empty((0, 1)), {}, ValueError, "initial_conditions"),
     ],
 )
-def test_bad_arguments(starts, options, error, message):
+def test_bad_arguments(initial_conditions, options, error, message):
     with pytest.raises(error, match=message):
-        find_attractors(logistic(2.8), starts, **options)
+        find_attractors(logistic(2.8), initial_conditions, **options)

@@ -56,15 +56,17 @@ MAPS = {
 }
 
 
-def step_by_step(point_map: PointMap, starts: np.ndarray, attractors, periods: int) -> tuple[np.ndarray, np.ndarray]:
+def step_by_step(
+    point_map: PointMap, initial_conditions: np.ndarray, attractors, periods: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Labels and times by plain iteration: the first period in which an orbit is inside an attractor's region."""
-    orbit = point_map.orbit(starts, periods)
-    labels = np.full(len(starts), Label.UNDECIDED)
+    orbit = point_map.orbit(initial_conditions, periods)
+    labels = np.full(len(initial_conditions), Label.UNDECIDED)
     labels[orbit.status[-1] == Status.ESCAPED] = Label.ESCAPED
     labels[orbit.status[-1] == Status.DIVERGED] = Label.DIVERGED
-    times = np.full(len(starts), -1)
+    times = np.full(len(initial_conditions), -1)
     covers = {k: set(map(tuple, a.cover.boxes.tolist())) for k, a in enumerate(attractors) if a.cover is not None}
-    residence = np.zeros((len(attractors), len(starts)), int)
+    residence = np.zeros((len(attractors), len(initial_conditions)), int)
     for k, points in enumerate(orbit.points):
         for owner, a in enumerate(attractors):
             if a.neighbourhood is not None:
@@ -90,8 +92,8 @@ def test_labels_and_times_are_those_of_step_by_step_iteration(name):
     point_map = make()
     basins = find_basins(point_map, grid)
     chosen = np.random.default_rng(0).choice(grid.size, 300, replace=False)
-    starts = grid.centres().reshape(-1, 2)[chosen]
-    labels, times = step_by_step(point_map, starts, basins.attractors, 400)
+    initial_conditions = grid.centres().reshape(-1, 2)[chosen]
+    labels, times = step_by_step(point_map, initial_conditions, basins.attractors, 400)
     assert np.array_equal(basins.labels.ravel()[chosen], labels)
     assert np.array_equal(basins.settling_time.ravel()[chosen], times)
     assert len(np.unique(labels)) > 1
@@ -100,8 +102,8 @@ def test_labels_and_times_are_those_of_step_by_step_iteration(name):
 def test_settling_time_of_a_linear_contraction():
     """|x| <= 1/4 is the neighbourhood of x' = x/2 on [-1/2, 1/2]: a quarter of the window."""
     halves = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
-    starts = [[0.5], [-0.5], [0.499], [-0.499], [0.249], [0.0], [0.251], [-0.3]]
-    basins = find_basins(halves, starts)
+    initial_conditions = [[0.5], [-0.5], [0.499], [-0.499], [0.249], [0.0], [0.251], [-0.3]]
+    basins = find_basins(halves, initial_conditions)
     assert basins.settling_time[2:].tolist() == [1, 1, 0, 0, 1, 1]
     assert set(basins.settling_time[:2].tolist()) <= {1, 2}  # at the edge, to rounding
 
@@ -109,14 +111,14 @@ def test_settling_time_of_a_linear_contraction():
 def test_settling_in_steps_equals_settling_at_once():
     """Continuing undecided orbits later, from an age on, gives the same labels and times."""
     point_map = pendulum(0.003)
-    starts = WIDE.centres().reshape(-1, 2)
-    catalogue = Catalogue.of(find_attractors(point_map, starts), point_map)
-    at_once = settle(point_map, Orbits.starting(starts.copy()), catalogue, 300)
-    first = settle(point_map, Orbits.starting(starts.copy()), catalogue, 20)
+    initial_conditions = WIDE.centres().reshape(-1, 2)
+    catalogue = Catalogue.of(find_attractors(point_map, initial_conditions), point_map)
+    at_once = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 300)
+    first = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 20)
     labels, times, rows = first.labels.copy(), first.times.copy(), first.undecided
     second = settle(point_map, first.orbits, catalogue, 280, age=20)
     labels[rows], times[rows] = second.labels, second.times
-    assert 0 < len(rows) < len(starts)
+    assert 0 < len(rows) < len(initial_conditions)
     assert np.array_equal(labels, at_once.labels)
     assert np.array_equal(times, at_once.times)
 
@@ -124,11 +126,11 @@ def test_settling_in_steps_equals_settling_at_once():
 @pytest.mark.parametrize("periods", [0, 1, 7, 100])
 def test_undecided_orbits_are_returned_at_their_age(periods):
     point_map = pendulum(0.003)
-    starts = WIDE.centres().reshape(-1, 2)[::7]
-    settled = settle(point_map, Orbits.starting(starts.copy()), Catalogue.of((), point_map), periods)
+    initial_conditions = WIDE.centres().reshape(-1, 2)[::7]
+    settled = settle(point_map, Orbits.starting(initial_conditions.copy()), Catalogue.of((), point_map), periods)
     assert (settled.labels == Label.UNDECIDED).all()
     assert (settled.times == -1).all()
-    assert np.array_equal(settled.orbits.points, point_map.iterate(starts, periods).points)
+    assert np.array_equal(settled.orbits.points, point_map.iterate(initial_conditions, periods).points)
 
 
 @pytest.mark.parametrize("periods", [0, 1, 7, 130])
@@ -141,10 +143,10 @@ def test_orbits_that_nothing_captures_are_labelled_by_their_ends(periods):
         exact.advance(orbits, stride)
 
     exact = henon()
-    starts = CellGrid((-2.0, -2.0), (2.0, 2.0), (20, 20)).centres().reshape(-1, 2)
+    initial_conditions = CellGrid((-2.0, -2.0), (2.0, 2.0), (20, 20)).centres().reshape(-1, 2)
     counted = replace(exact, advance=advance)
-    settled = settle(counted, Orbits.starting(starts.copy()), Catalogue.of((), exact), periods)
-    points, diverged = starts.copy(), np.zeros(len(starts), bool)
+    settled = settle(counted, Orbits.starting(initial_conditions.copy()), Catalogue.of((), exact), periods)
+    points, diverged = initial_conditions.copy(), np.zeros(len(initial_conditions), bool)
     for _ in range(periods):
         image = exact.iterate(points[~diverged], 1)
         points[~diverged] = image.points
@@ -165,8 +167,8 @@ def test_codes_of_starts_without_attractor():
 
     exact = discrete_map(drift, {}, ("x", "y"))
     icm = interpolated_map(exact, CellGrid((-1.0, -0.5), (1.0, 0.9), (20, 20)), outside="escape")
-    starts = [[0.0, 0.5], [0.0, 0.0], [0.5, -0.4]]
-    basins = find_basins(icm, starts, max_periods=20)
+    initial_conditions = [[0.0, 0.5], [0.0, 0.0], [0.5, -0.4]]
+    basins = find_basins(icm, initial_conditions, max_periods=20)
     assert basins.labels.tolist() == [Label.ESCAPED, Label.UNDECIDED, Label.ESCAPED]
     assert find_basins(exact, [[0.0, 2.0], [0.0, 0.0]], max_periods=20).labels.tolist() == [
         Label.DIVERGED,
@@ -185,17 +187,19 @@ def test_ended_orbits_have_no_settling_time():
 def test_starts_on_the_attractor_are_settled_from_the_beginning():
     point_map = pendulum(0.010)
     attractors = find_attractors(point_map, WIDE.centres())
-    starts = np.concatenate([a.points for a in attractors])
-    basins = find_basins(point_map, starts, attractors=attractors)
+    initial_conditions = np.concatenate([a.points for a in attractors])
+    basins = find_basins(point_map, initial_conditions, attractors=attractors)
     assert basins.labels.tolist() == [k for k, a in enumerate(attractors) for _ in range(a.period)]
     assert (basins.settling_time == 0).all()
 
 
 def test_starts_any_number_of_turns_away():
     point_map = pendulum(0.003)
-    starts = WIDE.centres().reshape(-1, 2)[::11]
-    turned = starts + np.array([2 * pi, 0.0]) * np.arange(-3, 4)[np.arange(len(starts)) % 7, None]
-    here, there = find_basins(point_map, starts), find_basins(point_map, turned)
+    initial_conditions = WIDE.centres().reshape(-1, 2)[::11]
+    turned = (
+        initial_conditions + np.array([2 * pi, 0.0]) * np.arange(-3, 4)[np.arange(len(initial_conditions)) % 7, None]
+    )
+    here, there = find_basins(point_map, initial_conditions), find_basins(point_map, turned)
     assert np.array_equal(here.labels, there.labels)
     assert np.array_equal(here.settling_time, there.settling_time)
 
@@ -203,8 +207,8 @@ def test_starts_any_number_of_turns_away():
 def test_ellipsoid_across_the_cut_of_the_angle():
     """The inverted pendulum rests at the cut: starts at both of its sides are inside from the beginning."""
     point_map = pendulum(0.003)
-    starts = [[pi - 0.01, 0.0], [-pi + 0.01, 0.0], [pi, 0.0], [-pi, 0.0]]
-    basins = find_basins(point_map, starts)
+    initial_conditions = [[pi - 0.01, 0.0], [-pi + 0.01, 0.0], [pi, 0.0], [-pi, 0.0]]
+    basins = find_basins(point_map, initial_conditions)
     assert basins.labels.tolist() == [0] * 4
     assert (basins.settling_time == 0).all()
     assert np.abs(basins.attractors[0].points[0, 0]) == pytest.approx(pi, abs=1e-9)
@@ -228,7 +232,7 @@ def doubtful(exact: PointMap) -> PointMap:
 def test_maps_that_are_called_from_python_have_the_same_labels(make, table):
     """What the loop asks for and what it calls by itself: labels, times and work are the same."""
     exact = make()
-    grid = WIDE if exact.coordinates[0].turn else CellGrid((-2.0, -2.0), (2.0, 2.0), (30, 30))
+    grid = WIDE if exact.coordinates[0].period else CellGrid((-2.0, -2.0), (2.0, 2.0), (30, 30))
     ours, theirs = (m if table is None else table(m) for m in (exact, in_python(exact)))
     one, other = find_basins(ours, grid), find_basins(theirs, grid)
     assert np.array_equal(one.labels, other.labels)
@@ -242,12 +246,12 @@ def test_maps_that_are_called_from_python_have_the_same_labels(make, table):
 @pytest.mark.parametrize("pool", [1, 7, 300])
 def test_labels_do_not_depend_on_the_rows_that_are_moved_together(pool, monkeypatch):
     point_map = doubtful(pendulum(0.010))
-    starts = WIDE.centres().reshape(-1, 2)[::5]
-    catalogue = Catalogue.of(find_attractors(point_map, starts), point_map)
-    whole = settle(point_map, Orbits.starting(starts.copy()), catalogue, 10)
+    initial_conditions = WIDE.centres().reshape(-1, 2)[::5]
+    catalogue = Catalogue.of(find_attractors(point_map, initial_conditions), point_map)
+    whole = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 10)
     monkeypatch.setattr("cellmap.attractors.settling.POOL", pool)
-    parts = settle(point_map, Orbits.starting(starts.copy()), catalogue, 10)
-    assert 0 < len(whole.undecided) < len(starts)
+    parts = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 10)
+    assert 0 < len(whole.undecided) < len(initial_conditions)
     assert np.array_equal(whole.labels, parts.labels)
     assert np.array_equal(whole.times, parts.times)
     assert whole.orbits.points.tobytes() == parts.orbits.points.tobytes()

@@ -99,22 +99,22 @@ def test_orbits_from_inside_converge_under_scipy(case):
     system, _, found = case
     for a in found:
         extent = np.ptp(points_inside(a, 50).reshape(-1, 2), axis=0)
-        starts = points_inside(a, max(12 // a.period, 4), seed=1).reshape(-1, 2)
+        initial_conditions = points_inside(a, max(12 // a.period, 4), seed=1).reshape(-1, 2)
         rate = -np.log(np.abs(a.multipliers[0])) / a.period
         periods = a.period * int(np.ceil(min(np.log(1e3) / rate, 120) / a.period))
-        ends = stacked_images(system, starts, periods)
+        ends = stacked_images(system, initial_conditions, periods)
         expected = max(10 * np.exp(-rate * periods), 1e-5)
         assert distance_to_orbit(a, ends, extent).max() < expected
 
 
-def stacked_images(system: ForcedSystem, starts: np.ndarray, periods: int) -> np.ndarray:
-    rhs, p, shape = rebind(system.rhs, {"sin": np.sin, "cos": np.cos}), system.parameters, starts.T.shape
+def stacked_images(system: ForcedSystem, initial_conditions: np.ndarray, periods: int) -> np.ndarray:
+    rhs, p, shape = rebind(system.rhs, {"sin": np.sin, "cos": np.cos}), system.parameters, initial_conditions.T.shape
 
     def fun(t, y):
         return np.concatenate(rhs(t, tuple(y.reshape(shape)), p))
 
     span = (0.0, periods * system.length)
-    solution = solve_ivp(fun, span, starts.T.ravel(), "DOP853", rtol=1e-8, atol=1e-8, t_eval=span[1:])
+    solution = solve_ivp(fun, span, initial_conditions.T.ravel(), "DOP853", rtol=1e-8, atol=1e-8, t_eval=span[1:])
     assert solution.success
     return solution.y[:, -1].reshape(shape).T
 
@@ -171,8 +171,8 @@ def test_neighbourhood_of_a_slow_node_in_the_plane(a):
     attractor = stable_orbit(slow, np.zeros(2), 1, extent)
     n = trapping_neighbourhood(slow, attractor, extent)
     assert n is not None
-    starts = points_inside(with_neighbourhood(attractor, n), 1000)[0]
-    ends = slow.iterate(starts, int(20 / (1 - a))).points
+    initial_conditions = points_inside(with_neighbourhood(attractor, n), 1000)[0]
+    ends = slow.iterate(initial_conditions, int(20 / (1 - a))).points
     assert np.abs(ends).max() < 1e-3
 
 
@@ -247,7 +247,7 @@ def with_neighbourhood(attractor: Attractor, neighbourhood) -> Attractor:
         attractor.kind,
         attractor.period,
         attractor.points,
-        attractor.turns,
+        attractor.rotations,
         attractor.multipliers,
         attractor.exponents,
         attractor.coordinates,

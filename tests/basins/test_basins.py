@@ -96,7 +96,7 @@ def test_counts_by_interpolated_cell_mapping(pendulum, order):
 def test_pendulum_is_verified(pendulum):
     _, basins, _, _ = pendulum
     check = basins.verify(300)
-    assert (check.starts, check.wrong, check.share, check.low, check.excluded) == (300, 0, 0.0, 0.0, 0)
+    assert (check.compared, check.wrong, check.share, check.low, check.excluded) == (300, 0, 0.0, 0.0, 0)
     assert check.high < 0.013
 
 
@@ -107,7 +107,7 @@ def test_small_rotations_at_ten_millimetres():
     icm = interpolated_map(exact, circle_grid(550.0, 256), outside="integrate")
     for basins in (direct, find_basins(icm, circle_grid(500.0, 200))):
         small = {k: a for k, a in enumerate(basins.attractors) if abs(a.rotation_number[0]) == 0.5}
-        assert sorted(a.turns for a in small.values()) == [(-1, 0), (1, 0)]
+        assert sorted(a.rotations for a in small.values()) == [(-1, 0), (1, 0)]
         assert all(a.period == 2 for a in small.values())
         assert sum(basins.fractions[k].count for k in small) == pytest.approx(10, abs=2)
         assert basins.labels.min() == 0
@@ -272,18 +272,18 @@ DETERMINISTIC = {
 def repeated(request):
     """A function that makes a map, starts, and the basins that are found on one thread."""
     make, grid = DETERMINISTIC[request.param]
-    starts = grid.centres().reshape(-1, 2)
+    initial_conditions = grid.centres().reshape(-1, 2)
     set_threads(1)
-    basins = find_basins(make(), starts, max_periods=500)
+    basins = find_basins(make(), initial_conditions, max_periods=500)
     set_threads(None)
-    return make, starts, basins
+    return make, initial_conditions, basins
 
 
 def test_bits_do_not_depend_on_threads(repeated):
-    make, starts, first = repeated
+    make, initial_conditions, first = repeated
     for threads in (2, 3):
         set_threads(threads)
-        other = find_basins(make(), starts, max_periods=500)
+        other = find_basins(make(), initial_conditions, max_periods=500)
         assert np.array_equal(other.labels, first.labels)
         assert np.array_equal(other.settling_time, first.settling_time)
         assert all(np.array_equal(a.points, b.points) for a, b in zip(other.attractors, first.attractors, strict=True))
@@ -291,9 +291,9 @@ def test_bits_do_not_depend_on_threads(repeated):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_labels_do_not_depend_on_the_order_of_starts(repeated, seed):
-    _, starts, straight = repeated
-    order = np.random.default_rng(seed).permutation(len(starts))
-    shuffled = find_basins(straight.point_map, starts[order], max_periods=500)
+    _, initial_conditions, straight = repeated
+    order = np.random.default_rng(seed).permutation(len(initial_conditions))
+    shuffled = find_basins(straight.point_map, initial_conditions[order], max_periods=500)
     assert [a.name for a in shuffled.attractors] == [a.name for a in straight.attractors]
     assert np.array_equal(shuffled.labels, straight.labels[order])
 
@@ -303,8 +303,8 @@ def test_grid_and_its_centres_have_the_same_labels():
     grid = circle_grid(500.0, 40)
     on_grid, points = find_basins(point_map, grid), find_basins(point_map, grid.centres())
     assert np.array_equal(on_grid.labels, points.labels)
-    assert (points.grid, on_grid.starts) == (None, None)
-    assert np.array_equal(points.starts, grid.centres())
+    assert (points.grid, on_grid.initial_conditions) == (None, None)
+    assert np.array_equal(points.initial_conditions, grid.centres())
     assert on_grid.grid.wraps == (True, False)
 
 
@@ -319,10 +319,10 @@ def test_known_attractors_give_the_same_labels():
 def test_starts_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():
     """Five of 40,001 starts belong to an attractor of their own, and the sample holds none of them."""
     point_map = discrete_map(tiny, {}, ("x",))
-    starts = np.linspace(-10.0, 10.0, 40_001)[:, None]
-    first = find_basins(point_map, starts)
+    initial_conditions = np.linspace(-10.0, 10.0, 40_001)[:, None]
+    first = find_basins(point_map, initial_conditions)
     assert sorted(counts(first))[0] < 10
-    again = find_basins(point_map, starts, attractors=first.attractors)
+    again = find_basins(point_map, initial_conditions, attractors=first.attractors)
     assert np.array_equal(first.labels, again.labels)
     assert np.array_equal(first.settling_time, again.settling_time)
     assert first.cost.steps < again.cost.steps + 10 * 1000
@@ -399,8 +399,8 @@ def test_repr_names_the_attractors_and_their_shares():
 
 def test_labels_are_small_integers_in_the_shape_of_the_starts():
     for shape in ((), (1,), (3, 4), (2, 1, 5)):
-        starts = np.random.default_rng(0).uniform(-1, 1, (*shape, 1))
-        basins = find_basins(LINE, starts)
+        initial_conditions = np.random.default_rng(0).uniform(-1, 1, (*shape, 1))
+        basins = find_basins(LINE, initial_conditions)
         assert basins.labels.shape == basins.settling_time.shape == shape
         assert basins.labels.dtype == np.int16
 
@@ -473,9 +473,11 @@ def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():
     left = window.centres()[..., 0] < 0.0
     assert Label.ESCAPED not in kept.labels
     assert np.array_equal(lost.labels == Label.ESCAPED, left)
-    for basins, starts in ((kept, np.ones_like(left)), (lost, ~left)):
+    for basins, initial_conditions in ((kept, np.ones_like(left)), (lost, ~left)):
         places = np.array([a.points[0, 0] for a in basins.attractors])
-        assert places[basins.labels[starts]] == pytest.approx(np.where(left, -0.957504, 0.957504)[starts], abs=1e-6)
+        assert places[basins.labels[initial_conditions]] == pytest.approx(
+            np.where(left, -0.957504, 0.957504)[initial_conditions], abs=1e-6
+        )
     assert np.array_equal(certify(kept).basins.labels, kept.labels)
 
 
@@ -550,7 +552,7 @@ def test_verify_finds_wrong_labels():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 50))
     spoilt = planted(basins, 250, 1)
     check = spoilt.verify(1000)
-    assert check.wrong == round(check.share * check.starts)
+    assert check.wrong == round(check.share * check.compared)
     assert check.low < 0.1 < check.high
     assert check.share == pytest.approx(0.1, abs=0.03)
     assert basins.verify(1000).wrong == 0
@@ -561,7 +563,7 @@ def test_verify_counts_exactly_what_is_planted():
     basins = find_basins(LINE, CellGrid((-1.0,), (1.0,), (50,)))
     spoilt = replace(basins, labels=np.zeros_like(basins.labels))
     drawn = np.random.default_rng(5).integers(0, 50, 400)
-    assert spoilt.verify(400, seed=5).wrong == np.count_nonzero(basins.labels[drawn] != 0)
+    assert spoilt.verify(400, rng=5).wrong == np.count_nonzero(basins.labels[drawn] != 0)
 
 
 @pytest.mark.parametrize(("n", "wrong"), [(10, 0), (10, 10), (200, 3), (400, 200), (1, 0)])
@@ -585,7 +587,7 @@ def test_undecided_starts_are_never_right():
     basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
     assert (basins.labels == Label.UNDECIDED).all()
     check = basins.verify(80)
-    assert (check.starts, check.wrong, check.undecided) == (0, 0, 80)
+    assert (check.compared, check.wrong, check.undecided) == (0, 0, 80)
     assert (check.low, check.high) == (0.0, 1.0)
 
 
@@ -601,7 +603,7 @@ def test_undecided_starts_reach_from_right_to_wrong():
 def test_verify_is_reproducible():
     basins = planted(find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 30)), 90, 0)
     assert basins.verify(100) == basins.verify(100)
-    assert basins.verify(100) != basins.verify(100, seed=1)
+    assert basins.verify(100) != basins.verify(100, rng=1)
 
 
 def test_verify_leaves_out_what_has_no_answer():
@@ -609,7 +611,7 @@ def test_verify_leaves_out_what_has_no_answer():
     icm = interpolated_map(exact, circle_grid(100.0, 64), outside="escape")
     basins = find_basins(icm, circle_grid(100.0, 40))
     check = basins.verify(500)
-    assert check.starts + check.excluded == 500
+    assert check.compared + check.excluded == 500
     assert check.excluded / 500 == pytest.approx(basins.fractions[Label.ESCAPED].share, abs=0.05)
     assert check.wrong == 0
 
@@ -676,17 +678,17 @@ STROBE = stroboscopic_map(systems.driven_pendulum())
     [
         ((None, [[0.0, 0.0]]), TypeError, "point_map=None: give a PointMap"),
         ((systems.driven_pendulum(), [[0.0, 0.0]]), TypeError, "give a PointMap"),
-        ((STROBE, CellGrid((0.0,), (1.0,), (4,))), ValueError, "starts has 1 axes and the system 2"),
+        ((STROBE, CellGrid((0.0,), (1.0,), (4,))), ValueError, "initial_conditions has 1 axes and the system 2"),
         ((STROBE, CellGrid((0.0, 0.0), (7.0, 1.0), (4, 4))), ValueError, "more than one period"),
         ((STROBE, [[0.0]]), ValueError, "last axis must hold the 2 state variables"),
         ((STROBE, [0.0, 0.0, 0.0]), ValueError, "last axis"),
         ((STROBE, 1.0), ValueError, "last axis"),
-        ((STROBE, np.empty((0, 2))), ValueError, "starts is empty"),
+        ((STROBE, np.empty((0, 2))), ValueError, "initial_conditions is empty"),
         ((STROBE, [[0.0, np.nan]]), ValueError, "remove points that are not finite"),
         ((STROBE, [[np.inf, 0.0]]), ValueError, "remove points that are not finite"),
         ((STROBE, [["a", "b"]]), TypeError, "real numbers"),
         ((STROBE, [[1j, 0.0]]), TypeError, "real numbers"),
-        ((STROBE, None), (TypeError, ValueError), "starts"),
+        ((STROBE, None), (TypeError, ValueError), "initial_conditions"),
         ((STROBE, [[0.0, 0.0]], 0), ValueError, "max_periods=0"),
         ((STROBE, [[0.0, 0.0]], -5), ValueError, "max_periods=-5"),
         ((STROBE, [[0.0, 0.0]], 1e3), TypeError, "max_periods=1000.0: give a whole number"),
@@ -709,7 +711,7 @@ def test_known_attractors_of_another_system():
 
 @pytest.mark.parametrize("n", [0, -1, 2.5, "many"])
 def test_bad_number_of_starts_to_verify(n):
-    with pytest.raises((TypeError, ValueError), match="n="):
+    with pytest.raises((TypeError, ValueError), match="n_samples="):
         find_basins(LINE, [[0.5]]).verify(n)
 
 
@@ -720,10 +722,10 @@ def test_basins_without_their_map_cannot_be_verified():
 
 
 def test_starts_are_copied():
-    starts = np.array([[0.5], [-0.5]])
-    basins = find_basins(LINE, starts)
-    starts[:] = np.nan
-    assert np.isfinite(basins.starts).all()
+    initial_conditions = np.array([[0.5], [-0.5]])
+    basins = find_basins(LINE, initial_conditions)
+    initial_conditions[:] = np.nan
+    assert np.isfinite(basins.initial_conditions).all()
 
 
 @pytest.fixture(scope="module")

@@ -117,10 +117,10 @@ def test_orbits_that_leave_the_window():
 
 def labels_within(basins):
     """Labels of the exact map with the window of the table, by iteration alone."""
-    exact, starts = basins.point_map.exact, basins.grid.centres().reshape(-1, basins.grid.dimension)
+    exact, initial_conditions = basins.point_map.exact, basins.grid.centres().reshape(-1, basins.grid.dimension)
     windowed = within(basins.point_map.table.grid, exact)
     catalogue = Catalogue.of(basins.attractors, exact)
-    settled = settle(windowed, Orbits.starting(starts), catalogue, basins.settings["max_periods"])
+    settled = settle(windowed, Orbits.starting(initial_conditions), catalogue, basins.settings["max_periods"])
     return settled.labels.reshape(basins.labels.shape)
 
 
@@ -251,9 +251,9 @@ def test_given_starts_and_three_dimensions():
 
     exact = discrete_map(contraction, {}, ("x", "y", "z"))
     icm = interpolated_map(exact, CellGrid((-1.6,) * 3, (1.6,) * 3, (24,) * 3), order=3)
-    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (5, 400, 3))
-    certificate = certify(find_basins(icm, starts), audit=50)
-    np.testing.assert_array_equal(certificate.basins.labels, (starts[..., 0] < 0).astype(int))
+    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (5, 400, 3))
+    certificate = certify(find_basins(icm, initial_conditions), audit=50)
+    np.testing.assert_array_equal(certificate.basins.labels, (initial_conditions[..., 0] < 0).astype(int))
 
 
 def test_same_bits_for_any_number_of_threads(fractal):

@@ -82,7 +82,7 @@ CASES: dict[str, Callable[..., Basins]] = {
             discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
             CellGrid((-1, -1), (1, 1), (60, 60)),
             outside="escape",
-            leap=8,
+            max_step=8,
         ),
         CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130)),
         520,
@@ -599,8 +599,11 @@ CHANGES: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "limit": ("max_periods=2000", lambda path: find_basins(DUFFING, WINDOW, 1999, checkpoint=path)),
     "longest period": ("max_period=32", lambda path: find_basins(DUFFING, WINDOW, max_period=5, checkpoint=path)),
     "parameter": ("params=", lambda path: find_basins(DUFFING.with_params(gamma=0.11), WINDOW, checkpoint=path)),
-    "grid": ("starts=", lambda path: find_basins(DUFFING, CellGrid((-2, -2), (2, 2), (9, 9)), checkpoint=path)),
-    "starts": ("starts=", lambda path: find_basins(DUFFING, [[0.1, 0.2]], checkpoint=path)),
+    "grid": (
+        "initial_conditions=",
+        lambda path: find_basins(DUFFING, CellGrid((-2, -2), (2, 2), (9, 9)), checkpoint=path),
+    ),
+    "initial_conditions": ("initial_conditions=", lambda path: find_basins(DUFFING, [[0.1, 0.2]], checkpoint=path)),
     "tolerance": (
         "map=",
         lambda path: find_basins(

@@ -60,7 +60,7 @@ def test_right_hand_sides_of_methods(method, stages):
 
 def test_leaps_take_fewer_look_ups():
     exact = discrete_map(lambda x, p: (0.995 * x[0] - 0.001 * x[0] ** 3, 0.99 * x[1]), {}, ("x", "y"))
-    costs = [find_basins(interpolated_map(exact, TABLE, leap=leap), STARTS).cost for leap in (1, 8)]
+    costs = [find_basins(interpolated_map(exact, TABLE, max_step=leap), STARTS).cost for leap in (1, 8)]
     assert costs[1].look_ups < costs[0].look_ups
 
 

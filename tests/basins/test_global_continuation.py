@@ -87,8 +87,8 @@ def test_small_basin_is_not_lost(pendulum):
 
 def test_labels_keep_their_rotation_numbers(pendulum):
     for found in pendulum.attractors:
-        for label, turns in ((0, 0), (1, 0), (2, 1), (3, -1)):
-            assert label not in found or found[label].turns == (turns, 0)
+        for label, rotations in ((0, 0), (1, 0), (2, 1), (3, -1)):
+            assert label not in found or found[label].rotations == (rotations, 0)
 
 
 def test_mirror_images_have_equal_basins(pendulum):
@@ -105,8 +105,8 @@ def test_counts_of_the_reference_grid():
 
 
 def test_random_sample_of_the_pendulum():
-    starts = np.random.default_rng(0).uniform(*WINDOW, (4000, 2))
-    sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], starts)
+    initial_conditions = np.random.default_rng(0).uniform(*WINDOW, (4000, 2))
+    sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], initial_conditions)
     order = [sweep.labels.index(k) for k in (0, 3, 1, 2)]  # the inverted state comes last here
     expected = REFERENCE / REFERENCE.sum()
     assert (np.abs(sweep.fractions[1, order] - expected) < 4 * sweep.standard_errors[1, order]).all()
@@ -163,10 +163,12 @@ def test_cascade_to_chaos_is_one_attractor():
     assert len(sweep.attractors[-1][0].points) <= 1024
 
 
-def fixed(*points, turns=0, period=None):
+def fixed(*points, rotations=0, period=None):
     places = np.array(points, dtype=float)[:, None]
-    kind = Kind.ROTATING if turns else Kind.PERIODIC
-    return Attractor(kind, period or len(places), places, (turns,), np.zeros(1, complex), np.zeros(1), (angle("a"),))
+    kind = Kind.ROTATING if rotations else Kind.PERIODIC
+    return Attractor(
+        kind, period or len(places), places, (rotations,), np.zeros(1, complex), np.zeros(1), (angle("a"),)
+    )
 
 
 def test_distances_go_round_the_circle():
@@ -186,14 +188,14 @@ def test_matching_takes_the_least_sum():
 
 
 def test_matching_prefers_the_same_rotation_number():
-    known = {0: fixed(0.0, turns=1), 1: fixed(0.3)}
-    assert match_attractors([fixed(0.12), fixed(0.18, turns=1)], known, np.ones(1), 0.5) == {0: 1, 1: 0}
-    assert match_attractors([fixed(0.3, turns=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {}
-    assert match_attractors([fixed(0.2, turns=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {0: 0}
+    known = {0: fixed(0.0, rotations=1), 1: fixed(0.3)}
+    assert match_attractors([fixed(0.12), fixed(0.18, rotations=1)], known, np.ones(1), 0.5) == {0: 1, 1: 0}
+    assert match_attractors([fixed(0.3, rotations=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {}
+    assert match_attractors([fixed(0.2, rotations=1)], {0: fixed(0.0)}, np.ones(1), 0.5) == {0: 0}
 
 
 def test_matching_may_refuse_unlike_attractors():
-    near, other = fixed(0.0, turns=1), fixed(0.0)
+    near, other = fixed(0.0, rotations=1), fixed(0.0)
     assert match_attractors([near], {0: other}, np.ones(1), 0.5) == {0: 0}
     assert match_attractors([near], {0: other}, np.ones(1), 0.5, unlike=np.inf) == {}
 
@@ -224,8 +226,8 @@ def test_undecided_starts_are_counted():
     def circle(x, p):
         return (x[0] + 2 * pi * p.rate - 0.5 * sin(x[0]),)
 
-    maps, starts = discrete_map(circle, {"rate": 0.0}, (angle("a"),)), CellGrid((-pi,), (pi,), (40,))
-    sweep = continue_basins(maps, "rate", [0.03, (3 - sqrt(5)) / 2], starts, max_periods=200)
+    maps, initial_conditions = discrete_map(circle, {"rate": 0.0}, (angle("a"),)), CellGrid((-pi,), (pi,), (40,))
+    sweep = continue_basins(maps, "rate", [0.03, (3 - sqrt(5)) / 2], initial_conditions, max_periods=200)
     assert sweep.labels == (0, Label.UNDECIDED)
     assert sweep.counts.tolist() == [[40, 0], [0, 40]]
 
@@ -297,9 +299,9 @@ def test_interruption_at_the_first_value(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"name": "d"}, "other parameters"),
-        ({"starts": CellGrid((-2.0,), (2.0,), (99,))}, "other starts"),
-        ({"starts": [[0.1]]}, "other starts"),
+        ({"parameter": "d"}, "other parameters"),
+        ({"initial_conditions": CellGrid((-2.0,), (2.0,), (99,))}, "other initial_conditions"),
+        ({"initial_conditions": [[0.1]]}, "other initial_conditions"),
         ({"max_periods": 7}, "other settings"),
         ({"values": SWEEP[1:]}, "other values"),
         ({"values": SWEEP[:5]}, "other values"),
@@ -310,7 +312,13 @@ def test_interruption_at_the_first_value(monkeypatch):
 def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
     maps = discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "tilted wells")
     fitting = replace(tilted_sweep, params={"d": 0.0})
-    arguments = {"point_map": maps, "name": "c", "values": SWEEP, "starts": LINE, "resume": fitting} | change
+    arguments = {
+        "point_map": maps,
+        "parameter": "c",
+        "values": SWEEP,
+        "initial_conditions": LINE,
+        "resume": fitting,
+    } | change
     with pytest.raises((TypeError, ValueError), match=message):
         continue_basins(**arguments)
 
@@ -319,20 +327,20 @@ def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
     ("change", "message"),
     [
         ({"point_map": 3}, "point_map=3"),
-        ({"name": "b"}, "'b'"),
+        ({"parameter": "b"}, "'b'"),
         ({"values": [0.0, 1.0, 0.5]}, "values goes up and down"),
         ({"values": 0.5}, "give a list of at least one value"),
-        ({"starts": np.empty((0, 1))}, "starts is empty"),
-        ({"starts": [0.1, 0.2]}, "starts has shape"),
-        ({"starts": CellGrid((0, 0), (1, 1), (2, 2))}, "starts has 2 axes"),
+        ({"initial_conditions": np.empty((0, 1))}, "initial_conditions is empty"),
+        ({"initial_conditions": [0.1, 0.2]}, "initial_conditions has shape"),
+        ({"initial_conditions": CellGrid((0, 0), (1, 1), (2, 2))}, "initial_conditions has 2 axes"),
         ({"max_periods": 0}, "max_periods=0"),
         ({"max_period": 0}, "max_period=0"),
         ({"threshold": 0.0}, "threshold=0.0"),
-        ({"starts": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer initial conditions"),
+        ({"initial_conditions": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer initial conditions"),
     ],
 )
 def test_bad_arguments_are_named(change, message):
-    arguments = {"point_map": TILTED, "name": "c", "values": [0.0, 0.1], "starts": LINE} | change
+    arguments = {"point_map": TILTED, "parameter": "c", "values": [0.0, 0.1], "initial_conditions": LINE} | change
     with pytest.raises((TypeError, ValueError, MemoryError), match=message):
         continue_basins(**arguments)
 

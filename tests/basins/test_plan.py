@@ -37,9 +37,9 @@ def table_probe(order, constant=1.0, periods=50.0, falls=None, **changes):
     return TableProbe(order=order, cells=cells, errors=errors, raw=errors, **known)
 
 
-def measurements(starts=250_000, periods=50.0, falls=None, **changes):
+def measurements(initial_conditions=250_000, periods=50.0, falls=None, **changes):
     known = {
-        "starts": starts,
+        "initial_conditions": initial_conditions,
         "periods": periods,
         "window": SQUARE,
         "threads": 2,
@@ -106,7 +106,9 @@ def test_fallback_falls_and_ends():
 
 def test_a_table_serves_many_periods_and_the_integrator_few():
     assert chosen(measurements(periods=100.0)).kind == "table"
-    few = measurements(starts=500, periods=1.0, tables=tuple(table_probe(o, periods=1.0) for o in (1, 3, 5)))
+    few = measurements(
+        initial_conditions=500, periods=1.0, tables=tuple(table_probe(o, periods=1.0) for o in (1, 3, 5))
+    )
     assert chosen(few, 1e-9).kind == "direct"
 
 
@@ -146,10 +148,10 @@ def test_the_tolerance_is_the_measured_one():
 
 
 @pytest.mark.parametrize("falls", [None, 1.0, 0.0])
-@pytest.mark.parametrize("starts", [100, 10**4, 10**6])
+@pytest.mark.parametrize("initial_conditions", [100, 10**4, 10**6])
 @pytest.mark.parametrize("periods", [1.0, 30.0, 1000.0])
-def test_stricter_is_never_cheaper(falls, starts, periods):
-    measured = measurements(starts=starts, periods=periods, falls=falls)
+def test_stricter_is_never_cheaper(falls, initial_conditions, periods):
+    measured = measurements(initial_conditions=initial_conditions, periods=periods, falls=falls)
     options = options_of(measured)
     for better, worse in itertools.pairwise(options):
         if better.family == worse.family and better.obstacle == worse.obstacle:
@@ -163,13 +165,13 @@ def test_stricter_is_never_cheaper(falls, starts, periods):
 
 def test_memory_closes_ways_and_says_so():
     needed = 2 * table_memory(CellGrid((-1, -1), (1, 1), (64, 64)), 5)
-    measured = measurements(starts=10_000, free=needed)
+    measured = measurements(initial_conditions=10_000, free=needed)
     closed = [o for o in options_of(measured) if o.obstacle]
     assert closed
     assert all(o.memory > needed and "of memory" in o.obstacle for o in closed)
     assert not chosen(measured, 1e-10).obstacle
     with pytest.raises(MemoryError, match="take fewer initial conditions"):
-        choose(options_of(measurements(starts=10_000, free=100)), 1e-6)
+        choose(options_of(measurements(initial_conditions=10_000, free=100)), 1e-6)
 
 
 def test_tables_grow_to_the_first_that_memory_cannot_hold():
@@ -299,7 +301,7 @@ def test_the_window_holds_the_orbits():
     assert window.lower[1] < -1.4 and window.upper[1] > 1.4
     assert planned.measurements.outside < 0.01
     given = CellGrid((-2, -3), (2, 3), (2, 3))
-    assert plan(swings, planned.job.grid, 1e-6, periods=4, window=given).measurements.window.upper == (2.0, 3.0)
+    assert plan(swings, planned.job.grid, 1e-6, periods=4, region=given).measurements.window.upper == (2.0, 3.0)
 
 
 def test_an_accuracy_out_of_reach_is_warned_of():
@@ -319,8 +321,8 @@ def test_arguments_are_checked():
         plan(interpolated_map(exact, grid), grid)
     with pytest.raises(TypeError, match="grid="):
         plan(exact, (50,))
-    with pytest.raises(TypeError, match="window="):
-        plan(exact, grid, window=(-1, 1))
+    with pytest.raises(TypeError, match="region="):
+        plan(exact, grid, region=(-1, 1))
     with pytest.raises(ValueError, match="accuracy=0"):
         plan(exact, grid, accuracy=0)
     with pytest.raises(ValueError, match="periods=0"):

@@ -112,7 +112,7 @@ def matched_labels(exact: Basins, table: Basins) -> tuple[np.ndarray, np.ndarray
     for k, b in enumerate(table.attractors):
         for j, a in enumerate(exact.attractors):
             apart = np.abs(difference(a.points[:, None], b.points[:1], a.coordinates) / extent).max(axis=-1).min()
-            if a.kind is b.kind and a.turns == b.turns and apart < (0.05 if a.kind is Kind.CHAOTIC else 1e-4):
+            if a.kind is b.kind and a.rotations == b.rotations and apart < (0.05 if a.kind is Kind.CHAOTIC else 1e-4):
                 numbers[k - codes[0]] = j
                 break
     return exact.labels.ravel(), numbers[table.labels.ravel() - codes[0]]

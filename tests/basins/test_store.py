@@ -52,7 +52,7 @@ CASES = {
     ),
     "table, escaped": lambda: find_basins(table(outside="escape"), GRID),
     "table, tolerance": lambda: find_basins(table(order=3, outside="integrate", tolerance=0.1), GRID),
-    "starts": lambda: find_basins(pendulum(), np.random.default_rng(0).uniform(-3, 3, (5, 4, 2))),
+    "initial_conditions": lambda: find_basins(pendulum(), np.random.default_rng(0).uniform(-3, 3, (5, 4, 2))),
     "one start": lambda: find_basins(pendulum(), [0.1, 0.2]),
     "chaotic and diverged": lambda: find_basins(systems.henon_map(), CellGrid((-2, -2), (2, 2), (30, 30))),
     "undecided": lambda: find_basins(pendulum(damping=0.0), [[0.1, 1.0], [1.0, 2.0]], max_periods=3),
@@ -144,9 +144,9 @@ def test_stored_twice_gives_the_same_again(stored, tmp_path):
 
 @pytest.mark.parametrize("kind", [str, Path])
 def test_paths_of_any_kind(kind, made, tmp_path):
-    path = save_basins(made["starts"], kind(tmp_path / "with blanks and ü.h5"))
+    path = save_basins(made["initial_conditions"], kind(tmp_path / "with blanks and ü.h5"))
     assert isinstance(path, Path)
-    assert_same(made["starts"], load_basins(kind(path)))
+    assert_same(made["initial_conditions"], load_basins(kind(path)))
 
 
 def test_labels_of_every_number_survive(made, tmp_path):
@@ -242,13 +242,13 @@ def test_folder_in_the_place_of_a_file(tmp_path, made):
     with pytest.raises((FileNotFoundError, IsADirectoryError, StoreError), match=r"path=|is a folder"):
         load_basins(tmp_path)
     with pytest.raises(OSError):
-        save_basins(made["starts"], tmp_path)
+        save_basins(made["initial_conditions"], tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_missing_folder(made, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no folder .*nowhere.*; make it first"):
-        save_basins(made["starts"], tmp_path / "nowhere" / "b.h5")
+        save_basins(made["initial_conditions"], tmp_path / "nowhere" / "b.h5")
 
 
 def test_text_file(tmp_path):
@@ -392,7 +392,7 @@ def test_a_file_that_was_changed_on_purpose(stored, tmp_path):
 
 
 def test_names_of_pictures(made, tmp_path):
-    path = save_basins({"a": made["starts"], "b": made["grid"]}, tmp_path / "two.h5")
+    path = save_basins({"a": made["initial_conditions"], "b": made["grid"]}, tmp_path / "two.h5")
     with pytest.raises(KeyError, match=r"two\.h5.* holds a, b; name one of them"):
         load_basins(path)
     with pytest.raises(KeyError, match="name='c'"):
@@ -428,7 +428,7 @@ class Interruption(Exception):
 def test_interrupted_write_leaves_everything_as_it_was(made, tmp_path, monkeypatch, error, writes, older):
     path = tmp_path / "b.h5"
     if older:
-        save_basins(made["starts"], path)
+        save_basins(made["initial_conditions"], path)
     before = path.read_bytes() if older else None
     original, left = h5py.Group.create_dataset, writes
 
@@ -454,44 +454,54 @@ def test_failing_move_leaves_no_temporary(made, tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "replace", failing)
     with pytest.raises(PermissionError):
-        save_basins(made["starts"], tmp_path / "b.h5")
+        save_basins(made["initial_conditions"], tmp_path / "b.h5")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_newer_file_replaces_the_older(made, tmp_path):
-    path = save_basins(made["starts"], tmp_path / "b.h5")
+    path = save_basins(made["initial_conditions"], tmp_path / "b.h5")
     save_basins(made["grid"], path)
     assert_same(made["grid"], load_basins(path))
     assert [p.name for p in tmp_path.iterdir()] == ["b.h5"]
 
 
 def test_readers_of_the_older_file_are_not_disturbed(made, tmp_path):
-    path = save_basins(made["starts"], tmp_path / "b.h5")
+    path = save_basins(made["initial_conditions"], tmp_path / "b.h5")
     with h5py.File(path, "r") as reader:
         save_basins(made["grid"], path)
         (picture,) = reader.values()
-        assert np.array_equal(picture["labels"][()], made["starts"].labels)
+        assert np.array_equal(picture["labels"][()], made["initial_conditions"].labels)
     assert_same(made["grid"], load_basins(path))
 
 
 def test_file_has_ordinary_permissions(made, tmp_path):
-    path = save_basins(made["starts"], tmp_path / "b.h5")
+    path = save_basins(made["initial_conditions"], tmp_path / "b.h5")
     (tmp_path / "plain").touch()
     assert path.stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 def test_store_does_not_depend_on_the_folder_it_is_run_in(made, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = save_basins(made["starts"], "b.h5")
-    assert_same(made["starts"], load_basins(path))
+    path = save_basins(made["initial_conditions"], "b.h5")
+    assert_same(made["initial_conditions"], load_basins(path))
 
 
 def test_records_that_are_stored_are_known_to_this_test():
     """A new field must be added to the store, and then here."""
     assert {f.name for f in fields(Basins)} == {
-        *("labels", "attractors", "settling_time", "grid", "starts", "name", "params", "coordinates", "settings"),
+        *(
+            "labels",
+            "attractors",
+            "settling_time",
+            "grid",
+            "initial_conditions",
+            "name",
+            "params",
+            "coordinates",
+            "settings",
+        ),
         *("inaccurate", "undecided", "cost", "point_map"),
     }
     assert {f.name for f in fields(Attractor)} == {
-        *("kind", "period", "points", "turns", "multipliers", "exponents", "coordinates", "neighbourhood", "cover"),
+        *("kind", "period", "points", "rotations", "multipliers", "exponents", "coordinates", "neighbourhood", "cover"),
     }

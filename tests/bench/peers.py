@@ -70,7 +70,7 @@ def ours(tolerance: float, method: str = "auto") -> Callable[[Points], Points]:
     """Return cellmap's exact map."""
     exact = cellmap.stroboscopic_map(pendulum(), rtol=tolerance, atol=tolerance, method=method)
     exact.iterate(np.zeros((64, 2)), 1)
-    return lambda starts: exact.iterate(starts, 1).unwrapped
+    return lambda initial_conditions: exact.iterate(initial_conditions, 1).unwrapped
 
 
 def heyoka_batches(tolerance: float, periods: int = 1, equation: Sequence[float] = (0.08, 0.545, 0.1)) -> Map:
@@ -107,7 +107,7 @@ def pynamicalsys_loop(tolerance: float) -> Callable[[Points], Points]:
     system = ContinuousDynamicalSystem(equations_of_motion=field, system_dimension=2, number_of_parameters=0)
     system.integrator("rk45", atol=np.float64(tolerance), rtol=np.float64(tolerance))
 
-    def run(starts: Points) -> Points:
-        return np.array([system.evolve_system(start, PERIOD) for start in starts])
+    def run(initial_conditions: Points) -> Points:
+        return np.array([system.evolve_system(start, PERIOD) for start in initial_conditions])
 
     return run

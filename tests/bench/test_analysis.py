@@ -51,15 +51,15 @@ def test_uncertainty_exponent(say: Callable[[str], None]) -> None:
                 f"{seconds / by_table:.1f} times that by table"
             )
         if "vertically" in name:
-            starts = region.centres().reshape(-1, 2)[:: region.size // 10_000]
+            initial_conditions = region.centres().reshape(-1, 2)[:: region.size // 10_000]
             peer = scipy_stacked(1e-9)
             began = time.process_time()
-            peer(starts)
-            each = (time.process_time() - began) / len(starts)
+            peer(initial_conditions)
+            each = (time.process_time() - began) / len(initial_conditions)
             seconds = each * 2e6 * basins.cost.steps / basins.labels.size
             say(f"  SciPy's DOP853 at 1e-9, 10^4 starts as one system: {seconds / by_table:.0f} times (extrapolated)")
         began = time.perf_counter()
-        many = uncertainty_exponent(basins, pairs=1_000_000, uncertain=4000)
+        many = uncertainty_exponent(basins, max_pairs=1_000_000, min_uncertain=4000)
         say(f"  {many.pairs.sum():,} pairs by table on {cellmap.thread_count()} threads: {many.cost.seconds:.1f} s")
 
 
@@ -98,7 +98,7 @@ def test_box_counting(say: Callable[[str], None], one_thread: None) -> None:
         image = label_image(labels, (), None)
         ours = best_time(lambda: count_boxes(boundary_boxes(image), image.wraps, sizes, (0, 0)), rounds=5)  # noqa: B023
         naive = best_time(lambda: naive_box_counts(labels, sizes), rounds=1)  # noqa: B023
-        whole = best_time(lambda: boundary_dimension(labels, offsets=1), rounds=3)  # noqa: B023
+        whole = best_time(lambda: boundary_dimension(labels, n_offsets=1), rounds=3)  # noqa: B023
         say(
             f"box counting of 4096 x 4096 labels ({name}): {1e3 * ours:.1f} ms, {ours / naive:.4f} of the time of "
             f"numpy.unique ({naive:.2f} s); with checks, saturation and fit {1e3 * whole:.0f} ms, {whole / naive:.4f}"

@@ -24,9 +24,9 @@ def million_periods(system: ForcedSystem, rates: float) -> float:
     exact = stroboscopic_map(system)
     half = system.dimension // 2
     span = np.array([pi] * half + [rates] * half)
-    starts = np.random.default_rng(0).uniform(-span, span, (SIDE * SIDE, system.dimension))
-    exact(starts[:1000])
-    return best_time(lambda: exact(starts), rounds=3)
+    initial_conditions = np.random.default_rng(0).uniform(-span, span, (SIDE * SIDE, system.dimension))
+    exact(initial_conditions[:1000])
+    return best_time(lambda: exact(initial_conditions), rounds=3)
 
 
 def test_stability_maps(say: Callable[[str], None]) -> None:
@@ -65,9 +65,9 @@ def test_a_branch_of_a_thousand_points(say: Callable[[str], None]) -> None:
     ):
         exact = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
         orbit = periodic_orbit(exact, guess)
-        continue_orbit(exact, orbit, "amplitude", 2e-3, 12e-3, points=3)
+        continue_orbit(exact, orbit, "amplitude", 2e-3, 12e-3, max_points=3)
         began = time.perf_counter()
-        branch = continue_orbit(exact, orbit, "amplitude", 2e-3, 12e-3, step=5e-4, points=1000)
+        branch = continue_orbit(exact, orbit, "amplitude", 2e-3, 12e-3, step=5e-4, max_points=1000)
         seconds = time.perf_counter() - began
         say(f"{system.name}: branch of {len(branch.values)} points {seconds:.2f} s")
 
@@ -84,10 +84,10 @@ def test_flipping_modes(say: Callable[[str], None]) -> None:
     exact(np.zeros((100, 4)))
     angles = -pi + (np.arange(SIDE) + 0.5) * (2.0 * pi / SIDE)
     first, second = np.meshgrid(angles, angles, indexing="ij")
-    starts = np.stack([first, second, np.zeros_like(first), np.zeros_like(first)], axis=-1)
-    find_basins(exact, starts[::50, ::50])
+    initial_conditions = np.stack([first, second, np.zeros_like(first), np.zeros_like(first)], axis=-1)
+    find_basins(exact, initial_conditions[::50, ::50])
     began = time.perf_counter()
-    basins = find_basins(exact, starts)
+    basins = find_basins(exact, initial_conditions)
     seconds = time.perf_counter() - began
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     counts = " / ".join(str(f.count) for f in basins.fractions.values())

@@ -56,11 +56,11 @@ def test_ratio_to_heyoka(say, one_thread, reference):
 )
 def test_ratio_to_others(say, one_thread, reference, peer, module, count, tolerances):
     pytest.importorskip(module)
-    starts, mine = STARTS[:count], ours(4e-9)
+    initial_conditions, mine = STARTS[:count], ours(4e-9)
     seconds = best_time(lambda: mine(STARTS)) / len(STARTS)
     own_error = np.abs(mine(STARTS) - reference).max()
     for tolerance in tolerances:
         step = peer(tolerance)
-        error = np.abs(step(starts) - reference[:count]).max()
-        ratio = best_time(lambda run=step: run(starts), rounds=2) / count / seconds
+        error = np.abs(step(initial_conditions) - reference[:count]).max()
+        ratio = best_time(lambda run=step: run(initial_conditions), rounds=2) / count / seconds
         say(f"{module} {tolerance:g}: largest error {error:.1e}; cellmap at {own_error:.1e}: {ratio:.1f} times as fast")

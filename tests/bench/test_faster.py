@@ -41,29 +41,31 @@ def windows() -> Iterator[tuple[str, ForcedSystem, CellGrid]]:
 
 def table(point_map: PointMap, window: CellGrid, cells: int, order: int = 5, leap: int = 1) -> PointMap:
     """Tabulate 1.3 times the window along what is not an angle."""
-    wider = [1.0 if c.turn else 1.3 for c in point_map.coordinates]
+    wider = [1.0 if c.period else 1.3 for c in point_map.coordinates]
     nodes = CellGrid(tuple(np.multiply(window.lower, wider)), tuple(np.multiply(window.upper, wider)), (cells, cells))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return interpolated_map(point_map, nodes, order, "integrate", leap=leap)
+        return interpolated_map(point_map, nodes, order, "integrate", max_step=leap)
 
 
-def iterations(maps: Sequence[PointMap], starts: NDArray[np.float64], periods: int) -> list[Callable[[], object]]:
+def iterations(
+    maps: Sequence[PointMap], initial_conditions: NDArray[np.float64], periods: int
+) -> list[Callable[[], object]]:
     """Return the work of iterating starts by each map."""
-    return [partial(icm.iterate, starts, periods) for icm in maps]
+    return [partial(icm.iterate, initial_conditions, periods) for icm in maps]
 
 
 def test_cost_of_a_look_up(say: Say) -> None:
     """Per start and period on one thread, in turns so that all see one load."""
     _, system, window = list(windows())[1]
     point_map = stroboscopic_map(system)
-    starts = window.centres().reshape(-1, 2)
+    initial_conditions = window.centres().reshape(-1, 2)
     settings = [(order, cells) for order in (1, 3, 5) for cells in (64, 128, 256, 512)]
     maps = [table(point_map, window, cells, order) for order, cells in settings]
-    times = best_times(iterations(maps, starts, 20), seconds=4.0)
-    direct = best_times(iterations([point_map], starts, 1))[0] / len(starts)
+    times = best_times(iterations(maps, initial_conditions, 20), seconds=4.0)
+    direct = best_times(iterations([point_map], initial_conditions, 1))[0] / len(initial_conditions)
     for (order, cells), seconds in zip(settings, times, strict=True):
-        each = seconds / 20 / len(starts)
+        each = seconds / 20 / len(initial_conditions)
         say(f"look-up of order {order} in {cells} x {cells} cells: {1e9 * each:.1f} ns, 1/{direct / each:.0f} image")
 
 
@@ -71,15 +73,15 @@ def test_leaps(say: Say) -> None:
     """Iteration alone, against single periods of the same table, and the error of 50 periods."""
     for name, system, window in windows():
         point_map = stroboscopic_map(system, rtol=1e-9, atol=1e-9)
-        starts = window.centres().reshape(-1, 2)
-        reference = stroboscopic_map(system, rtol=1e-13, atol=1e-13).iterate(starts, PERIODS).unwrapped
+        initial_conditions = window.centres().reshape(-1, 2)
+        reference = stroboscopic_map(system, rtol=1e-13, atol=1e-13).iterate(initial_conditions, PERIODS).unwrapped
         for cells in (128, 256):
             leaps = (1, 2, 4, 8, 16)
             maps = [table(point_map, window, cells, leap=leap) for leap in leaps]
-            times = best_times(iterations(maps, starts, PERIODS), seconds=0.5, rounds=2)
+            times = best_times(iterations(maps, initial_conditions, PERIODS), seconds=0.5, rounds=2)
             parts = []
             for leap, icm, seconds in zip(leaps, maps, times, strict=True):
-                error = np.median(np.abs(icm.iterate(starts, PERIODS).unwrapped - reference).max(axis=-1))
+                error = np.median(np.abs(icm.iterate(initial_conditions, PERIODS).unwrapped - reference).max(axis=-1))
                 parts.append(f"leap {leap} {times[0] / seconds:.2f} ({error:.0e})")
             say(f"{name}, {cells} x {cells}, times as fast as single periods (median error): {', '.join(parts)}")
 
@@ -108,8 +110,8 @@ def test_tables_in_four_dimensions(say: Say) -> None:
     """Tables of the double pendulum against a slice of 200 x 200 starts at rest, integrated."""
     point_map = stroboscopic_map(double_pendulum())
     grid = CellGrid((-pi, -pi, -HALF, -HALF), (pi, pi, HALF, HALF), (200, 200, 1, 1))
-    starts = grid.centres().reshape(-1, 4)
-    find_basins(point_map, starts[:100])
+    initial_conditions = grid.centres().reshape(-1, 4)
+    find_basins(point_map, initial_conditions[:100])
     four_dimensional_table(point_map, 4)  # compile
     began = time.thread_time()
     basins = find_basins(point_map, grid)
@@ -123,9 +125,12 @@ def test_tables_in_four_dimensions(say: Say) -> None:
         lower, upper = icm.table.grid.lower, icm.table.grid.upper
         places = np.random.default_rng(0).uniform(lower, upper, (20_000, 4))
         by_cells = places[np.lexsort(np.floor((places - lower) / icm.table.grid.widths).T[::-1])]
-        works = [partial(icm.iterate, starts, 10), partial(icm, places), partial(icm, by_cells)]
+        works = [partial(icm.iterate, initial_conditions, 10), partial(icm, places), partial(icm, by_cells)]
         along, mixed, ordered = best_times(works, rounds=3)
-        gains = [image * n / seconds for n, seconds in ((10 * len(starts), along), (20_000, mixed), (20_000, ordered))]
+        gains = [
+            image * n / seconds
+            for n, seconds in ((10 * len(initial_conditions), along), (20_000, mixed), (20_000, ordered))
+        ]
         say(
             f"  {cells}^4 cells, order 3: made in {made / direct:.2f} of that time, median error of one period "
             f"{icm.error(4000).median:.0e}; look-ups {gains[0]:.0f} times as fast as images along orbits, "

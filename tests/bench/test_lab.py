@@ -26,10 +26,10 @@ def test_drive_from_a_million_samples(say):
 def test_markers_through_a_film(say):
     """Against one threshold of all pixels, the least that any tracker of whole frames must do."""
     exact = systems.double_pendulum(amplitude=0.002)
-    motion = trajectory(exact, [1.0, 2.0, 0.0, 0.0], periods=60, samples=60)
+    motion = trajectory(exact, [1.0, 2.0, 0.0, 0.0], periods=60, samples_per_period=60)
     camera = Camera(scale=1500.0, origin=(128.0, 128.0), shape=(256, 256))
     film = render_film(motion, camera, np.linspace(0.0, 0.98 * motion.times[-1], 500)).film
     film = film_at_rate(film.frames, 500.0)
-    starts = render_film(motion, camera, [0.0]).truth[0]
-    ours, threshold = best_times([lambda: track_markers(film, starts), lambda: film.frames > 128], rounds=3)
+    initial_conditions = render_film(motion, camera, [0.0]).truth[0]
+    ours, threshold = best_times([lambda: track_markers(film, initial_conditions), lambda: film.frames > 128], rounds=3)
     say(f"two markers through 500 frames of 256 x 256: {ours:.2f} s, {ours / threshold:.0f} times one threshold of all")

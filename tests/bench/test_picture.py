@@ -32,41 +32,43 @@ def exact(tolerance=1e-9):
 
 def table(cells=256, order=5, point_map=None, leap=1):
     nodes = CellGrid((-pi, -1.3 * WINDOW), (pi, 1.3 * WINDOW), (cells, cells))
-    return interpolated_map(point_map or exact(), nodes, order=order, outside="integrate", leap=leap)
+    return interpolated_map(point_map or exact(), nodes, order=order, outside="integrate", max_step=leap)
 
 
 def heyoka_slice(numbers):
     """Integrate some starts over all periods in a process of its own; return the seconds that the integration took."""
     alpha, beta, gamma = (PARAMETERS[name] for name in ("alpha", "beta", "gamma"))
     run = heyoka_batches(1e-9, periods=PERIODS, equation=(gamma, -beta, alpha))
-    starts = GRID.centres().reshape(-1, 2)[numbers]
-    run(starts[:64])
+    initial_conditions = GRID.centres().reshape(-1, 2)[numbers]
+    run(initial_conditions[:64])
     began = time.perf_counter()
-    run(starts)
+    run(initial_conditions)
     return time.perf_counter() - began
 
 
 def test_picture_against_heyoka(say):
     pytest.importorskip("heyoka")
-    starts = GRID.centres().reshape(-1, 2)
+    initial_conditions = GRID.centres().reshape(-1, 2)
     point_map = exact()
     # A tenth of the starts, spread over the picture, in one process for each core.
     cores = cellmap.thread_count()
-    share = np.arange(0, len(starts), 10)[: len(starts) // 10 // (8 * cores) * 8 * cores]
+    share = np.arange(0, len(initial_conditions), 10)[: len(initial_conditions) // 10 // (8 * cores) * 8 * cores]
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
-        seconds = max(pool.map(heyoka_slice, np.array_split(share, cores))) * len(starts) / len(share)
+        seconds = max(pool.map(heyoka_slice, np.array_split(share, cores))) * len(initial_conditions) / len(share)
     say(f"picture of 500 x 500 starts, 50 periods, {cores} cores: heyoka batch 1e-9 {seconds:.2f} s")
-    reference = exact(1e-13).iterate(starts, PERIODS).unwrapped
+    reference = exact(1e-13).iterate(initial_conditions, PERIODS).unwrapped
     settings = ((5, 128, 1), (5, 256, 1), (5, 512, 1), (3, 512, 1), (3, 256, 2), (5, 96, 4), (5, 128, 4), (5, 256, 8))
     for order, cells, leap in settings:
         setting = (cells, order, point_map, leap)
-        taken = best_time(lambda s=setting: table(*s).iterate(starts, PERIODS))
-        error = np.median(np.abs(table(*setting).iterate(starts, PERIODS).unwrapped - reference).max(axis=-1))
+        taken = best_time(lambda s=setting: table(*s).iterate(initial_conditions, PERIODS))
+        error = np.median(
+            np.abs(table(*setting).iterate(initial_conditions, PERIODS).unwrapped - reference).max(axis=-1)
+        )
         say(
             f"  order {order}, {cells} x {cells}, leaps of {leap}: {taken:.3f} s with tabulation, "
             f"median error {error:.1e}: {seconds / taken:.0f} times as fast"
         )
-    direct = best_time(lambda: point_map.iterate(starts, PERIODS), rounds=1)
+    direct = best_time(lambda: point_map.iterate(initial_conditions, PERIODS), rounds=1)
     say(f"  cellmap's exact map: {direct:.2f} s, {seconds / direct:.1f} times as fast")
 
 
@@ -84,10 +86,10 @@ def test_labels_against_direct_integration(say):
 
 def test_threads_starts_and_periods(say):
     icm, point_map = table(), exact()
-    starts = GRID.centres().reshape(-1, 2)
+    initial_conditions = GRID.centres().reshape(-1, 2)
     work = {
-        "look-ups": lambda k=PERIODS: icm.iterate(starts, k),
-        "exact map": lambda: point_map.iterate(starts, 2),
+        "look-ups": lambda k=PERIODS: icm.iterate(initial_conditions, k),
+        "exact map": lambda: point_map.iterate(initial_conditions, 2),
         "tabulation": lambda: table(1024, 5, point_map),
         "labels": lambda: find_basins(icm, CellGrid(GRID.lower, GRID.upper, (1500, 1500))),
     }
@@ -99,7 +101,7 @@ def test_threads_starts_and_periods(say):
         cellmap.set_threads(None)
         say(f"{name}: two threads {times[0] / times[1]:.2f} times as fast as one")
     base = best_time(work["look-ups"])
-    half = best_time(lambda: icm.iterate(starts[: len(starts) // 2], PERIODS))
+    half = best_time(lambda: icm.iterate(initial_conditions[: len(initial_conditions) // 2], PERIODS))
     double = best_time(lambda: work["look-ups"](k=2 * PERIODS))
     say(f"look-ups: half the starts cost {half / base:.2f}, twice the periods {double / base:.2f}")
 
@@ -107,11 +109,11 @@ def test_threads_starts_and_periods(say):
 def test_memory(say):
     point_map = exact()
     nodes = CellGrid((-pi, -WINDOW), (pi, WINDOW), (1024, 1024))
-    starts = CellGrid((-pi, -WINDOW), (pi, WINDOW), (1000, 1000))
-    find_basins(interpolated_map(point_map, nodes, outside="integrate"), starts)
+    initial_conditions = CellGrid((-pi, -WINDOW), (pi, WINDOW), (1000, 1000))
+    find_basins(interpolated_map(point_map, nodes, outside="integrate"), initial_conditions)
     tracemalloc.start()
     icm = interpolated_map(point_map, nodes, outside="integrate")
-    basins = find_basins(icm, starts)
+    basins = find_basins(icm, initial_conditions)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     kept = icm.table.coefficients.nbytes + basins.labels.nbytes + basins.settling_time.nbytes

@@ -160,15 +160,15 @@ def kernel_of(system: ForcedSystem) -> Any:
 
 def test_effects_against_terms_by_hand(say, one_thread):
     """Where the formulas are equal so is the kernel: one time, measured twice."""
-    starts = pendulum_starts(8192, 100.0)
+    initial_conditions = pendulum_starts(8192, 100.0)
     base = stroboscopic_map(scene(Pendulum(0.0272), Gravity(9.8), DRIVE))
     say("scenes of a pendulum with gravity: time against terms by hand, and against the vertical drive alone")
     for name, (effects, rhs) in SCENES.items():
         system = scene(Pendulum(0.0272), Gravity(9.8), *effects)
         hand = ForcedSystem(rhs, system.params, system.period, system.coordinates, switches=system.switches)
         ours, theirs = stroboscopic_map(system), stroboscopic_map(hand)
-        assert ours(starts) == pytest.approx(theirs(starts), rel=1e-9, abs=1e-9)
-        works = [lambda m=m: m.iterate(starts, 1) for m in (ours, theirs, base)]
+        assert ours(initial_conditions) == pytest.approx(theirs(initial_conditions), rel=1e-9, abs=1e-9)
+        works = [lambda m=m: m.iterate(initial_conditions, 1) for m in (ours, theirs, base)]
         scene_time, hand_time, base_time = best_times(works, seconds=0.5)
         same = "the same kernel" if kernel_of(system) is kernel_of(hand) else "another kernel"
         say(f"  {name}: {scene_time / hand_time:.3f} of the time by hand ({same}); {scene_time / base_time:.2f}")
@@ -202,11 +202,11 @@ def test_dry_friction_against_viscous(say, one_thread, name):
         )
         assert kernel_of(hand) is kernel_of(rough)
     for rate in RATES:
-        starts = starts_in(count, rate)
+        initial_conditions = starts_in(count, rate)
         maps = [stroboscopic_map(system) for system in (smooth, rough)]
         for periods in (1, 50):
             # Later on many stick: the starts of the last period are those that the earlier ones have left.
-            some = starts if periods == 1 else maps[1].iterate(starts, periods - 1).points
+            some = initial_conditions if periods == 1 else maps[1].iterate(initial_conditions, periods - 1).points
             viscous_time, dry_time = best_times([lambda m=m, x=some: m.iterate(x, 1) for m in maps], seconds=0.5)
             say(
                 f"{name}, rates +-{rate:g} rad/s, period {periods}: {dry_time / viscous_time:.2f} times the time of "
@@ -243,8 +243,8 @@ FORMS = {"the scene's equations": None, "textbook equations": double_by_hand}
 def test_double_pendulum_against_heyoka(say, one_thread, damping):
     """Errors are those of one period, in units of 1 + abs(image), which is how both programs weigh them."""
     pytest.importorskip("heyoka")
-    system, starts = double_pendulum(damping=damping), double_starts(2048, 100.0)
-    reference = stroboscopic_map(system, rtol=1e-14, atol=1e-14).iterate(starts, 1).unwrapped
+    system, initial_conditions = double_pendulum(damping=damping), double_starts(2048, 100.0)
+    reference = stroboscopic_map(system, rtol=1e-14, atol=1e-14).iterate(initial_conditions, 1).unwrapped
     forms = {name: rhs or system.rhs for name, rhs in FORMS.items()}
 
     def error(images: np.ndarray) -> float:
@@ -257,22 +257,22 @@ def test_double_pendulum_against_heyoka(say, one_thread, damping):
                 form = ForcedSystem(rhs, system.params, system.period, system.coordinates)
                 ours[name, tolerance] = stroboscopic_map(form, rtol=tolerance, atol=tolerance)
     peers = [(name, tolerance) for name in forms for tolerance in (1e-9, 1e-10, 1e-11)]
-    works = [lambda m=m: m.iterate(starts, PERIODS) for m in ours.values()]
+    works = [lambda m=m: m.iterate(initial_conditions, PERIODS) for m in ours.values()]
     runs = [heyoka_system(forms[name], system, tolerance, PERIODS) for name, tolerance in peers]
-    works += [lambda run=run: run(starts) for run in runs]
+    works += [lambda run=run: run(initial_conditions) for run in runs]
     times = best_times(works, seconds=3.0)
     own_times, peer_times = dict(zip(ours, times, strict=False)), dict(zip(peers, times[len(ours) :], strict=True))
-    own_errors = {key: error(m.iterate(starts, 1).unwrapped) for key, m in ours.items()}
+    own_errors = {key: error(m.iterate(initial_conditions, 1).unwrapped) for key, m in ours.items()}
     for key in ours:
         if key[1] == 1e-9:
-            rate = PERIODS * len(starts) / own_times[key]
+            rate = PERIODS * len(initial_conditions) / own_times[key]
             say(
                 f"double pendulum, damping {damping:g}/s, {key[0]}: cellmap 1e-9: {rate:,.0f} periods/s, largest error "
                 f"{own_errors[key]:.1e}"
             )
     best = ("the scene's equations", 1e-9)
     for key in peers:
-        own = error(heyoka_system(forms[key[0]], system, key[1])(starts))
+        own = error(heyoka_system(forms[key[0]], system, key[1])(initial_conditions))
         able = [taken for k, taken in own_times.items() if own_errors[k] <= own]
         at_equal = f"{peer_times[key] / min(able):.2f} times as fast at no larger error" if able else "none as accurate"
         say(

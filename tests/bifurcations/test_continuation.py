@@ -50,7 +50,7 @@ def inverted(pendulum: PointMap) -> Branch:
 @pytest.fixture(scope="module")
 def henon() -> Branch:
     exact = henon_map(0.2, 0.3)
-    return continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -1.0, 1.4, points=300)
+    return continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -1.0, 1.4, max_points=300)
 
 
 def kinds(branch: Branch) -> list[BifurcationKind]:
@@ -106,7 +106,7 @@ def test_the_henon_map(henon: Branch) -> None:
 
 def test_curves_over_both_parameters_of_henon(henon: Branch) -> None:
     for bifurcation, factor in zip(henon.bifurcations, (-0.25, 0.75), strict=True):
-        curve = continue_bifurcation(henon, bifurcation, "b", (-1.0, 2.0), (-0.95, 0.95), step=0.02, points=200)
+        curve = continue_bifurcation(henon, bifurcation, "b", (-1.0, 2.0), (-0.95, 0.95), step=0.02, max_points=200)
         a, b = curve.values.T
         np.testing.assert_allclose(a, factor * (1.0 - b) ** 2, atol=1e-12)
         assert np.ptp(b) > 1.0
@@ -318,7 +318,7 @@ def test_a_longer_step_finds_the_same(pendulum: PointMap) -> None:
 
 
 def test_the_number_of_points_is_kept(pendulum: PointMap) -> None:
-    branch = continue_orbit(pendulum, periodic_orbit(pendulum, [0.0, 0.0]), "amplitude", 0.0, 0.014, points=5)
+    branch = continue_orbit(pendulum, periodic_orbit(pendulum, [0.0, 0.0]), "amplitude", 0.0, 0.014, max_points=5)
     assert branch.ends == ("most points", "most points")
     assert len(branch.values) == 11
 
@@ -326,11 +326,11 @@ def test_the_number_of_points_is_kept(pendulum: PointMap) -> None:
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"name": "depth"}, ValueError, "name='depth'"),
+        ({"parameter": "depth"}, ValueError, "parameter='depth'"),
         ({"lower": 0.005}, ValueError, "must contain amplitude=0.003"),
         ({"lower": 0.01, "upper": 0.002}, ValueError, "upper=0.002: give a number above"),
         ({"step": 0.0}, ValueError, "step=0.0"),
-        ({"points": 0}, ValueError, "points=0"),
+        ({"max_points": 0}, ValueError, "max_points=0"),
         ({"upper": float("nan")}, ValueError, "upper=nan"),
         ({"orbit": [0.0, 0.0]}, TypeError, "give a PeriodicOrbit or an Attractor"),
         ({"point_map": "map"}, TypeError, "give a PointMap"),
@@ -340,7 +340,7 @@ def test_bad_input_is_refused(pendulum: PointMap, change: Any, error: type[Excep
     arguments = {
         "point_map": pendulum,
         "orbit": periodic_orbit(pendulum, [0.0, 0.0]),
-        "name": "amplitude",
+        "parameter": "amplitude",
         "lower": 0.0,
         "upper": 0.01,
     }
@@ -362,7 +362,7 @@ def test_bad_bifurcations_are_refused(inverted: Branch, henon: Branch) -> None:
         switch_branch(inverted, pitchfork, 0.001, 0.01, side=2)
     with pytest.raises(ValueError, match="no branch of periodic orbits"):
         switch_branch(henon, henon.bifurcations[0], -1.0, 1.0)
-    with pytest.raises(ValueError, match="name='depth'"):
+    with pytest.raises(ValueError, match="parameter='depth'"):
         continue_bifurcation(inverted, pitchfork, "depth", (0.001, 0.01), (0.0, 1.0))
     with pytest.raises(ValueError, match="second="):
         continue_bifurcation(inverted, pitchfork, "frequency", (0.001, 0.01), (60.0, 80.0))

@@ -199,7 +199,7 @@ def test_orbit_leaves_an_equilibrium_that_has_lost_its_stability():
     ends = np.abs(followed.points[0, 2:, -1, 0])
     assert np.tanh(np.array(values[2:]) * ends) == pytest.approx(ends, abs=1e-9)
     assert (ends > 0.5).all()
-    still = bifurcation_diagram(maps, "a", values, [0.0], follow="up", nudge=0.0)
+    still = bifurcation_diagram(maps, "a", values, [0.0], follow="up", perturbation=0.0)
     assert (still.points == 0.0).all()
     assert still.exponents[0, :, 0] == pytest.approx(np.log(values), abs=1e-12)
 
@@ -239,7 +239,7 @@ def test_several_starts_are_branches():
     maps = discrete_map(wells, {"a": 1.0}, ("x",))
     diagram = bifurcation_diagram(maps, "a", [3.0, 2.0], [[0.5], [-0.5]])
     assert diagram.directions == ("up", "up", "down", "down")
-    assert diagram.starts[:, 0].tolist() == [0.5, -0.5, 0.5, -0.5]
+    assert diagram.initial_conditions[:, 0].tolist() == [0.5, -0.5, 0.5, -0.5]
     assert diagram.values.tolist() == [2.0, 3.0]
     assert (np.sign(diagram.points[:, :, -1, 0]) == [[1, 1], [-1, -1]] * 2).all()
     assert diagram.points[0] == pytest.approx(-diagram.points[1], abs=1e-5)
@@ -276,25 +276,25 @@ def test_batches_do_not_mix():
     ("change", "message"),
     [
         ({"point_map": 3}, "point_map=3"),
-        ({"name": "r"}, "'r'"),
+        ({"parameter": "r"}, "'r'"),
         ({"values": [3.0, 3.2, 3.1]}, "values goes up and down"),
         ({"values": []}, "give a list of at least one value"),
         ({"values": [3.0, np.nan]}, "values has the value nan"),
         ({"values": "all"}, "give real numbers, one for each step"),
-        ({"start": [0.3, 0.4]}, "start has shape"),
-        ({"start": [[[0.3]]]}, "start has shape"),
+        ({"initial_conditions": [0.3, 0.4]}, "initial_conditions has shape"),
+        ({"initial_conditions": [[[0.3]]]}, "initial_conditions has shape"),
         ({"follow": "sideways"}, "follow='sideways'"),
         ({"transient": -1}, "transient=-1"),
         ({"periods": 19}, "periods=19"),
         ({"max_period": 65}, "max_period=65"),
         ({"tolerance": 0.0}, "tolerance=0.0"),
-        ({"nudge": np.inf}, "nudge"),
-        ({"nudge": [1e-6, 1e-6]}, "nudge"),
+        ({"perturbation": np.inf}, "perturbation"),
+        ({"perturbation": [1e-6, 1e-6]}, "perturbation"),
         ({"values": np.linspace(3, 4, 1_000_001), "periods": 10**8}, "take fewer"),
     ],
 )
 def test_bad_arguments_are_named(change, message):
-    arguments = {"point_map": LOGISTIC, "name": "mu", "values": [3.0, 3.2], "start": [0.3]} | change
+    arguments = {"point_map": LOGISTIC, "parameter": "mu", "values": [3.0, 3.2], "initial_conditions": [0.3]} | change
     with pytest.raises((TypeError, ValueError, MemoryError), match=message.replace("[", r"\[")):
         bifurcation_diagram(**arguments)
 

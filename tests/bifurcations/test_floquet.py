@@ -91,7 +91,7 @@ def test_the_upper_limit_at_high_frequency() -> None:
     """A/l = 0.454023 +- 1.679195/Omega^2, + for the inverted state: alpha = 1/Omega^2, beta = A/l."""
     step = 1e-4
     hanging, inverted = (
-        critical_values(_mathieu(alpha=step), state, "beta", 0.3, 0.6, points=64)[0].value
+        critical_values(_mathieu(alpha=step), state, "beta", 0.3, 0.6, n_points=64)[0].value
         for state in (HANGING, INVERTED)
     )
     assert 0.5 * (hanging + inverted) == pytest.approx(0.454023, abs=1e-6)
@@ -157,11 +157,11 @@ def test_a_pair_crosses_where_damping_changes_sign() -> None:
         return u, v, -1.3 * a + p.gain * u - a**2 * u, -(2.1 + 0.1 * cos(t)) * b - (0.5 - p.gain) * v
 
     system = ForcedSystem(rhs, {"gain": 0.1}, 2 * pi, ("a", "b", "u", "v"))
-    first, second = critical_values(system, np.zeros(4), "gain", -0.3, 0.9, points=64, every=True)
+    first, second = critical_values(system, np.zeros(4), "gain", -0.3, 0.9, n_points=64, all_crossings=True)
     assert [first.value, second.value] == pytest.approx([0.0, 0.5], abs=1e-11)
     assert first.crossing == second.crossing == Crossing.NEIMARK_SACKER
     assert [(c.below, c.above) for c in (first, second)] == [(0, 2), (2, 4)]
-    assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, points=64)] == [first.value]
+    assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, n_points=64)] == [first.value]
 
 
 def test_zeros_of_even_order_are_found() -> None:
@@ -176,8 +176,8 @@ def test_zeros_of_even_order_are_found() -> None:
     single = ForcedSystem(
         lambda t, x, p: rhs(t, (x[0], 0.0, x[1], 0.0), p)[::2], {"stiffness": 0.1}, 2 * pi, ("x", "v")
     )
-    (one,) = critical_values(single, np.zeros(2), "stiffness", -0.1, 0.1, points=32)
-    (two,) = critical_values(double, np.zeros(4), "stiffness", -0.1, 0.1, points=32)
+    (one,) = critical_values(single, np.zeros(2), "stiffness", -0.1, 0.1, n_points=32)
+    (two,) = critical_values(double, np.zeros(4), "stiffness", -0.1, 0.1, n_points=32)
     assert two.crossing == one.crossing == Crossing.PLUS_ONE
     assert (two.below, one.below) == (2, 1)
     assert two.value == pytest.approx(one.value, abs=1e-7)
@@ -321,7 +321,7 @@ def test_an_equilibrium_away_from_the_origin() -> None:
         (
             (HANGING, {"omega": 1.0}),
             ValueError,
-            r"parameters has 'omega': this system has \['alpha', 'beta', 'gamma'\]",
+            r"params has 'omega': this system has \['alpha', 'beta', 'gamma'\]",
         ),
         ((HANGING, {"beta": [0.1, np.nan]}), ValueError, "give finite numbers"),
         ((HANGING, {"beta": "much"}), TypeError, "give real numbers"),
@@ -368,5 +368,5 @@ def test_bad_axes_are_refused(x: Any, y: Any, error: type[Exception], message: s
 def test_bad_intervals_are_refused() -> None:
     with pytest.raises(ValueError, match=r"upper=0\.1: give a number above lower=0\.2"):
         critical_values(_mathieu(), HANGING, "beta", 0.2, 0.1)
-    with pytest.raises(ValueError, match="points=2"):
-        critical_values(_mathieu(), HANGING, "beta", 0.1, 0.2, points=2)
+    with pytest.raises(ValueError, match="n_points=2"):
+        critical_values(_mathieu(), HANGING, "beta", 0.1, 0.2, n_points=2)

@@ -154,7 +154,7 @@ def test_bad_input_is_refused(pendulum: PointMap) -> None:
         stability_map(pendulum, [0.0, 0.0], AMPLITUDES, FREQUENCIES)
     with pytest.raises(TypeError, match="give its PointMap"):
         stability_map(driven_pendulum(), orbit, AMPLITUDES, FREQUENCIES)
-    with pytest.raises(ValueError, match="name='depth'"):
+    with pytest.raises(ValueError, match="parameter='depth'"):
         stability_map(pendulum, orbit, ("depth", [1.0, 2.0, 3.0]), FREQUENCIES)
     with pytest.raises(ValueError, match=r"y\[0\]='depth'"):
         stability_map(pendulum, orbit, AMPLITUDES, ("depth", [1.0, 2.0, 3.0]))

@@ -43,7 +43,7 @@ def table(exact: PointMap, speed: float) -> PointMap:
 
 
 def is_inverted(attractor) -> bool:
-    return attractor.period == 1 and abs(abs(attractor.points[0, 0]) - pi) < 1e-6 and not any(attractor.turns)
+    return attractor.period == 1 and abs(abs(attractor.points[0, 0]) - pi) < 1e-6 and not any(attractor.rotations)
 
 
 # --- an unstable equilibrium on a node (case 3)
@@ -113,8 +113,8 @@ def test_inverted_state_is_an_attractor_just_above_its_threshold():
     """Multiplier 0.999372: 11,000 periods for a factor of a thousand.  Rest at 0.01 rad from upright must end there."""
     exact = strobe(amplitude=STABLE_FROM + 1e-6)
     assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(0.999372, abs=1e-6)
-    starts = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
-    basins = find_basins(table(exact, 120.0), starts, max_periods=30_000)
+    initial_conditions = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
+    basins = find_basins(table(exact, 120.0), initial_conditions, max_periods=30_000)
     assert [is_inverted(a) for a in basins.attractors] == [True]
     assert (basins.labels == 0).all()
 
@@ -122,8 +122,8 @@ def test_inverted_state_is_an_attractor_just_above_its_threshold():
 def test_inverted_state_is_no_attractor_just_below_its_threshold():
     exact = strobe(amplitude=STABLE_FROM - 1e-6)
     assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(1.000624, abs=1e-6)
-    starts = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
-    basins = find_basins(table(exact, 120.0), starts, max_periods=5000)
+    initial_conditions = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
+    basins = find_basins(table(exact, 120.0), initial_conditions, max_periods=5000)
     assert not any(is_inverted(a) for a in basins.attractors)
 
 
@@ -159,19 +159,25 @@ WEAK = {
 def weak(request):
     """Name, map, starts, attractors, and how many points the search has followed with and without derivatives."""
     system, _ = WEAK[request.param]
-    half = pi if system.axes[0].turn else 2.5
-    exact, starts = stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres()
+    half = pi if system.axes[0].period else 2.5
+    exact, initial_conditions = stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres()
     counting, points = counted(exact)
-    return request.param, exact, starts, find_attractors(counting, starts, max_periods=600), points
+    return (
+        request.param,
+        exact,
+        initial_conditions,
+        find_attractors(counting, initial_conditions, max_periods=600),
+        points,
+    )
 
 
 def test_weakly_attracting_cycles_are_found(weak):
     """Rounds that shear by up to 200 and contract by 1 to 6 %; the ends of 6000 periods cluster in the same cycles."""
-    name, exact, starts, found, _ = weak
+    name, exact, initial_conditions, found, _ = weak
     _, expected = WEAK[name]
     assert [a.period for a in found] == [period for period, _ in expected]
     assert [abs(a.multipliers[0]) for a in found] == pytest.approx([size for _, size in expected], abs=1e-4)
-    ends = exact.iterate(starts.reshape(-1, 2), 6000).points
+    ends = exact.iterate(initial_conditions.reshape(-1, 2), 6000).points
     assert (np.sum([inside(a.neighbourhood, ends, exact) for a in found], axis=0) == 1).all()
 
 
@@ -207,8 +213,8 @@ def test_effort_of_a_search_among_weakly_attracting_cycles(weak):
 def test_effort_of_a_search_in_chaos():
     """Newton's method gives up hopeless guesses at once, and unstable solutions cost nothing more."""
     counting, points = counted(scaled(0.25, 0.55, 0.05))
-    starts = CellGrid((-pi, -2.5), (pi, 2.5), (6, 6)).centres()
-    (a,) = find_attractors(counting, starts, max_periods=2000)
+    initial_conditions = CellGrid((-pi, -2.5), (pi, 2.5), (6, 6)).centres()
+    (a,) = find_attractors(counting, initial_conditions, max_periods=2000)
     assert a.kind is Kind.CHAOTIC
     looks, exponents = 7, 32 * 300
     assert points[0] - exponents < looks * 2500
@@ -238,11 +244,11 @@ def test_unstable_solutions_are_not_examined(monkeypatch):
 
 def test_principal_resonance():
     """The hanging state (alpha 0.25, gamma 0.05) is lost at beta = 0.050027335537, to a motion of period 2."""
-    starts = CellGrid((-pi, -1.0), (pi, 1.0), (6, 6)).centres()
-    (below,) = find_attractors(scaled(0.25, 0.0495, 0.05), starts)
-    (above,) = find_attractors(scaled(0.25, 0.052, 0.05), starts)
+    initial_conditions = CellGrid((-pi, -1.0), (pi, 1.0), (6, 6)).centres()
+    (below,) = find_attractors(scaled(0.25, 0.0495, 0.05), initial_conditions)
+    (above,) = find_attractors(scaled(0.25, 0.052, 0.05), initial_conditions)
     assert (below.kind, below.points[0].round(9).tolist()) == (Kind.FIXED_POINT, [0.0, 0.0])
-    assert (above.kind, above.period, above.turns) == (Kind.PERIODIC, 2, (0, 0))
+    assert (above.kind, above.period, above.rotations) == (Kind.PERIODIC, 2, (0, 0))
     for beta, stable in ((0.050027335537 - 1e-6, True), (0.050027335537 + 1e-6, False)):
         largest = np.abs(np.linalg.eigvals(jacobian(scaled(0.25, beta, 0.05), [0.0, 0.0]))).max()
         assert (largest < 1) == stable
@@ -257,10 +263,10 @@ def test_inverted_state_just_after_it_gains_stability():
 
 def test_resurrection():
     """Near 103 mm the inverted state is stable again, in a window of 0.9 mm, and only there."""
-    starts = np.random.default_rng(0).uniform([pi - 0.01, -1.0], [pi + 0.01, 1.0], (20, 2))
+    initial_conditions = np.random.default_rng(0).uniform([pi - 0.01, -1.0], [pi + 0.01, 1.0], (20, 2))
     stable = []
     for amplitude in (0.1015, 0.1030, 0.1045):
-        found = find_attractors(strobe(amplitude=amplitude), starts, max_periods=200)
+        found = find_attractors(strobe(amplitude=amplitude), initial_conditions, max_periods=200)
         stable.append(any(is_inverted(a) for a in found))
     assert stable == [False, True, False]
 
@@ -279,7 +285,7 @@ def test_start_of_enormous_speed(speed):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_starts_that_are_not_finite_are_refused(bad):
-    with pytest.raises(ValueError, match=r"starts\[1, 0\] = .*: remove points that are not finite"):
+    with pytest.raises(ValueError, match=r"initial_conditions\[1, 0\] = .*: remove points that are not finite"):
         find_basins(strobe(), [[0.0, 0.0], [bad, 0.0]])
 
 
@@ -342,6 +348,6 @@ def test_attractors_close_to_each_other_are_two(distance):
         return (0.4 + p.d * (u + 0.5 * u * (1 - u * u)),)
 
     exact = discrete_map(wells, {"d": distance}, ("x",))
-    starts = 0.4 + distance * np.linspace(-1.4, 1.4, 20)[:, None]
-    found = find_attractors(exact, starts)
+    initial_conditions = 0.4 + distance * np.linspace(-1.4, 1.4, 20)[:, None]
+    found = find_attractors(exact, initial_conditions)
     assert sorted(a.points[0, 0] for a in found) == pytest.approx([0.4 - distance, 0.4 + distance], abs=1e-4 * distance)

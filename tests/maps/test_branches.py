@@ -134,11 +134,11 @@ def drawn(rng: np.random.Generator, count: int) -> Pieces:
     return Pieces(tuple((str(k), (round(rng.uniform(-0.6, 0.6), 3), round(rng.uniform(0.2, 1.5), 3))) for k in kinds))
 
 
-def check(pieces: Pieces, rng: np.random.Generator, starts: int) -> tuple[float, int]:
+def check(pieces: Pieces, rng: np.random.Generator, initial_conditions: int) -> tuple[float, int]:
     """Return the largest error of images that are said to be good, as a multiple of the tolerance, and their number."""
     params = {"drive": round(rng.uniform(0.2, 2.0), 3), "damping": round(rng.uniform(0.02, 0.3), 3)}
     strobe = stroboscopic_map(ForcedSystem(pieces, params, PERIOD, ("q", "v")), rtol=TOLERANCE, atol=TOLERANCE)
-    points = rng.uniform(-2.0, 2.0, (starts, 2))
+    points = rng.uniform(-2.0, 2.0, (initial_conditions, 2))
     orbits = strobe.iterate(points, 1)
     good = orbits.status == Status.OK
     worst = 0.0

@@ -18,27 +18,27 @@ from cellmap.maps.coordinates import as_coordinates, difference, state_points, t
 CIRCLES = [
     angle("theta"),
     angle("theta", lower=0.0),
-    angle("degrees", "deg", turn=360.0),
-    angle("x", turn=1.0, lower=-0.3),
+    angle("degrees", "deg", period=360.0),
+    angle("x", period=1.0, lower=-0.3),
 ]
 places = st.floats(-1e9, 1e9)
 
 
 def wrapped_rows(x: float, circle: Coordinate) -> tuple[float, int]:
-    points, turns = np.array([[x]]), np.zeros((1, 1), np.int64)
+    points, rotations = np.array([[x]]), np.zeros((1, 1), np.int64)
     lower, turn = turns_of([circle])
-    wrap_rows(points, turns, lower, turn)
-    return float(points[0, 0]), int(turns[0, 0])
+    wrap_rows(points, rotations, lower, turn)
+    return float(points[0, 0]), int(rotations[0, 0])
 
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(x=places)
 def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) -> None:
-    assert circle.lower is not None and circle.turn is not None
-    point, turns = wrapped_rows(x, circle)
-    assert circle.lower <= point < circle.lower + circle.turn
-    assert point + turns * circle.turn == pytest.approx(x, rel=4e-16, abs=4e-16 * circle.turn)
-    assert wrap(np.array([x]), [circle])[0] == pytest.approx(point, abs=2.0 * ulp(abs(x) + circle.turn))
+    assert circle.lower is not None and circle.period is not None
+    point, rotations = wrapped_rows(x, circle)
+    assert circle.lower <= point < circle.lower + circle.period
+    assert point + rotations * circle.period == pytest.approx(x, rel=4e-16, abs=4e-16 * circle.period)
+    assert wrap(np.array([x]), [circle])[0] == pytest.approx(point, abs=2.0 * ulp(abs(x) + circle.period))
     assert wrapped_rows(point, circle) == (point, 0)
 
 
@@ -46,11 +46,11 @@ def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) 
 @given(x=st.floats(allow_nan=False, allow_infinity=False))
 def test_wrapping_any_number_gives_an_angle_of_the_turn_or_none(circle: Coordinate, x: float) -> None:
     """From 1e15 turns on numbers lie a tenth of a turn apart, and nothing is left of a phase."""
-    assert circle.lower is not None and circle.turn is not None
+    assert circle.lower is not None and circle.period is not None
     with np.errstate(over="ignore"):
         point = wrap(np.array([x]), [circle])[0]
-    if abs(np.floor((x - circle.lower) / circle.turn)) < 1e15:
-        assert circle.lower <= point < circle.lower + circle.turn
+    if abs(np.floor((x - circle.lower) / circle.period)) < 1e15:
+        assert circle.lower <= point < circle.lower + circle.period
     else:
         assert np.isnan(point)
     assert np.isnan(wrapped_rows(x, circle)[0]) == np.isnan(point)
@@ -58,15 +58,15 @@ def test_wrapping_any_number_gives_an_angle_of_the_turn_or_none(circle: Coordina
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 def test_an_angle_next_to_the_cut_is_wrapped_once(circle: Coordinate) -> None:
-    assert circle.lower is not None and circle.turn is not None
+    assert circle.lower is not None and circle.period is not None
     for whole in range(-20, 21):
-        x = circle.lower + whole * circle.turn
+        x = circle.lower + whole * circle.period
         for near in x + np.arange(-6, 7) * ulp(x):
-            point, turns = wrapped_rows(float(near), circle)
+            point, rotations = wrapped_rows(float(near), circle)
             assert wrapped_rows(point, circle) == (point, 0)
             again = wrap(np.array([near]), [circle])
             assert wrap(again, [circle])[0] == again[0]
-            assert abs(turns - whole) <= 1
+            assert abs(rotations - whole) <= 1
 
 
 def test_the_cut_belongs_to_the_turn_above_it() -> None:
@@ -76,7 +76,7 @@ def test_the_cut_belongs_to_the_turn_above_it() -> None:
     below = wrapped_rows(nextafter(-pi, -4.0), circle)
     assert below == (pytest.approx(pi, rel=1e-15), -1) and below[0] < pi
     # So close below the cut of [0, 1) that the sum with a whole turn rounds to the next cut.
-    assert wrapped_rows(-1e-20, angle("x", turn=1.0, lower=0.0)) == (0.0, 0)
+    assert wrapped_rows(-1e-20, angle("x", period=1.0, lower=0.0)) == (0.0, 0)
 
 
 @pytest.mark.parametrize("x", [1e16, -1e16, 1e300])
@@ -85,10 +85,10 @@ def test_states_whose_angle_has_no_phase_are_refused(x: float) -> None:
     for call in (rotor, lambda s: rotor.iterate(s, 1), lambda s: rotor.orbit(s, 1), lambda s: jacobian(rotor, s)):
         with pytest.raises(ValueError, match=r"points\[1, 0\]=.*: at 1e\+15 periods of 6.28319 and beyond"):
             call([[0.0, 0.0], [x, 0.0]])
-    with pytest.raises(ValueError, match=r"starts\[0\]=.*give it within a few periods"):
+    with pytest.raises(ValueError, match=r"initial_conditions\[0\]=.*give it within a few periods"):
         find_attractors(rotor, [x, 0.0])
     with pytest.raises(ValueError, match=r"grid lies .* periods away from 0 in theta"):
-        CellGrid((2.0**57, 0.0), (2.0**57 + 32.0, 1.0), (1, 1)).on((angle("theta", turn=100.0), Coordinate("v")))
+        CellGrid((2.0**57, 0.0), (2.0**57 + 32.0, 1.0), (1, 1)).on((angle("theta", period=100.0), Coordinate("v")))
     assert state_points("points", [[1e15, 0.0]], (angle("theta"), Coordinate("v"))).tolist() == [[1e15, 0.0]]
 
 
@@ -100,7 +100,7 @@ def test_orbits_whose_angle_loses_its_phase_end(far: float) -> None:
     assert images.status.tolist() == [Status.DIVERGED, Status.OK]
     assert np.isnan(images.points[0]).all() and images.points[1].tolist() == [0.3, 0.0]
     assert rotor.orbit([0.0, 2.0], 3).status.tolist() == [0, 0, 3, 3]
-    flow = ForcedSystem(lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("theta", turn=1e-3), "v"), "free rotor")
+    flow = ForcedSystem(lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("theta", period=1e-3), "v"), "free rotor")
     assert stroboscopic_map(flow).iterate([[0.0, far], [0.0, 0.25e-3]], 1).status.tolist() == [
         Status.DIVERGED,
         Status.OK,
@@ -116,11 +116,11 @@ def test_variables_on_the_line_are_left_alone() -> None:
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(a=st.floats(-1e6, 1e6), b=st.floats(-1e6, 1e6))
 def test_the_shorter_way_round(circle: Coordinate, a: float, b: float) -> None:
-    assert circle.turn is not None
+    assert circle.period is not None
     d = float(difference(np.array([a]), np.array([b]), [circle])[0])
-    assert abs(d) <= 0.5 * circle.turn
-    turns = (a - b - d) / circle.turn
-    assert turns == pytest.approx(round(turns), abs=1e-6)
+    assert abs(d) <= 0.5 * circle.period
+    rotations = (a - b - d) / circle.period
+    assert rotations == pytest.approx(round(rotations), abs=1e-6)
 
 
 def test_difference_of_batches() -> None:
@@ -151,11 +151,11 @@ def test_each_variable_needs_its_own_name(given_names: Any) -> None:
         ({"name": ""}, "name='': a coordinate needs a name"),
         ({"name": 3}, "name=3: a coordinate needs a name"),
         ({"name": "x", "lower": 0.0}, "lower=0.0: only an angle has a branch cut"),
-        ({"name": "x", "turn": 0.0}, "turn=0.0: the period of an angle is a positive number"),
-        ({"name": "x", "turn": -1.0}, "turn=-1.0: the period of an angle is a positive number"),
-        ({"name": "x", "turn": inf}, "turn=inf: the period of an angle is a positive number"),
-        ({"name": "x", "turn": nan}, "turn=nan: the period of an angle is a positive number"),
-        ({"name": "x", "turn": 1.0, "lower": nan}, "lower=nan: the branch cut of an angle is a finite number"),
+        ({"name": "x", "period": 0.0}, "period=0.0: the period of an angle is a positive number"),
+        ({"name": "x", "period": -1.0}, "period=-1.0: the period of an angle is a positive number"),
+        ({"name": "x", "period": inf}, "period=inf: the period of an angle is a positive number"),
+        ({"name": "x", "period": nan}, "period=nan: the period of an angle is a positive number"),
+        ({"name": "x", "period": 1.0, "lower": nan}, "lower=nan: the branch cut of an angle is a finite number"),
     ],
 )
 def test_bad_coordinates_are_refused(arguments: dict[str, Any], message: str) -> None:

@@ -30,9 +30,11 @@ def henon_map() -> PointMap:
 
 
 def test_the_map_is_the_function(henon_map: PointMap) -> None:
-    starts = np.random.default_rng(0).uniform(-2.0, 2.0, (1000, 2))
-    x, y = starts.T
-    assert henon_map(starts) == pytest.approx(np.column_stack([1.0 - 1.4 * x * x + y, 0.3 * x]), rel=1e-15, abs=1e-15)
+    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (1000, 2))
+    x, y = initial_conditions.T
+    assert henon_map(initial_conditions) == pytest.approx(
+        np.column_stack([1.0 - 1.4 * x * x + y, 0.3 * x]), rel=1e-15, abs=1e-15
+    )
     assert henon_map.name == "henon"
 
 
@@ -42,11 +44,11 @@ def test_the_fixed_point_stays(henon_map: PointMap) -> None:
 
 
 def test_the_derivative_is_exact(henon_map: PointMap) -> None:
-    starts = np.random.default_rng(1).uniform(-2.0, 2.0, (100, 2))
-    matrices = jacobian(henon_map, starts)
-    assert np.array_equal(matrices[:, 0, 0], -2.8 * starts[:, 0])
+    initial_conditions = np.random.default_rng(1).uniform(-2.0, 2.0, (100, 2))
+    matrices = jacobian(henon_map, initial_conditions)
+    assert np.array_equal(matrices[:, 0, 0], -2.8 * initial_conditions[:, 0])
     assert (matrices[:, 0, 1] == 1.0).all() and (matrices[:, 1, 0] == 0.3).all() and (matrices[:, 1, 1] == 0.0).all()
-    assert np.linalg.det(jacobian(henon_map, starts[:5] * 0.1, 3)) == pytest.approx((-0.3) ** 3, rel=1e-13)
+    assert np.linalg.det(jacobian(henon_map, initial_conditions[:5] * 0.1, 3)) == pytest.approx((-0.3) ** 3, rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -64,18 +66,18 @@ def test_values_that_are_not_finite_spoil_no_neighbour() -> None:
         return sqrt(1.0 - x[0] ** 2), 0.5 * x[1]
 
     some = discrete_map(function, {}, ("x", "y"))
-    starts = np.random.default_rng(2).uniform(-1.1, 1.1, (500, 2))
-    images = some.iterate(starts, 1)
-    bad = np.abs(starts[:, 0]) > 1.0
+    initial_conditions = np.random.default_rng(2).uniform(-1.1, 1.1, (500, 2))
+    images = some.iterate(initial_conditions, 1)
+    bad = np.abs(initial_conditions[:, 0]) > 1.0
     assert 20 < bad.sum() < 100
     assert np.array_equal(images.status == Status.DIVERGED, bad)
-    assert np.array_equal(images.points[~bad], some(starts[~bad]))
+    assert np.array_equal(images.points[~bad], some(initial_conditions[~bad]))
 
 
 def test_a_map_that_branches() -> None:
     some = discrete_map(tent, {"slope": 2.0}, ("x",))
-    starts = np.array([[0.0], [0.25], [0.375], [0.5], [0.75], [1.0]])
-    assert some(starts)[:, 0].tolist() == [0.0, 0.5, 0.75, 1.0, 0.5, 0.0]
+    initial_conditions = np.array([[0.0], [0.25], [0.375], [0.5], [0.75], [1.0]])
+    assert some(initial_conditions)[:, 0].tolist() == [0.0, 0.5, 0.75, 1.0, 0.5, 0.0]
     # Its derivatives come from differences, of a function that is linear where they are taken.
     assert jacobian(some, [[0.25], [0.75]])[:, 0, 0] == pytest.approx([2.0, -2.0], rel=1e-10)
 
@@ -100,19 +102,19 @@ def test_angles_are_wrapped_and_turns_counted() -> None:
     images = some.iterate([1.0, 6.0], 20)
     assert images.unwrapped == pytest.approx([theta, momentum], rel=1e-11)
     assert -pi <= images.points[0] < pi
-    assert images.turns[1] == 0
+    assert images.rotations[1] == 0
 
 
 def test_an_image_does_not_depend_on_its_neighbours(henon_map: PointMap) -> None:
     rng = np.random.default_rng(3)
-    starts = rng.uniform(-1.0, 1.0, (10_000, 2))
-    images = henon_map.iterate(starts, 20).points
-    order = rng.permutation(len(starts))
-    assert np.array_equal(henon_map.iterate(starts[order], 20).points, images[order], equal_nan=True)
+    initial_conditions = rng.uniform(-1.0, 1.0, (10_000, 2))
+    images = henon_map.iterate(initial_conditions, 20).points
+    order = rng.permutation(len(initial_conditions))
+    assert np.array_equal(henon_map.iterate(initial_conditions[order], 20).points, images[order], equal_nan=True)
     for threads in (1, 2, 3):
         set_threads(threads)
-        assert np.array_equal(henon_map.iterate(starts, 20).points, images, equal_nan=True)
-    assert np.array_equal(henon_map.iterate(starts[4321], 20).points, images[4321], equal_nan=True)
+        assert np.array_equal(henon_map.iterate(initial_conditions, 20).points, images, equal_nan=True)
+    assert np.array_equal(henon_map.iterate(initial_conditions[4321], 20).points, images[4321], equal_nan=True)
 
 
 def test_other_parameters_compile_nothing(henon_map: PointMap) -> None:
@@ -126,8 +128,8 @@ def test_other_parameters_compile_nothing(henon_map: PointMap) -> None:
 def test_the_bounded_share_of_henons_map(henon_map: PointMap) -> None:
     """Share of 1000^2 starts from edge to edge of [-2, 2]^2 that stay: 0.4319 (references.md)."""
     axis = np.linspace(-2.0, 2.0, 1000)
-    starts = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
-    bounded = henon_map.iterate(starts, 50).status == Status.OK
+    initial_conditions = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+    bounded = henon_map.iterate(initial_conditions, 50).status == Status.OK
     assert bounded.mean() == pytest.approx(0.4319, abs=5e-5)
 
 

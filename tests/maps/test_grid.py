@@ -77,11 +77,11 @@ def test_cells_are_in_the_order_of_their_places(grid: CellGrid, fractions: list[
 
 
 @given(st.floats(-50.0, 50.0), st.integers(-5, 5), st.integers(1, 400))
-def test_whole_turns_do_not_matter(x: float, turns: int, cells: int) -> None:
+def test_whole_turns_do_not_matter(x: float, rotations: int, cells: int) -> None:
     # Dyadic cells and places: adding turns is exact.
     x = round(x * 64) / 64
     grid = CellGrid((-4.0,), (4.0,), (2 ** (cells % 7),), (True,))
-    assert grid.locate([x]) == grid.locate([x + 8.0 * turns])
+    assert grid.locate([x]) == grid.locate([x + 8.0 * rotations])
 
 
 def test_one_cell() -> None:

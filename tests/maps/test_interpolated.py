@@ -166,10 +166,10 @@ def test_partial_arc_of_an_angle(arc):
     """An arc may lie across the cut of the circle; what is outside of it escapes."""
     exact = exact_map("circle")
     icm = interpolated_map(exact, CellGrid((arc[0],), (arc[1],), (60,)), outside="escape")
-    turns = 2 * pi * np.arange(-2, 3)[:, None, None]
-    inside = np.linspace(arc[0] + 1e-9, arc[1] - 1e-9, 501)[:, None] + turns
+    rotations = 2 * pi * np.arange(-2, 3)[:, None, None]
+    inside = np.linspace(arc[0] + 1e-9, arc[1] - 1e-9, 501)[:, None] + rotations
     assert icm.iterate(inside, 1).points == pytest.approx(exact(inside), abs=1e-8)
-    outside = np.linspace(arc[1] + 1e-6, arc[0] + 2 * pi - 1e-6, 101)[:, None] + turns
+    outside = np.linspace(arc[1] + 1e-6, arc[0] + 2 * pi - 1e-6, 101)[:, None] + rotations
     assert (icm.iterate(outside, 1).status == Status.ESCAPED).all()
 
 
@@ -177,12 +177,12 @@ def test_partial_arc_of_an_angle(arc):
     lower=st.floats(-20, 20),
     theta=st.floats(-50, 50),
     v=st.floats(-1, 1),
-    turns=st.integers(-3, 3),
+    rotations=st.integers(-3, 3),
 )
-def test_angles_wrap_whatever_the_cut_of_the_grid(lower, theta, v, turns):
+def test_angles_wrap_whatever_the_cut_of_the_grid(lower, theta, v, rotations):
     icm = _cylinder_from(lower)
     image = icm.iterate([theta, v], 1)
-    turned = icm.iterate([theta + 2 * pi * turns, v], 1)
+    turned = icm.iterate([theta + 2 * pi * rotations, v], 1)
     exact = icm.exact.iterate([theta, v], 1)
     assert -pi <= image.points[0] < pi
     # At the cut of the angle two images may lie at both of its sides.
@@ -207,9 +207,9 @@ def _cylinder_from(lower: float) -> PointMap:
 def test_turns_are_counted():
     exact = discrete_map(lambda x, p: (x[0] + 2 * pi * p.rate + 0.1 * sin(x[0]),), {"rate": 2.6}, (angle("a"),))
     icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (64,)))
-    starts = np.linspace(-3, 3, 41)[:, None]
-    ours, theirs = icm.iterate(starts, 50), exact.iterate(starts, 50)
-    assert np.array_equal(ours.turns, theirs.turns)
+    initial_conditions = np.linspace(-3, 3, 41)[:, None]
+    ours, theirs = icm.iterate(initial_conditions, 50), exact.iterate(initial_conditions, 50)
+    assert np.array_equal(ours.rotations, theirs.rotations)
     assert ours.unwrapped == pytest.approx(theirs.unwrapped, abs=1e-9)
 
 
@@ -229,8 +229,8 @@ def test_orbits_that_leave_have_escaped_for_ever():
 
 def test_iterating_at_once_and_step_by_step_escape_alike():
     icm = tabulated("cylinder", (32, 16), outside="escape")
-    starts = np.random.default_rng(2).uniform([-pi, -1], [pi, 1], (300, 2))
-    at_once, orbit = icm.iterate(starts, 12), icm.orbit(starts, 12)
+    initial_conditions = np.random.default_rng(2).uniform([-pi, -1], [pi, 1], (300, 2))
+    at_once, orbit = icm.iterate(initial_conditions, 12), icm.orbit(initial_conditions, 12)
     assert 0 < np.count_nonzero(at_once.status == Status.ESCAPED) < 300
     assert np.array_equal(at_once.points, orbit.points[-1], equal_nan=True)
     assert np.array_equal(at_once.status, orbit.status[-1])
@@ -242,9 +242,9 @@ def test_the_exact_map_carries_orbits_outside(name):
     shape = tuple(2 * n for n in SMOOTH[name][3][5])
     icm = tabulated(name, shape, outside="integrate")
     middle, half = (lower + upper) / 2, (upper - lower) / 2
-    starts = middle + half * np.random.default_rng(3).uniform(-3.0, 3.0, (200, len(half)))
-    exact = icm.exact.iterate(starts, 4)
-    image = icm.iterate(starts, 4)
+    initial_conditions = middle + half * np.random.default_rng(3).uniform(-3.0, 3.0, (200, len(half)))
+    exact = icm.exact.iterate(initial_conditions, 4)
+    image = icm.iterate(initial_conditions, 4)
     assert np.array_equal(image.status, exact.status)
     assert image.unwrapped == pytest.approx(exact.unwrapped, rel=1e-5, abs=1e-4)
 
@@ -257,8 +257,8 @@ def test_outside_images_are_the_exact_ones_to_the_bit(pendulum, pendulum_table):
 
 def test_orbits_that_swing_out_and_return_agree_with_the_exact_map(pendulum):
     icm = interpolated_map(pendulum, CellGrid((-pi, -60.0), (pi, 60.0), (128, 128)), outside="integrate")
-    starts = np.random.default_rng(5).uniform([-pi, -200], [pi, 200], (200, 2))
-    exact, image = pendulum.iterate(starts, 15), icm.iterate(starts, 15)
+    initial_conditions = np.random.default_rng(5).uniform([-pi, -200], [pi, 200], (200, 2))
+    exact, image = pendulum.iterate(initial_conditions, 15), icm.iterate(initial_conditions, 15)
     difference = np.abs(image.unwrapped - exact.unwrapped) / [1.0, 100.0]
     assert np.median(difference) < 1e-10
     assert difference.max() < 1e-6
@@ -401,8 +401,8 @@ def test_grids_of_very_few_cells(shape, order, outside):
 
 
 def test_zero_periods_change_nothing(pendulum_table):
-    starts = np.array([[0.3, 20.0], [-2.0, 500.0]])
-    assert np.array_equal(pendulum_table.iterate(starts, 0).points, starts)
+    initial_conditions = np.array([[0.3, 20.0], [-2.0, 500.0]])
+    assert np.array_equal(pendulum_table.iterate(initial_conditions, 0).points, initial_conditions)
 
 
 # --- the measured error
@@ -426,7 +426,7 @@ def test_error_is_the_known_error_of_a_parabola():
 
 
 def test_error_is_reproducible(pendulum_table):
-    first, again, other = pendulum_table.error(500), pendulum_table.error(500), pendulum_table.error(500, seed=1)
+    first, again, other = pendulum_table.error(500), pendulum_table.error(500), pendulum_table.error(500, rng=1)
     assert (first.median, first.percentile_99, first.largest) == (again.median, again.percentile_99, again.largest)
     assert first.median != other.median
 
@@ -446,7 +446,7 @@ def test_exact_map_has_no_error_to_measure(pendulum):
 
 
 def test_error_of_the_wrong_number_of_points(pendulum_table):
-    with pytest.raises(ValueError, match="points=0"):
+    with pytest.raises(ValueError, match="n_samples=0"):
         pendulum_table.error(0)
 
 
@@ -456,13 +456,13 @@ def test_error_of_the_wrong_number_of_points(pendulum_table):
 @pytest.mark.parametrize("outside", ["escape", "integrate"])
 def test_bits_do_not_depend_on_threads(pendulum, outside):
     grid = CellGrid((-pi, -60.0), (pi, 60.0), (100, 100))
-    starts = np.random.default_rng(7).uniform([-pi, -90], [pi, 90], (20_000, 2))
+    initial_conditions = np.random.default_rng(7).uniform([-pi, -90], [pi, 90], (20_000, 2))
     results = []
     for threads in (1, 2, 3):
         set_threads(threads)
         icm = interpolated_map(pendulum, grid, outside=outside)
-        image = icm.iterate(starts, 10)
-        results.append((icm.table.coefficients, icm.table.indicator, image.points, image.turns, image.status))
+        image = icm.iterate(initial_conditions, 10)
+        results.append((icm.table.coefficients, icm.table.indicator, image.points, image.rotations, image.status))
     for other in results[1:]:
         for a, b in zip(results[0], other, strict=True):
             assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
@@ -533,7 +533,7 @@ def test_refusal_follows_the_memory_that_is_free(pendulum, monkeypatch):
 @pytest.fixture(scope="module")
 def leaping(pendulum) -> PointMap:
     """The pendulum whose cells take up to eight periods at once."""
-    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate", leap=8)
+    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate", max_step=8)
 
 
 @pytest.fixture(scope="module")
@@ -564,7 +564,7 @@ def test_leaps_agree_with_the_exact_map_to_the_tolerance(pendulum):
     """Cells whose leap is off by more at their centres are left to shorter ones."""
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (64, 64))
     single, tight, lax = (
-        interpolated_map(pendulum, grid, 5, "integrate", tolerance, leap=leap)
+        interpolated_map(pendulum, grid, 5, "integrate", tolerance, max_step=leap)
         for tolerance, leap in ((1e-6, 1), (1e-6, 8), (1e3, 8))
     )
     exact = pendulum.iterate(PLACES, 8).unwrapped
@@ -579,7 +579,7 @@ def test_leaps_across_what_is_not_smooth(name):
     exact = discrete_map(ROUGH[name], {}, ("x",))
     grid = CellGrid((-1.0,), (1.0,), (200,))
     places = np.linspace(-1.0, 1.0, 5003)[:, None]
-    single, leaping = (interpolated_map(exact, grid, 5, "integrate", 1e-6, leap=leap) for leap in (1, 4))
+    single, leaping = (interpolated_map(exact, grid, 5, "integrate", 1e-6, max_step=leap) for leap in (1, 4))
     difference = np.abs(leaping.iterate(places, 4).points - single.iterate(places, 4).points)
     assert np.median(difference) < 1e-6
     assert (difference > 1e-4).mean() < 0.01
@@ -588,20 +588,20 @@ def test_leaps_across_what_is_not_smooth(name):
 @pytest.mark.parametrize("name", ["cylinder", "plane", "torus"])
 def test_orbits_escape_in_leaps_as_in_single_periods(name):
     shape = tuple(2 * n for n in SMOOTH[name][3][5])
-    single, leaping = (tabulated(name, shape, outside="escape", tolerance=1e-3, leap=leap) for leap in (1, 4))
-    starts = np.random.default_rng(12).uniform(*SMOOTH[name][2], (5000, 2))
+    single, leaping = (tabulated(name, shape, outside="escape", tolerance=1e-3, max_step=leap) for leap in (1, 4))
+    initial_conditions = np.random.default_rng(12).uniform(*SMOOTH[name][2], (5000, 2))
     for periods in (4, 12):
-        ours, theirs = leaping.iterate(starts, periods), single.iterate(starts, periods)
+        ours, theirs = leaping.iterate(initial_conditions, periods), single.iterate(initial_conditions, periods)
         assert (ours.status == theirs.status).mean() > 0.999
         assert np.array_equal(ours.status == Status.ESCAPED, np.isnan(ours.points).all(axis=-1))
 
 
 def test_turns_are_counted_in_leaps():
     exact = discrete_map(lambda x, p: (x[0] + 2 * pi * p.rate + 0.1 * sin(x[0]),), {"rate": 2.6}, (angle("a"),))
-    icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (64,)), leap=4)
-    starts = np.linspace(-3, 3, 41)[:, None]
-    ours, theirs = icm.iterate(starts, 51), exact.iterate(starts, 51)
-    assert np.array_equal(ours.turns, theirs.turns)
+    icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (64,)), max_step=4)
+    initial_conditions = np.linspace(-3, 3, 41)[:, None]
+    ours, theirs = icm.iterate(initial_conditions, 51), exact.iterate(initial_conditions, 51)
+    assert np.array_equal(ours.rotations, theirs.rotations)
     assert ours.unwrapped == pytest.approx(theirs.unwrapped, abs=1e-9)
 
 
@@ -609,7 +609,7 @@ def test_bits_of_leaps_do_not_depend_on_threads_or_neighbours(pendulum):
     results = []
     for threads in (1, 2, 3):
         set_threads(threads)
-        icm = interpolated_map(pendulum, CellGrid((-pi, -60.0), (pi, 60.0), (64, 64)), outside="integrate", leap=4)
+        icm = interpolated_map(pendulum, CellGrid((-pi, -60.0), (pi, 60.0), (64, 64)), outside="integrate", max_step=4)
         results.append(icm.iterate(np.tile(PLACES, (6, 1)), 11).points)
     assert np.array_equal(results[0], results[1])
     assert np.array_equal(results[0], results[2])
@@ -624,7 +624,7 @@ def test_leaps_settle_starts_in_the_same_period(damping):
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.003, damping=damping))
     nodes, grid = (CellGrid((-pi, -v), (pi, v), (n, n)) for v, n in ((130.0, 128), (100.0, 120)))
     single, leaping = (
-        find_basins(interpolated_map(exact, nodes, outside="integrate", leap=leap), grid) for leap in (1, 8)
+        find_basins(interpolated_map(exact, nodes, outside="integrate", max_step=leap), grid) for leap in (1, 8)
     )
     assert len(leaping.attractors) == len(single.attractors) == 2
     assert (leaping.labels != single.labels).mean() <= 1e-3
@@ -637,7 +637,7 @@ def test_starts_that_leave_the_window_or_do_not_settle_in_leaps():
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (96, 96))
     for limit in (5, 11, 2000):
         single, leaping = (
-            find_basins(interpolated_map(exact, grid, outside="escape", leap=leap), grid, limit) for leap in (1, 4)
+            find_basins(interpolated_map(exact, grid, outside="escape", max_step=leap), grid, limit) for leap in (1, 4)
         )
         assert (leaping.labels != single.labels).mean() <= 2e-3
         assert (leaping.settling_time != single.settling_time).mean() <= 2e-3
@@ -648,7 +648,7 @@ def test_a_chaotic_attractor_is_looked_at_in_single_periods():
     """Its cover is entered and left again, so that no leap may hide a visit: the same labels and times to the bit."""
     exact = systems.henon_map()
     nodes, grid = (CellGrid((-2.0, -2.0), (2.0, 2.0), (n, n)) for n in (64, 20))
-    single, leaping = (interpolated_map(exact, nodes, outside="integrate", leap=leap) for leap in (1, 4))
+    single, leaping = (interpolated_map(exact, nodes, outside="integrate", max_step=leap) for leap in (1, 4))
     expected = find_basins(single, grid, 500)
     assert expected.attractors[0].cover is not None
     # Of the same cover: one that is sampled from orbits of other rounding has other boxes.
@@ -673,13 +673,13 @@ def test_tables_of_several_periods_need_their_memory(pendulum, monkeypatch):
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: table_memory(grid, 5))
     interpolated_map(pendulum, grid)
     with pytest.raises(MemoryError, match="an interpolation grid of 128 x 64 cells"):
-        interpolated_map(pendulum, grid, leap=4)
+        interpolated_map(pendulum, grid, max_step=4)
 
 
 @pytest.mark.parametrize("leap", [0, -2, 3, 6, 2.5, "two"], ids=repr)
 def test_leaps_that_are_none(pendulum, leap):
-    with pytest.raises((ValueError, TypeError), match="leap"):
-        interpolated_map(pendulum, GRID, leap=leap)
+    with pytest.raises((ValueError, TypeError), match="max_step"):
+        interpolated_map(pendulum, GRID, max_step=leap)
 
 
 # --- bad input

@@ -27,10 +27,10 @@ def test_liouville(problems: Mapping[str, ForcedSystem], name: str) -> None:
     """Areas shrink by exp(-damping x period) everywhere."""
     system = problems[name]
     span = (pi, 100.0) if "mm" in name else (pi, 2.0)
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (64, 2)) * span
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (64, 2)) * span
     # In units in which both components are of order 1, so that the determinant loses no digits.
     scale = np.array(span)
-    matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
+    matrices = jacobian(stroboscopic_map(system), initial_conditions) * (scale[None, :] / scale[:, None])
     assert np.linalg.det(matrices) == pytest.approx(exp(-damping_of(system) * system.length), abs=1e-10)
 
 
@@ -43,13 +43,15 @@ def test_liouville_over_several_periods(problems: Mapping[str, ForcedSystem]) ->
 def test_the_double_pendulum_keeps_its_own_area(problems: Mapping[str, ForcedSystem]) -> None:
     """Undamped double pendulum: det = det M(q0) / det M(q(T)), with det M ~ m1 + m2 sin^2(th1 - th2) (paper.md)."""
     strobe = stroboscopic_map(problems["double pendulum"])
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 4))
-    images = strobe(starts)
+    initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 4))
+    images = strobe(initial_conditions)
 
     def mass(x: Any) -> Any:
         return 1.0 + 0.25 * np.sin(x[:, 0] - x[:, 1]) ** 2
 
-    assert np.linalg.det(jacobian(strobe, starts)) == pytest.approx(mass(starts) / mass(images), rel=1e-9)
+    assert np.linalg.det(jacobian(strobe, initial_conditions)) == pytest.approx(
+        mass(initial_conditions) / mass(images), rel=1e-9
+    )
 
 
 def test_the_matrix_of_a_linear_system() -> None:
@@ -87,22 +89,22 @@ def test_a_right_hand_side_that_cannot_be_traced(problems: Mapping[str, ForcedSy
         return v, -p.gamma * v - (p.alpha - p.beta * cos(t)) * sin(x[0])
 
     branching = ForcedSystem(rhs, plain.params, plain.length, plain.axes)
-    starts = [[1.0, 0.5], [3.0, -1.0], [-3.1, 2.0]]
-    exact, approximate = (jacobian(stroboscopic_map(s), starts, periods=2) for s in (plain, branching))
+    initial_conditions = [[1.0, 0.5], [3.0, -1.0], [-3.1, 2.0]]
+    exact, approximate = (jacobian(stroboscopic_map(s), initial_conditions, periods=2) for s in (plain, branching))
     assert approximate == pytest.approx(exact, rel=1e-5, abs=1e-5)
 
 
 def test_images_come_with_their_derivatives(problems: Mapping[str, ForcedSystem]) -> None:
     strobe = stroboscopic_map(problems["forced pendulum"])
-    starts = np.random.default_rng(2).uniform(-3.0, 3.0, (20, 2))
+    initial_conditions = np.random.default_rng(2).uniform(-3.0, 3.0, (20, 2))
     for periods in (1, 3):
-        images, matrices = tangent(strobe, starts, periods)
-        assert images == pytest.approx(strobe.iterate(starts, periods).unwrapped, abs=1e-6)
-        assert matrices == pytest.approx(jacobian(strobe, starts, periods), rel=1e-12)
+        images, matrices = tangent(strobe, initial_conditions, periods)
+        assert images == pytest.approx(strobe.iterate(initial_conditions, periods).unwrapped, abs=1e-6)
+        assert matrices == pytest.approx(jacobian(strobe, initial_conditions, periods), rel=1e-12)
     rounds = np.arange(20) % 4
-    images, matrices = tangent(strobe, starts, rounds)
+    images, matrices = tangent(strobe, initial_conditions, rounds)
     for k in range(4):
-        alone = tangent(strobe, starts[rounds == k], k)
+        alone = tangent(strobe, initial_conditions[rounds == k], k)
         assert np.array_equal(images[rounds == k], alone[0])
         assert np.array_equal(matrices[rounds == k], alone[1])
 

@@ -137,11 +137,15 @@ def test_rows_stop_where_the_table_ends_and_keep_their_periods():
     # The table of the shift x -> x + 1 with four cells on [0, 4]: linear, coefficients 1 everywhere.
     look_up = lookup_kernel(1, 1)
     table = np.concatenate([np.ones(5), np.zeros(WIDTH)])
-    points, turns, left = np.array([[0.5], [3.5], [-0.5], [np.nan], [1.0]]), np.zeros((5, 1), np.int64), np.full(5, 3)
+    points, rotations, left = (
+        np.array([[0.5], [3.5], [-0.5], [np.nan], [1.0]]),
+        np.zeros((5, 1), np.int64),
+        np.full(5, 3),
+    )
     reach = np.array([1, 1, 0, 1], np.uint8)
     window = (np.zeros(1), np.ones(1), np.array([4]), np.zeros(1))
     line = (np.array([-np.inf]), np.zeros(1))
-    look_up(points, turns, left, table, np.array([1, 5]), *window, reach, *line)
+    look_up(points, rotations, left, table, np.array([1, 5]), *window, reach, *line)
     assert points[:, 0] == pytest.approx([2.5, 4.5, -0.5, np.nan, 2.0], nan_ok=True)
     assert left.tolist() == [1, 2, 3, 3, 2]
 
@@ -151,15 +155,15 @@ def test_a_row_that_stops_leaves_its_lane_to_another():
     look_up = lookup_kernel(1, 1)
     n = 5 * BLOCK + 3
     rng = np.random.default_rng(2)
-    starts, periods = rng.uniform(-1.0, 9.0, n), rng.integers(0, 12, n)
-    points, turns, left = starts[:, None].copy(), np.zeros((n, 1), np.int64), periods.copy()
+    initial_conditions, periods = rng.uniform(-1.0, 9.0, n), rng.integers(0, 12, n)
+    points, rotations, left = initial_conditions[:, None].copy(), np.zeros((n, 1), np.int64), periods.copy()
     table = np.concatenate([np.ones(11), np.zeros(WIDTH)])
     window = (np.zeros(1), np.ones(1), np.array([10]), np.zeros(1))
     line = (np.array([-np.inf]), np.zeros(1))
-    look_up(points, turns, left, table, np.array([1, 11]), *window, np.zeros(0, np.uint8), *line)
-    made = np.where(starts < 0.0, 0, np.minimum(periods, np.floor(11.0 - starts)))
+    look_up(points, rotations, left, table, np.array([1, 11]), *window, np.zeros(0, np.uint8), *line)
+    made = np.where(initial_conditions < 0.0, 0, np.minimum(periods, np.floor(11.0 - initial_conditions)))
     assert left.tolist() == (periods - made).tolist()
-    assert points[:, 0] == pytest.approx(starts + made, abs=1e-14)
+    assert points[:, 0] == pytest.approx(initial_conditions + made, abs=1e-14)
 
 
 # --- tables of several periods
@@ -170,11 +174,11 @@ STEPS = np.array([1e-6, 1e-3, 1.0])  # what the tables of 1, 2 and 4 periods add
 def leaps_made(periods: int, reach: int) -> list[int]:
     """Count the look-ups in each of three tables that a row makes where its cell allows `reach` of them."""
     table = np.concatenate([*(np.full(1001, step) for step in STEPS), np.zeros(WIDTH)])
-    points, turns, left = np.zeros((1, 1)), np.zeros((1, 1), np.int64), np.array([periods])
+    points, rotations, left = np.zeros((1, 1)), np.zeros((1, 1), np.int64), np.array([periods])
     window = (np.zeros(1), np.ones(1), np.array([1000]), np.zeros(1))
     line = (np.array([-np.inf]), np.zeros(1))
     allowed = np.full(1000, reach, np.uint8)
-    lookup_kernel(1, 1)(points, turns, left, table, np.array([1, 1001]), *window, allowed, *line)
+    lookup_kernel(1, 1)(points, rotations, left, table, np.array([1, 1001]), *window, allowed, *line)
     assert left[0] == 0
     made = round(points[0, 0] / STEPS[0])
     return [made % 1000, made // 1000 % 1000, made // 1_000_000]

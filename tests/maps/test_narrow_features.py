@@ -34,11 +34,11 @@ def test_what_is_called_met_is_met(rhs, tolerance):
     Nothing is passed over; where a step is as long as the feature, the estimate may be short by a factor of some units.
     """
     system = ForcedSystem(rhs, {}, PERIOD, ("x", "v"))
-    starts = np.random.default_rng(0).uniform(-2, 2, (12, 2))
-    images = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), starts, 1)
+    initial_conditions = np.random.default_rng(0).uniform(-2, 2, (12, 2))
+    images = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), initial_conditions, 1)
     met = images.status == Status.OK
     assert met.sum() >= 10
-    for start, image in zip(starts[met], images.points[met], strict=True):
+    for start, image in zip(initial_conditions[met], images.points[met], strict=True):
         done = solve_ivp(system.fun, (0, PERIOD), start, method="DOP853", rtol=3e-14, atol=1e-14, max_step=PERIOD / 500)
         exact = done.y[:, -1]
         assert (np.abs(image - exact) <= 4.0 * tolerance * (1.0 + np.abs(exact))).all()
@@ -66,13 +66,13 @@ def test_kinks_are_given_up_early_and_reported():
         return x[1], -x[0] - 10.0 * max(x[0] - 0.3, 0.0) - 0.2 * x[1] + cos(1.2 * t)
 
     system = ForcedSystem(bilinear, {}, PERIOD / 1.2, ("x", "v"))
-    starts = np.random.default_rng(1).uniform(-2, 2, (20, 2))
-    images = follow(stroboscopic_map(system, method="DOP853"), starts, 1)
+    initial_conditions = np.random.default_rng(1).uniform(-2, 2, (20, 2))
+    images = follow(stroboscopic_map(system, method="DOP853"), initial_conditions, 1)
     assert (images.status == Status.INACCURATE).any()
-    loose = follow(stroboscopic_map(system, rtol=1e-5, atol=1e-5, method="DOP853"), starts, 1)
+    loose = follow(stroboscopic_map(system, rtol=1e-5, atol=1e-5, method="DOP853"), initial_conditions, 1)
     assert (loose.status == Status.OK).all()
     assert np.abs(images.points - loose.points).max() < 1e-4
-    located = follow(stroboscopic_map(system), starts, 1)
+    located = follow(stroboscopic_map(system), initial_conditions, 1)
     assert (located.status == Status.OK).all()
     assert np.abs(located.points - loose.points).max() < 1e-4
 

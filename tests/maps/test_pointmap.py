@@ -27,7 +27,7 @@ def rotation() -> PointMap:
     def function(x: Any, p: Any) -> tuple[float, float]:
         return x[0] + x[1], x[1]
 
-    return discrete_map(function, {}, (angle("phase", "turns", turn=1.0, lower=0.0), "rate"))
+    return discrete_map(function, {}, (angle("phase", "turns", period=1.0, lower=0.0), "rate"))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_images_have_the_shape_of_the_points(henon: PointMap) -> None:
         points = np.full(shape, 0.1)
         assert henon(points).shape == shape
         images = henon.iterate(points, 3)
-        assert images.points.shape == images.turns.shape == images.unwrapped.shape == shape
+        assert images.points.shape == images.rotations.shape == images.unwrapped.shape == shape
         assert images.status.shape == shape[:-1]
         assert henon.orbit(points, 3).points.shape == (4, *shape)
 
@@ -57,43 +57,43 @@ def test_points_are_not_changed(henon: PointMap) -> None:
 @pytest.mark.parametrize("name", ["henon", "pendulum"])
 def test_an_orbit_is_the_images_one_by_one(name: str, request: pytest.FixtureRequest) -> None:
     point_map: PointMap = request.getfixturevalue(name)
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2))
-    orbit = point_map.orbit(starts, 5)
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2))
+    orbit = point_map.orbit(initial_conditions, 5)
     for k in range(6):
-        images = point_map.iterate(starts, k)
+        images = point_map.iterate(initial_conditions, k)
         assert np.array_equal(orbit.points[k], images.points, equal_nan=True)
-        assert np.array_equal(orbit.turns[k], images.turns)
+        assert np.array_equal(orbit.rotations[k], images.rotations)
         assert np.array_equal(orbit.status[k], images.status)
 
 
 def test_iterating_is_a_semigroup(pendulum: PointMap) -> None:
-    starts = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 2))
-    first = pendulum.iterate(starts, 3)
+    initial_conditions = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 2))
+    first = pendulum.iterate(initial_conditions, 3)
     second = pendulum.iterate(first.points, 4)
-    at_once = pendulum.iterate(starts, 7)
+    at_once = pendulum.iterate(initial_conditions, 7)
     assert np.array_equal(second.points, at_once.points)
-    assert np.array_equal(first.turns + second.turns, at_once.turns)
+    assert np.array_equal(first.rotations + second.rotations, at_once.rotations)
 
 
 def test_no_period_wraps_and_nothing_else(rotation: PointMap) -> None:
     images = rotation.iterate([[2.25, 0.5], [-0.25, 0.5]], 0)
     assert images.points.tolist() == [[0.25, 0.5], [0.75, 0.5]]
-    assert not images.turns.any()
+    assert not images.rotations.any()
 
 
 def test_turns_are_counted_from_the_start(rotation: PointMap) -> None:
     # Dyadic numbers: every sum is exact.
-    starts = [[0.25, 3.5], [0.25, -2.75], [7.25, 0.125], [0.0, 0.0]]
-    images = rotation.iterate(starts, 10)
+    initial_conditions = [[0.25, 3.5], [0.25, -2.75], [7.25, 0.125], [0.0, 0.0]]
+    images = rotation.iterate(initial_conditions, 10)
     assert images.unwrapped[:, 0].tolist() == [35.25, -27.25, 1.5, 0.0]
-    assert images.turns.tolist() == [[35, 0], [-28, 0], [1, 0], [0, 0]]
+    assert images.rotations.tolist() == [[35, 0], [-28, 0], [1, 0], [0, 0]]
 
 
 def test_whole_turns_of_a_start_do_not_matter(pendulum: PointMap) -> None:
     start = np.array([1.0, 0.5])
     images = pendulum.iterate(start + 2 * np.pi * np.array([[0, 0], [1, 0], [-3, 0]]), 3)
     assert images.points == pytest.approx(np.broadcast_to(images.points[0], (3, 2)), abs=1e-9)
-    assert np.ptp(images.turns, axis=0).tolist() == [0, 0]
+    assert np.ptp(images.rotations, axis=0).tolist() == [0, 0]
 
 
 def test_an_orbit_that_has_ended_stays_ended(henon: PointMap) -> None:

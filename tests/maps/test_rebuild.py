@@ -55,10 +55,10 @@ def test_map_from_its_recipe_has_the_same_bits(name):
     original = make()
     recipe = json.loads(json.dumps(original.recipe))  # as it comes from a file
     again = rebuild_map(source, recipe)
-    starts = STARTS * ([1.0, 1.0] if source is PENDULUM else [0.3, 0.003])
-    ours, theirs = again.iterate(starts, 3), original.iterate(starts, 3)
+    initial_conditions = STARTS * ([1.0, 1.0] if source is PENDULUM else [0.3, 0.003])
+    ours, theirs = again.iterate(initial_conditions, 3), original.iterate(initial_conditions, 3)
     assert np.array_equal(ours.points, theirs.points, equal_nan=True)
-    assert np.array_equal(ours.turns, theirs.turns)
+    assert np.array_equal(ours.rotations, theirs.rotations)
     assert np.array_equal(ours.status, theirs.status)
     assert json.loads(json.dumps(again.recipe)) == recipe
     if original.table is not None:
@@ -67,12 +67,14 @@ def test_map_from_its_recipe_has_the_same_bits(name):
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
-@pytest.mark.parametrize("starts", ["grid", "points"])
+@pytest.mark.parametrize("initial_conditions", ["grid", "points"])
 @pytest.mark.parametrize("name", ["stroboscopic", "table", "table, integrate", "discrete"])
-def test_stored_basins_and_their_system_give_the_same_labels_again(name, starts, tmp_path):
+def test_stored_basins_and_their_system_give_the_same_labels_again(name, initial_conditions, tmp_path):
     source, make = MAPS[name]
     window = WINDOW if source is PENDULUM else CellGrid((-2.0, -2.0), (2.0, 2.0), (48, 40))
-    basins = find_basins(make(), window if starts == "grid" else window.centres()[::3], max_periods=1500, max_period=8)
+    basins = find_basins(
+        make(), window if initial_conditions == "grid" else window.centres()[::3], max_periods=1500, max_period=8
+    )
     stored = load_basins(save_basins(basins, tmp_path / "b.h5"))
     again = recompute_basins(stored, source)
     assert np.array_equal(again.labels, stored.labels)

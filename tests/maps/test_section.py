@@ -50,7 +50,7 @@ def by_events(system, place, value, direction, start, time=60.0):
 
 
 @pytest.mark.parametrize(
-    ("system", "section", "starts"),
+    ("system", "section", "initial_conditions"),
     [
         pytest.param(
             LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]], marks=pytest.mark.slow
@@ -59,11 +59,11 @@ def by_events(system, place, value, direction, start, time=60.0):
         (THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]]),
     ],
 )
-def test_returns_are_those_of_an_event_finder(system, section, starts):
+def test_returns_are_those_of_an_event_finder(system, section, initial_conditions):
     place = [c.name for c in system.axes].index(section[0])
-    returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(starts)
-    loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(starts)
-    for k, start in enumerate(starts):
+    returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(initial_conditions)
+    loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(initial_conditions)
+    for k, start in enumerate(initial_conditions):
         time, state = by_events(system, place, section[1], section[2], np.insert(start, place, section[1]))
         assert returns.times[k] == pytest.approx(time, abs=1e-10)
         np.testing.assert_allclose(returns.points[k], np.delete(state, place), atol=1e-9)
@@ -77,16 +77,16 @@ def test_damped_oscillator_in_closed_form(direction):
     time = (pi if direction == 0 else 2 * pi) / frequency
     back = section_map(SPIRAL, ("q", 0.0, direction), rtol=1e-12, atol=1e-12)
     factor = (-1 if direction == 0 else 1) * exp(-0.1 * time)
-    starts = np.array([[0.3], [2.0]]) * (direction or 1)
-    returns = back.returns(starts)
+    initial_conditions = np.array([[0.3], [2.0]]) * (direction or 1)
+    returns = back.returns(initial_conditions)
     np.testing.assert_allclose(returns.times, time, rtol=1e-11)
-    np.testing.assert_allclose(returns.points, factor * starts, rtol=1e-10)
-    np.testing.assert_allclose(jacobian(back, starts)[:, 0, 0], factor, rtol=1e-9)
+    np.testing.assert_allclose(returns.points, factor * initial_conditions, rtol=1e-10)
+    np.testing.assert_allclose(jacobian(back, initial_conditions)[:, 0, 0], factor, rtol=1e-9)
     # One that begins on the way through in the other direction needs half a turn.
     if direction:
-        half = back.returns(-starts)
+        half = back.returns(-initial_conditions)
         np.testing.assert_allclose(half.times, pi / frequency, rtol=1e-11)
-        np.testing.assert_allclose(half.points, starts * exp(-0.1 * pi / frequency), rtol=1e-10)
+        np.testing.assert_allclose(half.points, initial_conditions * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
 def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
@@ -117,9 +117,9 @@ def test_an_angle_that_only_grows_never_falls_through_its_section(value):
 def test_pendulum_swings_through_both_ways_and_rotates_through_one():
     """Energy is kept: it comes back as fast as it went, on the way asked for."""
     pendulum = PENDULUM.with_params(d=0.0)
-    starts = [[1.0], [-1.0], [3.0], [-3.0]]
+    initial_conditions = [[1.0], [-1.0], [3.0], [-3.0]]
     for direction, expected in ((1, [1, 1, 3, np.nan]), (-1, [-1, -1, np.nan, -3]), (0, [-1, 1, 3, -3])):
-        images = section_map(pendulum, ("theta", 0.0, direction)).returns(starts)
+        images = section_map(pendulum, ("theta", 0.0, direction)).returns(initial_conditions)
         np.testing.assert_allclose(images.points[:, 0], expected, rtol=1e-7)
 
 
@@ -155,10 +155,10 @@ def test_groups_of_cells_whose_orbits_do_not_return():
 
 def test_maps_travel_and_are_made_again(tmp_path):
     back = section_map(LORENZ, ("z", 27.0, -1), max_time=20.0)
-    starts = [[-10.0, -12.0], [6.0, 2.0]]
+    initial_conditions = [[-10.0, -12.0], [6.0, 2.0]]
     same = pickle.loads(pickle.dumps(back))
-    np.testing.assert_array_equal(same(starts), back(starts))
-    np.testing.assert_array_equal(same.returns(starts).times, back.returns(starts).times)
+    np.testing.assert_array_equal(same(initial_conditions), back(initial_conditions))
+    np.testing.assert_array_equal(same.returns(initial_conditions).times, back.returns(initial_conditions).times)
     turning = section_map(TORQUE, ("theta", 1.0, 1))
     basins = find_basins(turning, CellGrid((3.0,), (9.0,), (10,)))
     again = recompute_basins(load_basins(save_basins(basins, tmp_path / "turning.h5")), TORQUE)
@@ -181,18 +181,18 @@ def test_orbits_that_do_not_return_say_so():
 
 def test_derivatives_are_those_of_differences():
     back = section_map(LORENZ, ("z", 27.0, -1), rtol=1e-13, atol=1e-13)
-    starts = np.array([[6.0, 2.0], [-10.0, -12.0]])
-    for start, matrix in zip(starts, jacobian(back, starts), strict=True):
+    initial_conditions = np.array([[6.0, 2.0], [-10.0, -12.0]])
+    for start, matrix in zip(initial_conditions, jacobian(back, initial_conditions), strict=True):
         columns = [(back(start + 1e-5 * e) - back(start - 1e-5 * e)) / 2e-5 for e in np.eye(2)]
         np.testing.assert_allclose(matrix, np.stack(columns, axis=-1), atol=1e-8)
 
 
 def test_image_does_not_depend_on_its_neighbours():
     back = section_map(LORENZ, ("z", 27.0, -1))
-    starts = np.random.default_rng(0).uniform(-12, 12, (70, 2))
-    together = back(starts)
-    np.testing.assert_array_equal(np.concatenate([back(s[None]) for s in starts[:5]]), together[:5])
-    np.testing.assert_array_equal(back(starts[::-1])[::-1], together)
+    initial_conditions = np.random.default_rng(0).uniform(-12, 12, (70, 2))
+    together = back(initial_conditions)
+    np.testing.assert_array_equal(np.concatenate([back(s[None]) for s in initial_conditions[:5]]), together[:5])
+    np.testing.assert_array_equal(back(initial_conditions[::-1])[::-1], together)
 
 
 def test_fixed_time_map_is_the_flow():

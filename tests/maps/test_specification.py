@@ -80,7 +80,7 @@ CASES = {
     "inverse": (SYSTEM, lambda: inverse_stroboscopic_map(SYSTEM, phase=0.25)),
     "section": (FREE, lambda: section_map(FREE, ("q", 0.0, 1), rtol=1e-7)),
     "discrete": (TURNING, lambda: TURNING),
-    "interpolated": (TURNING, lambda: interpolated_map(TURNING, GRID, order=3, tolerance=1.0, leap=2)),
+    "interpolated": (TURNING, lambda: interpolated_map(TURNING, GRID, order=3, tolerance=1.0, max_step=2)),
     "swept": (SYSTEM, lambda: swept_map(stroboscopic_map(SYSTEM, rtol=1e-6), "rate")),
 }
 STARTS = np.random.default_rng(1).uniform(0.2, 0.9, (20, 3))

@@ -62,9 +62,9 @@ def test_the_tolerance_is_met_at_precise_images(
 ) -> None:
     """Against mpmath's images, fast rotations included."""
     rows = [r for r in precise_images if r["problem"] == name]
-    starts, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
+    initial_conditions, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
     strobe = stroboscopic_map(problems[name], rtol=tolerance, atol=tolerance, method=method)
-    images = strobe.iterate(starts, 1)
+    images = strobe.iterate(initial_conditions, 1)
     assert (images.status == Status.OK).all()
     assert (np.abs(images.unwrapped - exact) <= allowance(problems[name], exact, tolerance, tolerance)).all()
 
@@ -89,9 +89,9 @@ def tight_images(problems: Mapping[str, ForcedSystem]) -> ImagesOf:
 def test_the_default_tolerance_is_met_at_random_starts(
     problems: Mapping[str, ForcedSystem], allowance: ImagesOf, tight_images: ImagesOf, name: str, method: str
 ) -> None:
-    system, starts = problems[name], starts_of(name, RANDOM)
+    system, initial_conditions = problems[name], starts_of(name, RANDOM)
     exact = tight_images(name)
-    images = stroboscopic_map(system, method=method).iterate(starts, 1).unwrapped
+    images = stroboscopic_map(system, method=method).iterate(initial_conditions, 1).unwrapped
     assert (np.abs(images - exact) <= allowance(system, exact, 1e-9, 1e-9)).all()
 
 
@@ -99,10 +99,10 @@ def test_the_default_tolerance_is_met_at_random_starts(
 def test_taylor_meets_a_loose_tolerance_at_random_starts(
     problems: Mapping[str, ForcedSystem], allowance: ImagesOf, tight_images: ImagesOf, name: str
 ) -> None:
-    system, starts = problems[name], starts_of(name, RANDOM)
+    system, initial_conditions = problems[name], starts_of(name, RANDOM)
     exact = tight_images(name)
     strobe = stroboscopic_map(system, rtol=1e-6, atol=1e-6, method="Taylor")
-    error = np.abs(strobe.iterate(starts, 1).unwrapped - exact)
+    error = np.abs(strobe.iterate(initial_conditions, 1).unwrapped - exact)
     assert (error <= allowance(system, exact, 1e-6, 1e-6)).all()
 
 
@@ -119,18 +119,18 @@ def test_loose_tolerances_are_met(
     tolerance: float,
 ) -> None:
     """The flow stretches the errors of large steps most; the margin under the tolerance makes up for it."""
-    system, starts = problems[name], starts_of(name, RANDOM)[:5_000]
+    system, initial_conditions = problems[name], starts_of(name, RANDOM)[:5_000]
     exact = tight_images(name)[:5_000]
     strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method)
-    error = np.abs(strobe.iterate(starts, 1).unwrapped - exact)
+    error = np.abs(strobe.iterate(initial_conditions, 1).unwrapped - exact)
     assert (error <= allowance(system, exact, tolerance, tolerance)).all()
 
 
 def test_agreement_with_scipy_at_random_starts(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
     for name, span in SPANS.items():
-        starts = starts_of(name, 8, seed=7)
-        exact = scipy_images(problems[name], starts)
-        images = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12).iterate(starts, 1).unwrapped
+        initial_conditions = starts_of(name, 8, seed=7)
+        exact = scipy_images(problems[name], initial_conditions)
+        images = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1).unwrapped
         assert np.abs(images - exact).max() <= 1e-9 * max(span)
 
 
@@ -138,16 +138,16 @@ def test_agreement_with_heyoka(problems: Mapping[str, ForcedSystem]) -> None:
     hy = pytest.importorskip("heyoka")
     theta, v = hy.make_vars("theta", "v")
     equations = [(theta, v), (v, -0.08 * v - (0.1 + 0.545 * hy.cos(hy.time)) * hy.sin(theta))]
-    starts = starts_of("vertically driven", 50, seed=3)
+    initial_conditions = starts_of("vertically driven", 50, seed=3)
     integrator = hy.taylor_adaptive(equations, [0.0, 0.0], tol=1e-16)
     exact = []
-    for start in starts:
+    for start in initial_conditions:
         integrator.time = 0.0
         integrator.state[:] = start
         integrator.propagate_until(2 * pi)
         exact.append(integrator.state.copy())
     strobe = stroboscopic_map(problems["vertically driven"], rtol=1e-12, atol=1e-12)
-    assert np.abs(strobe.iterate(starts, 1).unwrapped - exact).max() < 1e-11
+    assert np.abs(strobe.iterate(initial_conditions, 1).unwrapped - exact).max() < 1e-11
 
 
 @pytest.mark.slow
@@ -176,30 +176,30 @@ def test_the_section_lies_at_the_phase(
     problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf, phase: float
 ) -> None:
     for name in ("Duffing", "pendulum, 3 mm"):
-        starts = starts_of(name, 4, seed=5)
-        images = stroboscopic_map(problems[name], phase=phase).iterate(starts, 1).unwrapped
-        exact = scipy_images(problems[name], starts, phase=phase)
+        initial_conditions = starts_of(name, 4, seed=5)
+        images = stroboscopic_map(problems[name], phase=phase).iterate(initial_conditions, 1).unwrapped
+        exact = scipy_images(problems[name], initial_conditions, phase=phase)
         assert images == pytest.approx(exact, rel=1e-8, abs=1e-8)
 
 
 def test_maps_at_two_phases_are_conjugate(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
     system = problems["Duffing"]
-    starts = starts_of("Duffing", 4, seed=6)
-    through = stroboscopic_map(system, phase=0.3)(scipy_images(system, starts, periods=0.3))
+    initial_conditions = starts_of("Duffing", 4, seed=6)
+    through = stroboscopic_map(system, phase=0.3)(scipy_images(system, initial_conditions, periods=0.3))
     back = scipy_images(system, through, phase=0.3, periods=0.7)
-    assert back == pytest.approx(stroboscopic_map(system).iterate(starts, 2).points, abs=1e-6)
+    assert back == pytest.approx(stroboscopic_map(system).iterate(initial_conditions, 2).points, abs=1e-6)
 
 
 def test_whole_turns_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
     """Up to 3000 rad a period and 40 periods; the angle returned stays in its turn."""
     system = problems["forced pendulum"]
-    starts = np.array([[0.0, 500.0], [2.0, -333.0], [3.1, 41.0], [-3.1, 0.1]])
-    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(starts, 1)
-    exact = scipy_images(system, starts)
+    initial_conditions = np.array([[0.0, 500.0], [2.0, -333.0], [3.1, 41.0], [-3.1, 0.1]])
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1)
+    exact = scipy_images(system, initial_conditions)
     assert images.unwrapped == pytest.approx(exact, rel=1e-10, abs=1e-9)
-    assert np.array_equal(images.turns[:, 0], np.floor((exact[:, 0] + pi) / (2 * pi)))
-    assert not images.turns[:, 1].any()
-    many = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(starts[:2], 2)
+    assert np.array_equal(images.rotations[:, 0], np.floor((exact[:, 0] + pi) / (2 * pi)))
+    assert not images.rotations[:, 1].any()
+    many = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions[:2], 2)
     assert many.unwrapped == pytest.approx(scipy_images(system, exact[:2], phase=1.0), rel=1e-9, abs=1e-6)
     assert (np.abs(many.points[:, 0]) <= pi).all()
 
@@ -207,11 +207,11 @@ def test_whole_turns_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], sc
 def test_free_rotation_loses_nothing_over_many_periods() -> None:
     """A rotor at 7.25 turns a period: after 2,000 periods the angle is exact to rounding of each."""
     rotor = ForcedSystem(
-        lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("x", "turns", turn=1.0, lower=0.0), "rate")
+        lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("x", "turns", period=1.0, lower=0.0), "rate")
     )
     images = stroboscopic_map(rotor).iterate([0.125, 7.25], 2000)
     assert images.points == pytest.approx([0.125, 7.25], abs=1e-11)
-    assert images.turns.tolist() == [14500, 0]
+    assert images.rotations.tolist() == [14500, 0]
 
 
 # Purity
@@ -228,22 +228,24 @@ def test_an_image_does_not_depend_on_its_neighbours(
 ) -> None:
     """Bit by bit: order, number and kind of the other starts, and the number of threads."""
     strobe = stroboscopic_map(problems[name], method=method)
-    starts = starts_of(name, CHUNK + 777)
+    initial_conditions = starts_of(name, CHUNK + 777)
     set_threads(1)
-    images = strobe.iterate(starts, 2).points
+    images = strobe.iterate(initial_conditions, 2).points
     set_threads(None)
-    order = np.random.default_rng(1).permutation(len(starts))
-    assert np.array_equal(strobe.iterate(starts[order], 2).points, images[order])
+    order = np.random.default_rng(1).permutation(len(initial_conditions))
+    assert np.array_equal(strobe.iterate(initial_conditions[order], 2).points, images[order])
     for count in BATCHES:
-        assert np.array_equal(strobe.iterate(starts[1000 : 1000 + count], 2).points, images[1000 : 1000 + count])
+        assert np.array_equal(
+            strobe.iterate(initial_conditions[1000 : 1000 + count], 2).points, images[1000 : 1000 + count]
+        )
     for threads in (2, 3):
         set_threads(threads)
-        assert np.array_equal(strobe.iterate(starts, 2).points, images)
+        assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)
 
 
 def test_repeated_starts_have_one_image(problems: Mapping[str, ForcedSystem]) -> None:
-    starts = np.repeat(starts_of("Duffing", 1), 1000, axis=0)
-    images = stroboscopic_map(problems["Duffing"])(starts)
+    initial_conditions = np.repeat(starts_of("Duffing", 1), 1000, axis=0)
+    images = stroboscopic_map(problems["Duffing"])(initial_conditions)
     assert (images == images[0]).all()
 
 
@@ -281,10 +283,10 @@ def test_a_right_hand_side_that_branches(scipy_images: ImagesOf) -> None:
         return x[1], -0.1 * x[1] - stiffness * x[0] + sin(t)
 
     system = ForcedSystem(rhs, {"k": 4.0}, 2 * pi, ("x", "v"))
-    starts = np.random.default_rng(2).uniform(-1.0, 1.0, (10, 2))
-    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(starts)
-    assert images == pytest.approx(scipy_images(system, starts, rtol=1e-12), abs=2e-6)
-    many = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(np.repeat(starts, 10, axis=0))
+    initial_conditions = np.random.default_rng(2).uniform(-1.0, 1.0, (10, 2))
+    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(initial_conditions)
+    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12), abs=2e-6)
+    many = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(np.repeat(initial_conditions, 10, axis=0))
     assert np.array_equal(many[::10], images)
 
 
@@ -298,9 +300,9 @@ def test_modules_and_functions_of_math_in_a_right_hand_side_that_branches(scipy_
         return x[1], -torque(x[1]) - math.sin(x[0]) + p.f * np.cos(t) + math.pi * 0.0 + 0.01 * min(x[0], 1.0)
 
     system = ForcedSystem(rhs, {"f": 0.3}, 2 * pi, ("x", "v"))
-    starts = [[0.5, 0.1], [-1.0, -0.5]]
-    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(starts)
-    assert images == pytest.approx(scipy_images(system, starts, rtol=1e-12), abs=2e-6)
+    initial_conditions = [[0.5, 0.1], [-1.0, -0.5]]
+    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(initial_conditions)
+    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12), abs=2e-6)
 
 
 def test_functions_without_vector_form_come_from_libm(scipy_images: ImagesOf) -> None:
@@ -308,8 +310,10 @@ def test_functions_without_vector_form_come_from_libm(scipy_images: ImagesOf) ->
         return x[1], -atan2(x[0], 1.0 + x[1] ** 2) - 0.1 * erf(x[1]) + 0.2 * cos(t)
 
     system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
-    starts = np.random.default_rng(4).uniform(-2.0, 2.0, (6, 2))
-    assert stroboscopic_map(system)(starts) == pytest.approx(scipy_images(system, starts), abs=1e-8)
+    initial_conditions = np.random.default_rng(4).uniform(-2.0, 2.0, (6, 2))
+    assert stroboscopic_map(system)(initial_conditions) == pytest.approx(
+        scipy_images(system, initial_conditions), abs=1e-8
+    )
 
 
 def test_no_parameters_one_variable_and_an_unforced_flow() -> None:
@@ -329,9 +333,9 @@ def test_helpers_loops_and_numpy_in_a_right_hand_side(scipy_images: ImagesOf) ->
 
     names = ("a", "b", "c", "u", "v", "w")
     system = ForcedSystem(rhs, {"c": 0.1}, 2 * pi, names)
-    starts = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 6))
+    initial_conditions = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 6))
     strobe = stroboscopic_map(system, rtol=1e-7, atol=1e-7, method="RK45")
-    assert strobe(starts) == pytest.approx(scipy_images(system, starts), abs=1e-6)
+    assert strobe(initial_conditions) == pytest.approx(scipy_images(system, initial_conditions), abs=1e-6)
 
 
 # Failures are said
@@ -344,13 +348,13 @@ def test_what_is_not_finite_spoils_no_neighbour() -> None:
         return 0.01 * sqrt(1.0 - x[0] ** 2) - 0.1 * x[0], -x[1] + cos(t)
 
     strobe = stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("x", "v")))
-    starts = np.column_stack([np.linspace(-1.05, 0.9, 400), np.linspace(-1.0, 1.0, 400)])
-    bad = np.abs(starts[:, 0]) > 1.0
-    images = strobe.iterate(starts, 1)
+    initial_conditions = np.column_stack([np.linspace(-1.05, 0.9, 400), np.linspace(-1.0, 1.0, 400)])
+    bad = np.abs(initial_conditions[:, 0]) > 1.0
+    images = strobe.iterate(initial_conditions, 1)
     assert 5 < bad.sum() < 20
     assert np.array_equal(images.status == Status.DIVERGED, bad)
-    assert np.isnan(images.points[bad]).all() and not images.turns[bad].any()
-    assert np.array_equal(images.points[~bad], strobe(starts[~bad]))
+    assert np.isnan(images.points[bad]).all() and not images.rotations[bad].any()
+    assert np.array_equal(images.points[~bad], strobe(initial_conditions[~bad]))
 
 
 @pytest.mark.parametrize("form", ["traced", "branching", "as it is"])
@@ -368,10 +372,10 @@ def test_a_blow_up_in_finite_time(form: str) -> None:
 
     forms = {"traced": traced, "branching": branching, "as it is": as_it_is}
     system = ForcedSystem(forms[form], {}, 1.0, ("x",))
-    starts = np.array([[-5.0], [0.0], [0.5], [0.9], [0.99], [1.01], [1.5], [100.0]])
-    images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(starts, 1)
+    initial_conditions = np.array([[-5.0], [0.0], [0.5], [0.9], [0.99], [1.01], [1.5], [100.0]])
+    images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(initial_conditions, 1)
     assert images.status.tolist() == [Status.OK] * 5 + [Status.DIVERGED] * 3
-    exact = starts[:5] / (1.0 - starts[:5])
+    exact = initial_conditions[:5] / (1.0 - initial_conditions[:5])
     assert images.points[:5] == pytest.approx(exact, rel=1e-7)
     assert np.isnan(images.points[5:]).all()
 
@@ -384,15 +388,15 @@ def test_angles_too_fast_for_any_number_of_steps_have_diverged(problems: Mapping
 
 def test_a_missed_tolerance_is_said(problems: Mapping[str, ForcedSystem]) -> None:
     strobe = stroboscopic_map(problems["forced pendulum"], rtol=1e-13, atol=1e-13, method="RK45", max_steps=64)
-    starts = [[1.0, 2.0], [0.5, 3.0]]
+    initial_conditions = [[1.0, 2.0], [0.5, 3.0]]
     for use in (strobe, lambda x: strobe.iterate(x, 2), lambda x: strobe.orbit(x, 2)):
         with pytest.warns(ToleranceWarning, match="2 of 2 orbits of forced pendulum did not meet the tolerance"):
-            use(starts)
+            use(initial_conditions)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)
-        images = strobe.iterate(starts, 1)
+        images = strobe.iterate(initial_conditions, 1)
     assert (images.status == Status.INACCURATE).all()
-    best = stroboscopic_map(problems["forced pendulum"])(starts)
+    best = stroboscopic_map(problems["forced pendulum"])(initial_conditions)
     assert images.points == pytest.approx(best, abs=1e-4)
 
 

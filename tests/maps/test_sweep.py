@@ -95,7 +95,7 @@ def test_a_table_gives_the_exact_map(pendulum: PointMap) -> None:
 
 def test_turns_are_counted() -> None:
     circle = discrete_map(lambda x, p: (x[0] + p.shift,), {"shift": 1.0}, (angle("theta"),))
-    np.testing.assert_array_equal(swept_map(circle, "shift").iterate([[0.0, 7.0]], 3).turns, [[3, 0]])
+    np.testing.assert_array_equal(swept_map(circle, "shift").iterate([[0.0, 7.0]], 3).rotations, [[3, 0]])
 
 
 def test_a_period_that_changes_is_refused() -> None:
@@ -112,7 +112,7 @@ def test_a_period_that_changes_is_refused() -> None:
 
 
 def test_bad_names_are_refused(pendulum: PointMap) -> None:
-    with pytest.raises(ValueError, match="names='depth'"):
+    with pytest.raises(ValueError, match="parameters='depth'"):
         swept_map(pendulum, "depth")
     with pytest.raises(ValueError, match="different parameters"):
         swept_map(pendulum, "amplitude", "amplitude")

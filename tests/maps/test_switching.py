@@ -268,11 +268,11 @@ def starts_of(span: Sequence[float], count: int) -> Array:
 )
 def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Callable[..., Array]) -> None:
     make, span = EVERY_CASE[name]
-    system, starts = make(), starts_of(span, 12)
+    system, initial_conditions = make(), starts_of(span, 12)
     oracle = Oracle(system)
-    images = stroboscopic_map(system, rtol=tolerance, atol=tolerance).iterate(starts, 1)
+    images = stroboscopic_map(system, rtol=tolerance, atol=tolerance).iterate(initial_conditions, 1)
     assert (images.status == Status.OK).all()
-    exact = np.array([oracle.image(start) for start in starts])
+    exact = np.array([oracle.image(start) for start in initial_conditions])
     floor = 1e-11 * np.abs(exact).max()
     assert (np.abs(images.unwrapped - exact) <= floor + allowance(system, exact, tolerance, tolerance)).all()
 
@@ -281,18 +281,20 @@ def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Ca
 def test_derivatives_agree_with_the_oracle(name: str) -> None:
     """Saltation at crossings, loss of rank where sliding begins, none where it ends."""
     make, span = EVERY_CASE[name]
-    system, starts = make(), starts_of(span, 2 if name in AT_ONCE else 6)
+    system, initial_conditions = make(), starts_of(span, 2 if name in AT_ONCE else 6)
     scale = np.array(span)
-    matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
-    for start, matrix in zip(starts, matrices, strict=True):
+    matrices = jacobian(stroboscopic_map(system), initial_conditions) * (scale[None, :] / scale[:, None])
+    for start, matrix in zip(initial_conditions, matrices, strict=True):
         expected = differences(Oracle(system), start, scale)
         assert matrix == pytest.approx(expected, abs=1e-9 + 1e-6 * np.abs(expected).max())
 
 
 def test_sections_at_negative_times_are_those_a_period_later() -> None:
     make, span = CASES["weak dry friction"]
-    system, starts = make(), starts_of(span, 64)
-    before, after = (stroboscopic_map(system, phase=phase).iterate(starts, 1).unwrapped for phase in (-1.3, 0.7))
+    system, initial_conditions = make(), starts_of(span, 64)
+    before, after = (
+        stroboscopic_map(system, phase=phase).iterate(initial_conditions, 1).unwrapped for phase in (-1.3, 0.7)
+    )
     np.testing.assert_allclose(before, after, atol=1e-8)
 
 
@@ -311,10 +313,10 @@ def test_the_cases_see_every_mode() -> None:
 def test_three_links() -> None:
     """The most switches tested; every one of them sticks now and then."""
     system = triple_pendulum(friction=2500.0, frequency=50.0)
-    starts = starts_of([pi] * 3 + [20.0] * 3, 8)
+    initial_conditions = starts_of([pi] * 3 + [20.0] * 3, 8)
     log: list[tuple[float, Array, Mode, Mode]] = []
-    exact = np.array([Oracle(system).image(start, log) for start in starts])
-    images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(starts, 1)
+    exact = np.array([Oracle(system).image(start, log) for start in initial_conditions])
+    images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(initial_conditions, 1)
     assert (images.status == Status.OK).all()
     assert images.unwrapped == pytest.approx(exact, rel=1e-8, abs=1e-8)
     assert {e for _, _, _, after in log for e, side in enumerate(after) if side == 0} == {0, 1, 2}
@@ -341,9 +343,9 @@ def test_derivatives_multiply_over_periods() -> None:
     """Three periods at once are those of the system watched at every third."""
     system = relay_at(1.5, curved)
     slow = ForcedSystem(relay, {"thrust": 1.5}, 6.0 * pi, ("x", "v"), switches=curved)
-    starts = starts_of((2.0, 2.0), 6)
-    assert jacobian(stroboscopic_map(system), starts, 3) == pytest.approx(
-        jacobian(stroboscopic_map(slow), starts), rel=1e-9, abs=1e-9
+    initial_conditions = starts_of((2.0, 2.0), 6)
+    assert jacobian(stroboscopic_map(system), initial_conditions, 3) == pytest.approx(
+        jacobian(stroboscopic_map(slow), initial_conditions), rel=1e-9, abs=1e-9
     )
 
 
@@ -381,9 +383,9 @@ def test_thrust_towards_a_tilted_line() -> None:
     rng, count = np.random.default_rng(0), 0
     system = ForcedSystem(bang_bang, {"tilt": 0.0}, 12.0, ("x", "v"), switches=tilted_line)
     for tilt in (-0.037, 0.0, 0.01, 0.041):
-        starts = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
-        images = stroboscopic_map(system.with_params(tilt=tilt)).iterate(starts, 1)
-        for start, image, status in zip(starts.tolist(), images.unwrapped, images.status, strict=True):
+        initial_conditions = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
+        images = stroboscopic_map(system.with_params(tilt=tilt)).iterate(initial_conditions, 1)
+        for start, image, status in zip(initial_conditions.tolist(), images.unwrapped, images.status, strict=True):
             if (exact := parabolas(*start, tilt, 12.0)) is not None:
                 assert image == pytest.approx(exact, abs=1e-10)
                 assert status == Status.OK
@@ -420,9 +422,9 @@ def test_amplitudes_fall_by_twice_the_friction_each_half_swing(tolerance: float)
     """Lorenz (1924): steps of 2 mu, and rest inside abs(x) <= mu after the number of half swings that this takes."""
     mu, time = 0.1, 9.3
     strobe = stroboscopic_map(table(friction=mu, frequency=2.0 * pi / time), rtol=tolerance, atol=tolerance)
-    starts = np.random.default_rng(0).uniform(-1.2, 1.2, 2000)
-    images = strobe.iterate(np.column_stack([starts, np.zeros(2000)]), 1)
-    exact = np.array([swings(x, mu, time) for x in starts.tolist()])
+    initial_conditions = np.random.default_rng(0).uniform(-1.2, 1.2, 2000)
+    images = strobe.iterate(np.column_stack([initial_conditions, np.zeros(2000)]), 1)
+    exact = np.array([swings(x, mu, time) for x in initial_conditions.tolist()])
     assert (images.status == Status.OK).all()
     assert (np.abs(images.points - exact) <= tolerance * (1.0 + np.abs(exact))).all()
     assert 0.1 < (images.points[:, 1] == 0.0).mean() < 0.9
@@ -453,7 +455,7 @@ def test_den_hartogs_motion_without_stops(force: float, friction: float, frequen
     assert strobe.iterate([amplitude + 0.1, 0.1], 400).points == pytest.approx([amplitude, 0.0], abs=1e-9)
     # The derivative is taken at a quarter of a period, away from the turnings.
     phase = 0.25
-    (start,) = trajectory(system, [amplitude, 0.0], 1, samples=4).states[1:2]
+    (start,) = trajectory(system, [amplitude, 0.0], 1, samples_per_period=4).states[1:2]
     pull = amplitude - force * cos(lag)
     expected = ((pull - friction) / (pull + friction)) ** 2
     assert np.linalg.det(jacobian(stroboscopic_map(system, phase=phase), start)) == pytest.approx(expected, rel=1e-7)
@@ -471,7 +473,7 @@ def test_a_force_that_grows_beyond_the_friction_and_falls_below_it() -> None:
     end = brentq(velocity, pi - begin, pi, xtol=1e-15)
     slip = force * (cos(begin) * (end - begin) + sin(begin) - sin(end)) - 0.5 * mu * (end - begin) ** 2
     system = table(stiffness=0.0, friction=mu, force=force, phase=-0.5 * pi)
-    motion = trajectory(system, [0.2, 0.0], 2, samples=8, rtol=1e-12, atol=1e-12)
+    motion = trajectory(system, [0.2, 0.0], 2, samples_per_period=8, rtol=1e-12, atol=1e-12)
     assert motion.strobe == pytest.approx(np.array([[0.2, 0.0]] * 3), abs=1e-12)
     assert motion.states[4] == pytest.approx([0.2 + slip, 0.0], abs=1e-12)
     assert motion.states[2, 1] == pytest.approx(velocity(0.5 * pi), abs=1e-12)
@@ -498,14 +500,14 @@ def test_a_square_wave_on_a_spring() -> None:
     def clock(t: float, x: Any, p: Any) -> tuple[float]:
         return (cos(t) - p.level,)
 
-    starts = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 2))
+    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 2))
     for level in (0.0, 0.3, -0.9):
         system = ForcedSystem(rhs, {"force": 1.3, "level": level}, 2.0 * pi, ("x", "v"), switches=clock)
-        exact, matrix = starts, np.array([[0.0, 1.0], [-1.0, -0.2]])
+        exact, matrix = initial_conditions, np.array([[0.0, 1.0], [-1.0, -0.2]])
         for sign, stay in ((1.3, acos(level)), (-1.3, 2.0 * pi - 2.0 * acos(level)), (1.3, acos(level))):
             exact = (exact - (sign, 0.0)) @ expm(stay * matrix).T + (sign, 0.0)
         strobe = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
-        assert strobe(starts) == pytest.approx(exact, abs=1e-11)
+        assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
 
 
 @pytest.mark.slow
@@ -515,17 +517,17 @@ def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
     assert system.switches is not None
     kernel = switching_kernel((system.rhs, system.switches), 2, tuple(system.params), 1e-2, False)
     assert kernel is not None and kernel.estimate_order == 7
-    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (LANES, 2))
+    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (LANES, 2))
     params = np.array(list(system.params.values()))
 
     def images(steps: int) -> Array:
-        blocks = starts.T[None].copy()
+        blocks = initial_conditions.T[None].copy()
         kernel.advance(blocks, np.array([steps]), 0.0, system.length, params, np.empty_like(blocks))
         return blocks[0].T
 
     exact = images(400)
     errors = np.array([np.abs(images(steps) - exact).max() for steps in (8, 16, 32)])
-    assert exact == pytest.approx(np.array([Oracle(system).image(start) for start in starts]), abs=1e-11)
+    assert exact == pytest.approx(np.array([Oracle(system).image(start) for start in initial_conditions]), abs=1e-11)
     assert (np.log2(errors[:-1] / errors[1:]) > 7.0).all()
 
 
@@ -633,26 +635,26 @@ def test_grazing(miss: float) -> None:
 def test_an_image_does_not_depend_on_its_neighbours() -> None:
     """Bit by bit, whether or not others stick: order and number of the starts, and the number of threads."""
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (CHUNK + 777, 2)) * (pi, 3.0)
-    images = strobe.iterate(starts, 2).points
-    order = np.random.default_rng(1).permutation(len(starts))
-    assert np.array_equal(strobe.iterate(starts[order], 2).points, images[order])
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (CHUNK + 777, 2)) * (pi, 3.0)
+    images = strobe.iterate(initial_conditions, 2).points
+    order = np.random.default_rng(1).permutation(len(initial_conditions))
+    assert np.array_equal(strobe.iterate(initial_conditions[order], 2).points, images[order])
     for count in (1, 2, LANES - 1, LANES + 1):
         for first in range(0, 3 * LANES, 7):
             part = slice(first, first + count)
-            assert np.array_equal(strobe.iterate(starts[part], 2).points, images[part])
+            assert np.array_equal(strobe.iterate(initial_conditions[part], 2).points, images[part])
     for threads in (1, 2):
         set_threads(threads)
-        assert np.array_equal(strobe.iterate(starts, 2).points, images)
+        assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)
 
 
 def test_one_bad_lane_does_not_disturb_the_others() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
-    starts = starts_of((pi, 3.0), 2 * LANES)
-    bad = starts.copy()
+    initial_conditions = starts_of((pi, 3.0), 2 * LANES)
+    bad = initial_conditions.copy()
     bad[5], bad[40] = (1.0, 1e300), (1e15, -1e200)
-    images, again = strobe.iterate(starts, 1), strobe.iterate(bad, 1)
-    good = np.arange(len(starts)) % 35 != 5
+    images, again = strobe.iterate(initial_conditions, 1), strobe.iterate(bad, 1)
+    good = np.arange(len(initial_conditions)) % 35 != 5
     assert np.array_equal(images.points[good], again.points[good])
     assert (again.status[~good] != Status.OK).all()
 
@@ -666,8 +668,8 @@ def test_no_switches_no_events() -> None:
     assert free.switches is None and free.rhs is dimensionless_pendulum().rhs and rough.rhs is not free.rhs
     smooth = stroboscopic_map(free)
     limit = stroboscopic_map(rough.with_params(delta=0.0))
-    starts = starts_of((pi, 2.0), 20)
-    assert limit(starts) == pytest.approx(smooth(starts), abs=1e-9)
+    initial_conditions = starts_of((pi, 2.0), 20)
+    assert limit(initial_conditions) == pytest.approx(smooth(initial_conditions), abs=1e-9)
 
 
 @pytest.mark.parametrize(

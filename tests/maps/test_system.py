@@ -65,11 +65,11 @@ def test_an_angle_must_be_one() -> None:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], -sin(2 * pi * x[0] / 360.0)
 
-    degrees = angle("theta", "deg", turn=360.0)
+    degrees = angle("theta", "deg", period=360.0)
     assert system(rhs=rhs, coordinates=(degrees, "v")).axes[0] is degrees
-    assert system(rhs=rhs, coordinates=(angle("theta", turn=720.0), "v")).dimension == 2
+    assert system(rhs=rhs, coordinates=(angle("theta", period=720.0), "v")).dimension == 2
     with pytest.raises(ValueError, match=r"one period of theta further on .*, so theta is not an angle of period 180"):
-        system(rhs=rhs, coordinates=(angle("theta", turn=180.0), "v"))
+        system(rhs=rhs, coordinates=(angle("theta", period=180.0), "v"))
 
 
 def test_a_period_that_follows_a_parameter() -> None:
@@ -136,7 +136,7 @@ def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
         (
             {"coordinates": (angle("q"), "v")},
             ValueError,
-            "so q is not an angle of period 6.28319; give turn= its period",
+            "so q is not an angle of period 6.28319; give period= its period",
         ),
         ({"coordinates": ()}, ValueError, "one different name for each state variable"),
         ({"coordinates": ("q", "q")}, ValueError, "one different name for each state variable"),

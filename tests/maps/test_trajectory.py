@@ -45,8 +45,10 @@ def solution(system, start, times):
 @pytest.mark.parametrize("factory", [systems.two_well_duffing, systems.driven_pendulum, systems.forced_pendulum])
 def test_samples_meet_the_tolerance_within_every_period(factory, method, tolerance, allowance):
     system = factory()
-    starts = [[0.5, 0.3], [2.0, -40.0 if factory is systems.driven_pendulum else -1.0]]
-    motion = trajectory(system, starts, 4, samples=40, phase=0.3, rtol=tolerance, atol=tolerance, method=method)
+    initial_conditions = [[0.5, 0.3], [2.0, -40.0 if factory is systems.driven_pendulum else -1.0]]
+    motion = trajectory(
+        system, initial_conditions, 4, samples_per_period=40, phase=0.3, rtol=tolerance, atol=tolerance, method=method
+    )
     for k in (0, 3):
         part = slice(40 * k, 40 * k + 41)
         for i in range(2):
@@ -64,7 +66,7 @@ def test_every_period_ends_where_the_map_leads():
 
 
 def test_shapes_and_times():
-    motion = trajectory(OSCILLATOR, np.zeros((3, 4, 2)), 5, samples=7, phase=0.5)
+    motion = trajectory(OSCILLATOR, np.zeros((3, 4, 2)), 5, samples_per_period=7, phase=0.5)
     assert motion.states.shape == motion.wrapped.shape == (36, 3, 4, 2)
     assert motion.strobe.shape == (6, 3, 4, 2)
     assert motion.status.shape == (3, 4)
@@ -75,7 +77,7 @@ def test_shapes_and_times():
 
 
 def test_one_sample_a_period_is_the_map_alone():
-    motion = trajectory(OSCILLATOR, [1.0, 0.0], 3, samples=1)
+    motion = trajectory(OSCILLATOR, [1.0, 0.0], 3, samples_per_period=1)
     assert motion.states == pytest.approx(np.tile([1.0, 0.0], (4, 1)), abs=1e-9)
 
 
@@ -106,7 +108,7 @@ def test_outputs_follow_the_motion():
 
 def test_an_orbit_that_diverges_is_followed_to_its_end():
     system = ForcedSystem(BLOW_UP.rhs, {}, 1.0, ("x",), outputs={"square": lambda t, x, p: (x[0] ** 2,)})
-    motion = trajectory(system, [[0.1], [0.41]], 4, samples=8)  # the second one ends at t = 2.44
+    motion = trajectory(system, [[0.1], [0.41]], 4, samples_per_period=8)  # the second one ends at t = 2.44
     assert motion.status.tolist() == [Status.OK, Status.DIVERGED]
     early = motion.times < 1 / 0.41
     exact = 1 / (1 / 0.41 - motion.times[early])
@@ -119,7 +121,7 @@ def test_an_orbit_that_diverges_is_followed_to_its_end():
 def test_a_missed_tolerance_is_told():
     system = ForcedSystem(lambda t, x, p: (x[1], -4e4 * x[0]), {}, 2 * pi, ("q", "v"))
     with pytest.warns(ToleranceWarning, match="1 of 2 orbits"):
-        motion = trajectory(system, [[1.0, 0.0], [0.0, 0.0]], 2, samples=4, max_steps=512)
+        motion = trajectory(system, [[1.0, 0.0], [0.0, 0.0]], 2, samples_per_period=4, max_steps=512)
     assert motion.status.tolist() == [Status.INACCURATE, Status.OK]
 
 
@@ -144,7 +146,7 @@ def test_functions_that_cannot_be_traced_are_integrated_too():
     def rhs(t, x, p):
         return (-x[0] if x[0] > 0.0 else -2.0 * x[0],)
 
-    motion = trajectory(ForcedSystem(rhs, {}, 1.0, ("x",)), [[1.0], [-1.0]], 2, samples=8)
+    motion = trajectory(ForcedSystem(rhs, {}, 1.0, ("x",)), [[1.0], [-1.0]], 2, samples_per_period=8)
     assert motion.states[..., 0] == pytest.approx(
         np.transpose([np.exp(-motion.times), -np.exp(-2 * motion.times)]), abs=1e-9
     )
@@ -152,18 +154,22 @@ def test_functions_that_cannot_be_traced_are_integrated_too():
 
 
 def test_same_bits_for_any_number_of_threads_and_neighbours():
-    starts = np.random.default_rng(1).uniform(-2, 2, (700, 2))
+    initial_conditions = np.random.default_rng(1).uniform(-2, 2, (700, 2))
     set_threads(1)
-    one = trajectory(systems.two_well_duffing(), starts, 30, samples=4)
+    one = trajectory(systems.two_well_duffing(), initial_conditions, 30, samples_per_period=4)
     set_threads(2)
-    assert np.array_equal(trajectory(systems.two_well_duffing(), starts, 30, samples=4).states, one.states)
-    assert np.array_equal(trajectory(systems.two_well_duffing(), starts[5], 30, samples=4).states, one.states[:, 5])
+    assert np.array_equal(
+        trajectory(systems.two_well_duffing(), initial_conditions, 30, samples_per_period=4).states, one.states
+    )
+    assert np.array_equal(
+        trajectory(systems.two_well_duffing(), initial_conditions[5], 30, samples_per_period=4).states, one.states[:, 5]
+    )
 
 
 def test_states_are_not_tied_to_the_argument():
-    starts = np.array([[1.0, 0.0]])
-    motion = trajectory(OSCILLATOR, starts, 1, samples=2)
-    starts[:] = 7.0
+    initial_conditions = np.array([[1.0, 0.0]])
+    motion = trajectory(OSCILLATOR, initial_conditions, 1, samples_per_period=2)
+    initial_conditions[:] = 7.0
     assert motion.states[0].tolist() == [[1.0, 0.0]]
     assert isinstance(motion, Trajectory)
 
@@ -172,11 +178,11 @@ def test_states_are_not_tied_to_the_argument():
     ("change", "error", "message"),
     [
         ({"system": "pendulum"}, TypeError, "system='pendulum': give a ForcedSystem"),
-        ({"starts": [1.0]}, ValueError, "starts has shape"),
-        ({"starts": [[1.0, np.nan]]}, ValueError, "starts"),
+        ({"initial_conditions": [1.0]}, ValueError, "initial_conditions has shape"),
+        ({"initial_conditions": [[1.0, np.nan]]}, ValueError, "initial_conditions"),
         ({"periods": 0}, ValueError, "periods=0: give a whole number of at least 1"),
         ({"periods": 1.5}, TypeError, "periods=1.5: give a whole number"),
-        ({"samples": 0}, ValueError, "samples=0: give a whole number of at least 1"),
+        ({"samples_per_period": 0}, ValueError, "samples_per_period=0: give a whole number of at least 1"),
         ({"phase": np.inf}, ValueError, "phase=inf: give a finite number"),
         ({"rtol": 0.0}, ValueError, "rtol=0.0: give a number of at least 1e-14"),
         ({"method": "Euler"}, ValueError, "method='Euler': choose one of"),
@@ -185,4 +191,4 @@ def test_states_are_not_tied_to_the_argument():
 )
 def test_arguments_are_checked(change, error, message):
     with pytest.raises(error, match=message):
-        trajectory(**{"system": OSCILLATOR, "starts": [1.0, 0.0], "periods": 1, **change})
+        trajectory(**{"system": OSCILLATOR, "initial_conditions": [1.0, 0.0], "periods": 1, **change})

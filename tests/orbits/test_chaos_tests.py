@@ -144,9 +144,9 @@ def test_the_same_bits_for_a_seed_and_any_number_of_threads() -> None:
     results = []
     for count in (1, 2):
         set_threads(count)
-        results.append(zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, seed=3))
+        results.append(zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, rng=3))
     assert np.array_equal(results[0].evidence, results[1].evidence)
-    other = zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, seed=4)
+    other = zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, rng=4)
     assert not np.array_equal(results[0].evidence, other.evidence)
 
 
@@ -161,7 +161,7 @@ def test_the_median_has_an_exact_interval() -> None:
     ("arguments", "error", "message"),
     [
         ((3, [0.1, 0.1]), TypeError, "give a PointMap"),
-        ((systems.henon_map(), np.empty((0, 2))), ValueError, "starts is empty"),
+        ((systems.henon_map(), np.empty((0, 2))), ValueError, "initial_conditions is empty"),
         ((systems.henon_map(), [0.1, 0.1], 10), ValueError, "periods=10: give a whole number of at least"),
         ((systems.henon_map(), [0.1, 0.1], 300, -1), ValueError, "transient=-1"),
     ],
@@ -245,7 +245,7 @@ def test_alignment_has_the_same_bits_for_any_number_of_threads() -> None:
     ("change", "error", "message"),
     [
         ({"point_map": 3}, TypeError, "give a PointMap"),
-        ({"starts": np.empty((0, 2))}, ValueError, "starts is empty"),
+        ({"initial_conditions": np.empty((0, 2))}, ValueError, "initial_conditions is empty"),
         ({"periods": 43}, ValueError, "periods=43"),
         ({"order": 3}, ValueError, "order=3"),
         ({"order": 1}, ValueError, "order=1"),
@@ -254,7 +254,7 @@ def test_alignment_has_the_same_bits_for_any_number_of_threads() -> None:
 )
 def test_what_alignment_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
-        alignment_test(**{"point_map": systems.standard_map(1.2), "starts": [0.1, 0.1], **change})
+        alignment_test(**{"point_map": systems.standard_map(1.2), "initial_conditions": [0.1, 0.1], **change})
 
 
 def test_the_picture() -> None:

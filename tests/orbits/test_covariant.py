@@ -157,15 +157,17 @@ def test_a_flow_and_spaces_of_several_directions() -> None:
     ("change", "error", "message"),
     [
         ({"point_map": 3}, TypeError, "give a PointMap"),
-        ({"start": [[0.1, 0.1]]}, ValueError, "give one point"),
-        ({"start": [1e200, 0.0]}, ValueError, "orbit terminates"),
+        ({"initial_condition": [[0.1, 0.1]]}, ValueError, "give one point"),
+        ({"initial_condition": [1e200, 0.0]}, ValueError, "orbit terminates"),
         ({"periods": 19}, ValueError, "periods=19"),
         ({"point_map": systems.henon_map(1.4, 0.0)}, ValueError, "derivative is singular"),
     ],
 )
 def test_what_it_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
-        covariant_vectors(**{"point_map": systems.henon_map(), "start": [0.1, 0.1], "periods": 30, **change})
+        covariant_vectors(
+            **{"point_map": systems.henon_map(), "initial_condition": [0.1, 0.1], "periods": 30, **change}
+        )
 
 
 def test_the_picture() -> None:

@@ -71,8 +71,8 @@ def test_the_cat_map() -> None:
 
 def test_the_logistic_map() -> None:
     """ln 2 at mu = 4, for almost every start."""
-    starts = np.random.default_rng(0).uniform(0.0, 1.0, (100, 1))
-    found = lyapunov_spectrum(systems.logistic_map(), starts, 2000)
+    initial_conditions = np.random.default_rng(0).uniform(0.0, 1.0, (100, 1))
+    found = lyapunov_spectrum(systems.logistic_map(), initial_conditions, 2000)
     (mean,), (error,) = found.pooled
     assert error < 5e-4
     assert mean == pytest.approx(log(2.0), abs=3.0 * error)
@@ -82,8 +82,8 @@ def test_the_logistic_map() -> None:
 
 def test_henon() -> None:
     """0.419 and -1.623 (references; Sprott 2003 has 0.41922 and -1.62319); their sum is ln 0.3 exactly."""
-    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (64, 2))
-    found = lyapunov_spectrum(systems.henon_map(), starts, 4000)
+    initial_conditions = np.random.default_rng(0).uniform(-0.1, 0.1, (64, 2))
+    found = lyapunov_spectrum(systems.henon_map(), initial_conditions, 4000)
     mean, error = found.pooled
     assert (error < 1e-3).all()
     assert (np.abs(mean - [0.41922, -1.62319]) < 3.0 * error).all()
@@ -103,21 +103,21 @@ def test_a_single_orbit_in_one_compiled_loop() -> None:
 
 def test_orbits_do_not_depend_on_their_company() -> None:
     """Alone or in a batch, in any number of threads, and by the loop over matrices to rounding."""
-    henon, starts = systems.henon_map(), np.random.default_rng(3).uniform(-0.1, 0.1, (40, 2))
-    many = lyapunov_spectrum(henon, starts, 30, 0)
+    henon, initial_conditions = systems.henon_map(), np.random.default_rng(3).uniform(-0.1, 0.1, (40, 2))
+    many = lyapunov_spectrum(henon, initial_conditions, 30, 0)
     for k in (0, 17, 39):
-        alone = lyapunov_spectrum(henon, starts[k], 30, 0)
+        alone = lyapunov_spectrum(henon, initial_conditions[k], 30, 0)
         for name in ("exponents", "ends", "directions"):
             assert np.array_equal(getattr(alone, name), getattr(many, name)[k])
-    stepwise = lyapunov_spectrum(replace(henon, stretch=None), starts, 30, 0)
+    stepwise = lyapunov_spectrum(replace(henon, stretch=None), initial_conditions, 30, 0)
     assert many.exponents == pytest.approx(stepwise.exponents, abs=1e-6)  # chaos stretches rounding by e^12
     assert np.abs(np.einsum("nij,nij->nj", many.directions, stepwise.directions)) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_standard_errors_are_those_of_repetition() -> None:
     """The spread of the exponents of 200 independent orbits, within a quarter."""
-    starts = np.random.default_rng(1).uniform(-0.1, 0.1, (200, 2))
-    found = lyapunov_spectrum(systems.henon_map(), starts, 2000)
+    initial_conditions = np.random.default_rng(1).uniform(-0.1, 0.1, (200, 2))
+    found = lyapunov_spectrum(systems.henon_map(), initial_conditions, 2000)
     spread = found.exponents.std(axis=0, ddof=1)
     assert np.sqrt((found.standard_errors**2).mean(axis=0)) == pytest.approx(spread, rel=0.25)
 
@@ -125,8 +125,8 @@ def test_standard_errors_are_those_of_repetition() -> None:
 def test_the_lorenz_system() -> None:
     """0.9056, 0, -14.572 (Sprott 2003); the sum is -(sigma + 1 + beta)."""
     system = ForcedSystem(lorenz, {"sigma": 10.0, "rho": 28.0, "beta": 8.0 / 3.0}, 0.25, ("u", "v", "w"))
-    starts = np.random.default_rng(2).uniform((-5.0, -5.0, 15.0), (5.0, 5.0, 25.0), (32, 3))
-    found = lyapunov_spectrum(stroboscopic_map(system), starts, 400, 150)
+    initial_conditions = np.random.default_rng(2).uniform((-5.0, -5.0, 15.0), (5.0, 5.0, 25.0), (32, 3))
+    found = lyapunov_spectrum(stroboscopic_map(system), initial_conditions, 400, 150)
     mean, error = (v / found.period for v in found.pooled)
     assert (np.abs(mean - [0.9056, 0.0, -14.572]) < 3.0 * error + 1e-3).all()
     assert error[0] < 0.02
@@ -164,8 +164,8 @@ def test_a_hamiltonian_flow_of_two_degrees_has_two_pairs(problems: Any) -> None:
 def test_the_driven_pendulum_of_hard_case_7() -> None:
     """alpha = 0.25, gamma = 0.05, beta = 0.55: chaotic, and the sum is -0.05 x 2 pi in each period."""
     strobe = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
-    starts = np.random.default_rng(3).uniform(-1.0, 1.0, (32, 2))
-    found = lyapunov_spectrum(strobe, starts, 400, 200)
+    initial_conditions = np.random.default_rng(3).uniform(-1.0, 1.0, (32, 2))
+    found = lyapunov_spectrum(strobe, initial_conditions, 400, 200)
     assert found.sums == pytest.approx(-0.05 * 2.0 * pi, abs=1e-9)
     mean, error = found.pooled
     assert mean[0] > 10.0 * error[0]
@@ -247,11 +247,11 @@ def test_angles_may_have_any_number_of_turns() -> None:
 
 
 def test_the_same_bits_for_any_number_of_threads() -> None:
-    starts = np.random.default_rng(4).uniform(-0.1, 0.1, (2100, 2))
+    initial_conditions = np.random.default_rng(4).uniform(-0.1, 0.1, (2100, 2))
     results = []
     for count in (1, 2):
         set_threads(count)
-        results.append(lyapunov_spectrum(systems.henon_map(), starts, 30, 30))
+        results.append(lyapunov_spectrum(systems.henon_map(), initial_conditions, 30, 30))
     assert np.array_equal(results[0].exponents, results[1].exponents)
     assert np.array_equal(results[0].standard_errors, results[1].standard_errors)
 
@@ -260,15 +260,20 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
     ("change", "error", "message"),
     [
         ({"point_map": 3}, TypeError, "give a PointMap"),
-        ({"starts": np.empty((0, 2))}, ValueError, "starts is empty"),
-        ({"starts": [[0.0, np.nan]]}, ValueError, "remove points that are not finite"),
-        ({"starts": [0.0]}, ValueError, "must hold the 2 state variables"),
+        ({"initial_conditions": np.empty((0, 2))}, ValueError, "initial_conditions is empty"),
+        ({"initial_conditions": [[0.0, np.nan]]}, ValueError, "remove points that are not finite"),
+        ({"initial_conditions": [0.0]}, ValueError, "must hold the 2 state variables"),
         ({"periods": 19}, ValueError, "periods=19: give a whole number of at least 20"),
         ({"transient": -1}, ValueError, "transient=-1"),
     ],
 )
 def test_bad_input_is_refused(change: dict[str, Any], error: type[Exception], message: str) -> None:
-    arguments = {"point_map": systems.henon_map(), "starts": [[0.1, 0.1]], "periods": 20, "transient": 0} | change
+    arguments = {
+        "point_map": systems.henon_map(),
+        "initial_conditions": [[0.1, 0.1]],
+        "periods": 20,
+        "transient": 0,
+    } | change
     with pytest.raises(error, match=message):
         lyapunov_spectrum(**arguments)
 

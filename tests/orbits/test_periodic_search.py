@@ -52,14 +52,14 @@ def test_all_cycles_of_the_henon_map() -> None:
 def test_orbits_of_the_driven_pendulum(pendulum: PointMap) -> None:
     orbits = find_periodic_orbits(pendulum, WINDOW)
     assert Counter(o.name for o in orbits) == {"saddle": 4, "stable focus": 4}
-    assert sorted(o.turns[0] for o in orbits) == [-1, -1, 0, 0, 0, 0, 1, 1]
+    assert sorted(o.rotations[0] for o in orbits) == [-1, -1, 0, 0, 0, 0, 1, 1]
     for orbit in orbits:
         assert np.linalg.det(orbit.matrix) == pytest.approx(exp(-0.2), rel=1e-10)  # Liouville
         assert orbit.is_stable == (orbit.kind is OrbitKind.FOCUS)
-        assert orbit.rotation_number == (float(orbit.turns[0]), 0.0)
+        assert orbit.rotation_number == (float(orbit.rotations[0]), 0.0)
     inverted = next(o for o in orbits if o.is_stable and abs(o.points[0, 0]) > 3.1)
     assert inverted.multipliers[0] == pytest.approx(0.865837958746 + 0.262783907940j, rel=1e-11)
-    rotation = next(o for o in orbits if o.is_stable and o.turns[0] == 1)
+    rotation = next(o for o in orbits if o.is_stable and o.rotations[0] == 1)
     np.testing.assert_allclose(rotation.points[0] / [1.0, 100 * pi], [2.520339579944, 1.019933227842], rtol=1e-10)
 
 
@@ -142,7 +142,7 @@ def test_no_orbit_is_said() -> None:
 def test_an_angle_may_turn() -> None:
     circle = discrete_map(lambda x, p: (x[0] + 2 * pi + 0.5 * sin(x[0]),), {}, (angle("theta"),))
     orbits = find_periodic_orbits(circle, CellGrid((-pi,), (pi,), (40,)))
-    assert [(o.turns, round(float(o.multipliers[0].real), 12)) for o in orbits] == [((1,), 1.5), ((1,), 0.5)]
+    assert [(o.rotations, round(float(o.multipliers[0].real), 12)) for o in orbits] == [((1,), 1.5), ((1,), 0.5)]
 
 
 def test_where_derivatives_are_not_known() -> None:
@@ -164,7 +164,7 @@ def test_where_derivatives_are_not_known() -> None:
         (lambda m: periodic_orbit(m, [[0.0, 0.0]]), ValueError, "one state"),
         (lambda m: periodic_orbit(m, [0.0, 0.0], period=0), ValueError, "period=0"),
         (lambda m: find_periodic_orbits("map", WINDOW), TypeError, "point_map='map'"),
-        (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "window="),
+        (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "region="),
         (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axes"),
         (lambda m: find_periodic_orbits(m, WINDOW, max_period=1.5), TypeError, "max_period=1.5"),
     ],

@@ -340,7 +340,7 @@ def test_attractors_are_marked(pendulum):
     for a in pendulum.attractors:
         for point in a.points:
             assert np.abs(marked - point).max(axis=1).min() < 1e-9
-    assert plot.basins(pendulum, points=False).get_lines() == []
+    assert plot.basins(pendulum, show_attractors=False).get_lines() == []
 
 
 def test_point_on_the_seam_is_marked_at_both_ends(pendulum):

@@ -83,7 +83,7 @@ def test_stable_parts_are_solid_and_end_at_bifurcations(logistic: Branch) -> Non
 
 def test_all_points_of_an_orbit_or_the_first(logistic: Branch) -> None:
     doubled = switch_branch(logistic, logistic.bifurcations[1], 2.5, 3.9)
-    both, first = plot.branches(doubled), plot.branches(doubled, every_point=False)
+    both, first = plot.branches(doubled), plot.branches(doubled, all_points=False)
     for ax, count in ((both, 2), (first, 1)):
         places = np.concatenate([lines(ax, "-"), lines(ax, "--")])
         mu, x = places[~np.isnan(places[:, 0])].T

@@ -33,7 +33,7 @@ def test_groups_have_colours_and_periodic_cells_are_black(wells):
 
 def test_steps(wells):
     mapping = simple_cell_mapping(*wells, periods=3)
-    ax = plot.cell_mapping(mapping, ax=plt.figure().add_subplot(), steps=True)
+    ax = plot.cell_mapping(mapping, ax=plt.figure().add_subplot(), show_steps=True)
     drawn = np.ma.filled(np.ma.asarray(ax.get_images()[0].get_array(), float), np.nan)
     expected = np.where(mapping.groups >= 0, 3.0 * mapping.steps, np.nan).T
     np.testing.assert_array_equal(drawn, expected)
@@ -42,7 +42,7 @@ def test_steps(wells):
 def test_probabilities_and_domiciles(wells):
     chain = generalized_cell_mapping(*wells, samples=(2, 2))
     for number in (0, -1):
-        image = plot.absorption(chain, number=number).get_images()[0]
+        image = plot.absorption(chain, group=number).get_images()[0]
         assert image.get_clim() == (0.0, 1.0)
         np.testing.assert_array_equal(np.asarray(image.get_array()), chain.absorption[..., number].T)
     image = plot.absorption(chain).get_images()[0]
@@ -66,7 +66,7 @@ def test_bad_input(wells):
         plot.absorption(3)
     with pytest.raises(TypeError, match="CellChain"):
         plot.invariant_measure(None)
-    with pytest.raises(ValueError, match="number=99"):
-        plot.absorption(chain, number=99)
+    with pytest.raises(ValueError, match="group=99"):
+        plot.absorption(chain, group=99)
     with pytest.raises(ValueError, match="two axes"):
         plot.cell_mapping(simple_cell_mapping(systems.logistic_map(4.0), CellGrid((0,), (1,), (100,))))

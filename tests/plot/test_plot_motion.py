@@ -41,7 +41,7 @@ OTHER = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",), "other")
 @pytest.fixture(scope="module")
 def motion():
     """One start swings, the other goes round."""
-    return trajectory(PENDULUM, [[0.5, 0.0], [0.5, 3.0]], 3, samples=16)
+    return trajectory(PENDULUM, [[0.5, 0.0], [0.5, 3.0]], 3, samples_per_period=16)
 
 
 def curves(ax):
@@ -136,7 +136,7 @@ def test_stroboscopic_points_lie_on_top(motion):
             assert line.get_xdata() == pytest.approx(np.arange(4) * 2 * pi)
             assert line.get_zorder() > curves(panel)[i].get_zorder()
             assert line.get_color() == curves(panel)[i].get_color()
-    assert all(marks(panel) == [] for panel in plot.time_series(motion, strobe=False))
+    assert all(marks(panel) == [] for panel in plot.time_series(motion, stroboscopic=False))
 
 
 def test_small_swings_have_plain_ticks():
@@ -170,7 +170,7 @@ def test_a_diverging_motion_is_drawn_to_its_end():
 
 def test_given_panels_and_labels(motion):
     _, panels = plt.subplots(2)
-    assert plot.time_series(motion, axes=panels, labels=["swing", "turn"]) == tuple(panels)
+    assert plot.time_series(motion, ax=panels, labels=["swing", "turn"]) == tuple(panels)
     assert [t.get_text() for t in panels[0].get_legend().get_texts()] == ["swing", "turn"]
     assert len(plt.get_fignums()) == 1
 
@@ -185,7 +185,7 @@ def test_given_panels_and_labels(motion):
             r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its outputs",
         ),
         ({"names": ()}, ValueError, r"names=\(\): name at least one"),
-        ({"axes": ()}, ValueError, "axes has 0 panels: give 2"),
+        ({"ax": ()}, ValueError, "ax has 0 panels: give 2"),
         ({"labels": ["one"]}, ValueError, r"labels=\['one'\]: give 2 names"),
         ({"labels": "ab"}, ValueError, "labels='ab': give 2 names"),
     ],
@@ -214,7 +214,7 @@ def test_portrait_on_the_circle(motion):
 
 
 def test_portrait_by_names_with_an_angle_upwards(motion):
-    ax = plot.phase_portrait(motion, x="v", y="theta", strobe=False)
+    ax = plot.phase_portrait(motion, coordinates=("v", "theta"), stroboscopic=False)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("v (rad/s)", "theta (rad)")
     assert ax.get_ylim() == pytest.approx((-pi, pi))
     assert marks(ax) == []
@@ -224,9 +224,9 @@ def test_portrait_by_names_with_an_angle_upwards(motion):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"x": 2}, ValueError, "x=2: give a whole number of at most 1"),
-        ({"y": "w"}, ValueError, r"y='w': the coordinates of pendulum are \['theta', 'v'\]"),
-        ({"y": 1.0}, TypeError, "y=1.0: give a whole number"),
+        ({"coordinates": (2, 1)}, ValueError, "coordinates=2: give a whole number of at most 1"),
+        ({"coordinates": ("v", "w")}, ValueError, r"coordinates='w': the coordinates are \['theta', 'v'\]"),
+        ({"coordinates": (0, 1.0)}, TypeError, "coordinates=1.0: give a whole number"),
     ],
 )
 def test_portrait_checks_its_arguments(motion, arguments, error, message):
@@ -236,7 +236,7 @@ def test_portrait_checks_its_arguments(motion, arguments, error, message):
 
 
 def test_portrait_of_one_variable_is_refused():
-    with pytest.raises(ValueError, match="y=1: give a whole number of at most 0"):
+    with pytest.raises(ValueError, match="coordinates=1: give a whole number of at most 0"):
         plot.phase_portrait(trajectory(OTHER, [1.0], 1))
 
 
@@ -280,7 +280,7 @@ def test_the_trace_can_be_left_out(motion, tmp_path):
 def test_a_motion_that_ends_is_shown_to_its_end(tmp_path):
     rod = {"place": lambda t, x, p: (0.0, 0.0, x[0], 0.0)}
     system = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",), outputs=rod)
-    plot.animate(trajectory(system, [0.4], 4, samples=2), tmp_path / "end.gif", output="place")
+    plot.animate(trajectory(system, [0.4], 4, samples_per_period=2), tmp_path / "end.gif", output="place")
     assert (tmp_path / "end.gif").exists()
 
 

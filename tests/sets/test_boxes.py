@@ -192,7 +192,7 @@ def test_orbits_that_end_hit_nothing():
 def test_several_steps_at_a_time():
     double = discrete_map(lambda x, p: (2 * x[0] % 1,), {}, ("x",))
     some = BoxSet(CellGrid((0,), (1,), (8,)), [1])
-    assert box_image(some, double, 8, steps=3).keys.tolist() == list(range(8))
+    assert box_image(some, double, 8, periods=3).keys.tolist() == list(range(8))
 
 
 def test_what_is_wrong_is_named():
@@ -208,8 +208,8 @@ def test_what_is_wrong_is_named():
         box_image(full, henon, "many")
     with pytest.raises(ValueError, match="samples=0"):
         box_image(full, henon, 0)
-    with pytest.raises(ValueError, match="steps=0"):
-        box_image(full, henon, 1, steps=0)
+    with pytest.raises(ValueError, match="periods=0"):
+        box_image(full, henon, 1, periods=0)
     with pytest.raises(TypeError, match="point_map=3"):
         box_image(full, 3)
     with pytest.raises(TypeError, match="boxes=3"):

@@ -277,7 +277,7 @@ class TestTransitions:
         chains = []
         for threads, seed in ((1, 0), (3, 0), (1, 1)):
             set_threads(threads)
-            chains.append(generalized_cell_mapping(exact, grid, samples=12, noise=0.01, seed=seed))
+            chains.append(generalized_cell_mapping(exact, grid, samples=12, noise=0.01, rng=seed))
         for name in ("data", "indices", "indptr"):
             np.testing.assert_array_equal(getattr(chains[0].matrix, name), getattr(chains[1].matrix, name))
         assert chains[0].matrix.nnz != chains[2].matrix.nnz
@@ -321,8 +321,8 @@ class TestMeasures:
         assert chain.measures[0] @ x**2 == pytest.approx(0.25**2 / 3 / (1 - 0.25), rel=0.02)
         basins = chain.basins()
         assert (basins.labels == 0).all()
-        with pytest.raises(ValueError, match="polish=True"):
-            chain.basins(polish=True)
+        with pytest.raises(ValueError, match="refine=True"):
+            chain.basins(refine=True)
 
 
 class TestBasins:
@@ -360,7 +360,7 @@ class TestBasins:
         assert [a.points[0].round(4).tolist() for a in found] == [[-0.7791, 0.0274], [1.2101, 0.0553]]
         assert chances.sum(axis=-1) == pytest.approx(1.0)
         assert chances[..., 0].mean() == pytest.approx(0.5, abs=0.01)
-        undecided = chain.basins(at_least=0.9)
+        undecided = chain.basins(min_probability=0.9)
         assert ((undecided.labels == -3) == (chances.max(axis=-1) < 0.9)).all()
         assert set(np.unique(chain.domiciles)) == {1, 2}
         assert ((chain.domiciles == 1) == (chances.max(axis=-1) > 1 - 1e-9)).mean() > 0.999
@@ -370,7 +370,7 @@ class TestBasins:
     def test_without_polish(self):
         """A cycle of two: one class of period 2."""
         chain = generalized_cell_mapping(systems.logistic_map(3.2), CellGrid((0.01,), (0.99,), (500,)))
-        basins = chain.basins(polish=False)
+        basins = chain.basins(refine=False)
         assert [a.period for a in basins.attractors] == [2]
         polished = chain.basins()
         assert np.sort(basins.attractors[0].points[:, 0]) == pytest.approx(
@@ -391,7 +391,7 @@ def test_basins_of_cells_are_stored_like_others(tmp_path):
     exact = stroboscopic_map(systems.two_well_duffing())
     grid = CellGrid((-2, -2), (2, 2), (40, 40))
     chain, mapping = generalized_cell_mapping(exact, grid, (2, 2)), simple_cell_mapping(exact, grid)
-    for basins in (chain.basins(), chain.basins(polish=False), mapping.basins(), mapping.basins(polish=False)):
+    for basins in (chain.basins(), chain.basins(refine=False), mapping.basins(), mapping.basins(refine=False)):
         same = load_basins(save_basins(basins, tmp_path / "basins.h5"))
         np.testing.assert_array_equal(same.labels, basins.labels)
         assert same.settings["method"] == basins.settings["method"]
@@ -433,9 +433,9 @@ def test_bad_input():
     with pytest.raises(MemoryError, match="take fewer"):
         generalized_cell_mapping(halves, CellGrid((-1,), (1,), (10**12,)))
     chain = generalized_cell_mapping(halves, grid)
-    with pytest.raises(ValueError, match="at_least=2"):
-        chain.basins(at_least=2)
-    with pytest.raises(ValueError, match="number=1"):
+    with pytest.raises(ValueError, match="min_probability=2"):
+        chain.basins(min_probability=2)
+    with pytest.raises(ValueError, match="group=1"):
         chain.density(1)
 
 

@@ -240,7 +240,7 @@ class TestBasins:
         )
         mapping = simple_cell_mapping(turned, CellGrid((-1, -1), (1.04, 1.03), (100, 100)))
         assert len(mapping.group_periods) > 1
-        basins = mapping.basins(polish=False)
+        basins = mapping.basins(refine=False)
         assert len(basins.attractors) == 1
         assert basins.attractors[0].period == 1
         assert np.abs(basins.attractors[0].points).max() < 0.2
@@ -252,7 +252,7 @@ class TestBasins:
         """The logistic map at 3.5 has a period of four, at 3.2 one of two; and at 2.5 a point."""
         for mu, period in ((2.5, 1), (3.2, 2), (3.5, 4)):
             mapping = simple_cell_mapping(systems.logistic_map(mu), CellGrid((0.01,), (0.99,), (500,)), periods=5)
-            basins = mapping.basins(polish=False)
+            basins = mapping.basins(refine=False)
             attractor = basins.attractors[basins.labels[100]]
             assert attractor.period == period
             polished = mapping.basins().attractors[0]
@@ -265,7 +265,7 @@ class TestBasins:
         turning = discrete_map(spiral, {"c": cos(rotation), "s": sin(rotation), "pull": 0.3}, ("x", "y"))
         mapping = simple_cell_mapping(turning, CellGrid((-2, -2), (2, 2), (cells, cells)))
         assert len(mapping.group_periods) >= 3
-        (circle,) = mapping.basins(polish=False).attractors
+        (circle,) = mapping.basins(refine=False).attractors
         assert np.hypot(*circle.points.T) == pytest.approx(1.0, abs=20.0 / cells)
         assert len(np.unique(circle.points, axis=0)) == circle.period
 
@@ -276,7 +276,7 @@ class TestBasins:
         delayed = discrete_map(step, {}, ("x", "y"))
         mapping = simple_cell_mapping(delayed, CellGrid((0.0, 0.0), (1.0, 1.0), (cells, cells)))
         assert len(mapping.group_periods) > 10
-        basins = mapping.basins(polish=False)
+        basins = mapping.basins(refine=False)
         (circle,) = basins.attractors
         assert (basins.labels[mapping.groups >= 0] == 0).all()
         exact = np.array(list(itertools.accumulate(range(5000), lambda x, _: step(x), initial=(0.4, 0.4)))[3000:])
@@ -287,7 +287,7 @@ class TestBasins:
     def test_without_polish_wells_stay_apart(self, cells):
         """tanh(2 x) has sinks at +-0.9575, and a fixed point at 0 that no cell beside it goes back to."""
         wells = discrete_map(lambda x, p: (tanh(2 * x[0]),), {}, ("x",))
-        basins = simple_cell_mapping(wells, CellGrid((-2.0,), (2.0,), (cells,))).basins(polish=False)
+        basins = simple_cell_mapping(wells, CellGrid((-2.0,), (2.0,), (cells,))).basins(refine=False)
         labels = basins.labels
         assert len(basins.attractors) == 3
         assert labels[0] != labels[-1]
@@ -309,7 +309,7 @@ class TestBasins:
         away = discrete_map(lambda x, p: (x[0] + 10,), {}, ("x",))
         mapping = simple_cell_mapping(away, CellGrid((0,), (1,), (5,)))
         for polish in (True, False):
-            basins = mapping.basins(polish=polish)
+            basins = mapping.basins(refine=polish)
             assert basins.attractors == ()
             assert (basins.labels == -1).all()
 

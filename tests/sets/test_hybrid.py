@@ -23,8 +23,8 @@ def with_a_small_one(x, p):
 def test_attractor_with_a_tiny_basin_is_found():
     """Its basin is the notch, 0.008 wide, between two starts of a grid that is 0.028 wide."""
     point_map = discrete_map(with_a_small_one, {}, ("x",))
-    starts = CellGrid((-0.2,), (1.2,), (50,))
-    by_grid = find_attractors(point_map, starts.centres())
+    initial_conditions = CellGrid((-0.2,), (1.2,), (50,))
+    by_grid = find_attractors(point_map, initial_conditions.centres())
     assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in by_grid) == [0.0, 1.0]
     found = find_attractors_by_subdivision(point_map, CellGrid((-0.2,), (1.2,), (50,)), 8)
     assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in found.attractors) == [0.0, CENTRE, 1.0]
@@ -40,7 +40,7 @@ def test_magnetic_pendulum_in_four_dimensions():
     """Only boxes near what recurs are stored: a share of less than a thousandth of 64^4."""
     point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)
     window = CellGrid((-1.6, -1.6, -1.5, -1.5), (1.61, 1.61, 1.52, 1.52), (4,) * 4)
-    found = find_attractors_by_subdivision(point_map, window, 2, samples=2, max_starts=200)
+    found = find_attractors_by_subdivision(point_map, window, 2, samples=2, max_initial_conditions=200)
     assert len(found.attractors) == 3
     radii = [float(np.hypot(*a.points[0, :2])) for a in found.attractors]
     assert np.ptp(radii) < 1e-6 and found.graph.sets[0].grid.size == 16**4

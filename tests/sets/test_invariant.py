@@ -30,8 +30,8 @@ OCCUPIED = {4: 17, 5: 36, 6: 89, 7: 212, 8: 504, 9: 1184, 10: 2775}
 @pytest.fixture(scope="module")
 def orbit():
     """Two hundred thousand points of it, from starts close to each other that lose all memory of that."""
-    starts = 0.1 + 0.01 * np.random.default_rng(0).random((400, 2))
-    return henon_map().orbit(starts, 600).points[100:].reshape(-1, 2)
+    initial_conditions = 0.1 + 0.01 * np.random.default_rng(0).random((400, 2))
+    return henon_map().orbit(initial_conditions, 600).points[100:].reshape(-1, 2)
 
 
 @pytest.mark.parametrize("depth", [4, 6, 8, 10])
@@ -87,12 +87,12 @@ def test_cat_map_manifolds_fill_the_torus():
     cat = discrete_map(
         lambda x, p: (2 * x[0] + x[1], x[0] + x[1]),
         {},
-        (angle("x", turn=1.0, lower=0.0), angle("y", turn=1.0, lower=0.0)),
+        (angle("x", period=1.0, lower=0.0), angle("y", period=1.0, lower=0.0)),
     )
     grid = CellGrid((0, 0), (1, 1), (64, 64))
     golden = (1 + sqrt(5)) / 2
     along = np.linspace(0.0, 2.0, 4000)[:, None] * np.array([golden, 1.0]) / sqrt(golden**2 + 1)
-    cover = unstable_set(cat, [0.0, 0.0], grid, max_rounds=5)
+    cover = unstable_set(cat, [0.0, 0.0], grid, max_iterations=5)
     assert cover.contains(along % 1.0).all() and len(cover) < grid.size
     assert len(unstable_set(cat, [0.0, 0.0], grid)) == grid.size
     assert len(chain_recurrent_set(cat, CellGrid((0, 0), (1, 1), (2, 2)), 3)) == 256
@@ -120,7 +120,7 @@ def three_basins(x, p):
 
 
 def test_morse_graph_of_a_hand_made_map():
-    graph = morse_graph(discrete_map(three_basins, {}, ("x",)), CellGrid((-0.3,), (4.4,), (8,)), 7, steps=3)
+    graph = morse_graph(discrete_map(three_basins, {}, ("x",)), CellGrid((-0.3,), (4.4,), (8,)), 7, periods=3)
     places = [float(np.round(boxes.centres().mean(), 1)) + 0.0 for boxes in graph.sets]
     assert sorted(places) == [0.0, 1.0, 2.0, 3.0, 4.0]
     named = {(places[i], places[j]) for i, j in graph.edges}
@@ -133,7 +133,7 @@ def test_edges_leave_out_what_follows_from_others():
     cubic = discrete_map(
         lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2, 1.5 * x[1] - x[1] ** 3 / 2), {}, ("x", "y"), name="two cubics"
     )
-    graph = morse_graph(cubic, CellGrid((-1.7, -1.7), (1.6, 1.6), (2, 2)), 5, steps=3)
+    graph = morse_graph(cubic, CellGrid((-1.7, -1.7), (1.6, 1.6), (2, 2)), 5, periods=3)
     assert len(graph.sets) == 9 and len(graph.sinks) == 4
     assert len(graph.edges) == 12
     assert graph.reaches[0].sum() == 8 and graph.sets[0].contains([0.0, 0.0])
@@ -173,7 +173,7 @@ def test_depth_may_differ_from_axis_to_axis():
 def test_what_is_wrong_is_named():
     with pytest.raises(TypeError, match=r"point_map=None"):
         relative_attractor(None, WINDOW, 3)
-    with pytest.raises(TypeError, match=r"window=3: give a CellGrid"):
+    with pytest.raises(TypeError, match=r"region=3: give a CellGrid"):
         relative_attractor(SADDLE, 3, 3)
     with pytest.raises(ValueError, match=r"depth=\(1, 2, 3\).*2 coordinates"):
         relative_attractor(SADDLE, WINDOW, (1, 2, 3))
@@ -181,7 +181,7 @@ def test_what_is_wrong_is_named():
         chain_recurrent_set(SADDLE, WINDOW, -1)
     with pytest.raises(ValueError, match="1 axes and the system 2"):
         maximal_invariant_set(SADDLE, CellGrid((0,), (1,), (1,)), 2)
-    with pytest.raises(ValueError, match=r"points=\[5.0, 0.0\].*in the window"):
+    with pytest.raises(ValueError, match=r"points=\[5.0, 0.0\].*in the region"):
         unstable_set(SADDLE, [5.0, 0.0], WINDOW)
     with pytest.raises(ValueError, match="periods=0"):
         box_ftle(BoxSet.full(WINDOW), SADDLE, 0)

@@ -116,5 +116,5 @@ def test_what_is_wrong_is_named():
         transfer_operator(BoxSet(CellGrid((0,), (1,), (4,)), []), cubic)
     with pytest.raises(TypeError, match="samples='adaptive'"):
         transfer_operator(full(4), cubic, samples="adaptive")
-    with pytest.raises(ValueError, match="number=9"):
+    with pytest.raises(ValueError, match="n_eigenvalues=9"):
         transfer_operator(full(4), cubic).eigenvalues(9)

@@ -57,8 +57,8 @@ def test_orbits_have_the_periods_that_branches_say(rod: dict[str, Cascade]) -> N
 
 def test_what_shares_count() -> None:
     rod = stroboscopic_map(cascade.ROD)
-    starts = [[0.01, 0.0], [pi - 0.01, 0.0], [3.0, 350.0], [-3.0, -350.0], [-3.0, -350.1]]
-    parts = cascade.shares(cascade.continue_basins(rod, "amplitude", [0.010, 0.012], starts))
+    initial_conditions = [[0.01, 0.0], [pi - 0.01, 0.0], [3.0, 350.0], [-3.0, -350.0], [-3.0, -350.1]]
+    parts = cascade.shares(cascade.continue_basins(rod, "amplitude", [0.010, 0.012], initial_conditions))
     np.testing.assert_allclose(parts["rest and swings"], [0.4, 0.4])
     np.testing.assert_allclose(parts["rotations"], [0.6, 0.6])
     assert not parts["tumbling"].any()

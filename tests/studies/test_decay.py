@@ -25,7 +25,7 @@ def test_a_simulated_rod_has_the_parabola_of_the_report(film: float) -> None:
     rod = decay.with_parabola(film)
     system = free_pendulum(LONG_ROD, rod.coefficients)
     motion = trajectory(system, [rod.amplitude, 0.0], round(film / system.length), 105)
-    found = quadratic_decay(swing_envelope(motion.times, motion.states[:, 0]), start=0.0)
+    found = quadratic_decay(swing_envelope(motion.times, motion.states[:, 0]), start_time=0.0)
     assert (np.abs(found.coefficients - decay.REPORT) < 0.5 * decay.INTERVALS).all()
 
 

@@ -42,9 +42,9 @@ def test_intervals() -> None:
 
 
 def test_pushes_and_distances() -> None:
-    starts = figure_20.pushed("outer", np.array([0.0, 3.0]))
-    assert starts.tolist() == [[pi, 0.0, 0.0, 0.0], [pi, 0.0, 0.0, 3.0]]
-    turned = starts + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
+    initial_conditions = figure_20.pushed("outer", np.array([0.0, 3.0]))
+    assert initial_conditions.tolist() == [[pi, 0.0, 0.0, 0.0], [pi, 0.0, 0.0, 3.0]]
+    turned = initial_conditions + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
     assert figure_20.distance(turned, figure_20.UP_DOWN) == pytest.approx([0.0, 0.0], abs=1e-14)
     assert figure_20.distance(turned, figure_20.DOWN_UP) == pytest.approx([pi, pi])
 
@@ -92,7 +92,7 @@ def test_basins_of_the_reference_set() -> None:
 def test_rotations_and_swings_of_twice_the_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     flipping_basins.main(quick=True, output=tmp_path)
     stored = [load_basins(tmp_path / "flipping_basins.h5", name).attractors for name in ("box, 6 mm", "box, 9.5 mm")]
-    assert {a.turns[:2] for a in stored[0]} == {(0, 0), (1, 1), (-1, -1)}
+    assert {a.rotations[:2] for a in stored[0]} == {(0, 0), (1, 1), (-1, -1)}
     doubled = [a for a in stored[1] if a.period == 2]
     assert {tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in doubled} == {(1, 1), (-1, -1)}
     assert "3,600 starts" in capsys.readouterr().out

@@ -29,7 +29,7 @@ def test_true_harmonics_are_those_of_the_drive(drive: shaker.Effect) -> None:
 
 
 def test_an_error_is_carried_over_to_the_critical_amplitude() -> None:
-    found = recover_drive(shaker.EVEN, record_acceleration(shaker.TWO, shaker.EVEN, 5.0, seed=1))
+    found = recover_drive(shaker.EVEN, record_acceleration(shaker.TWO, shaker.EVEN, 5.0, rng=1))
     true = shaker.critical_amplitude(np.array(shaker.TWO.amplitudes), np.array(shaker.TWO.phases), shaker.TWO.frequency)
     value, error = shaker.carried_over(found)
     assert abs(value - true) < 3.5 * error

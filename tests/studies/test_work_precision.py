@@ -22,7 +22,7 @@ def test_frozen_images(problem):
     assert frozen["params"] == dict(problem.system.params)
     assert frozen["period"] == problem.system.length
     exact = stroboscopic_map(problem.system, rtol=1e-13, atol=1e-13)
-    errors = np.abs(exact.iterate(problem.starts, 1).unwrapped - problem.images)
+    errors = np.abs(exact.iterate(problem.initial_conditions, 1).unwrapped - problem.images)
     # Rounding, magnified by the double pendulum, is as large as the tolerance.
     assert (errors / (1.0 + np.abs(problem.images))).max() < 1e-12
 
@@ -31,7 +31,7 @@ def test_frozen_images(problem):
 def test_other_programs_compute_the_same_map(name):
     make, _, most = PEERS[name]
     for problem in PROBLEMS[:2]:
-        images = make(problem.system, 1e-10)(problem.starts[: min(most, 50)])
+        images = make(problem.system, 1e-10)(problem.initial_conditions[: min(most, 50)])
         np.testing.assert_allclose(images, problem.images[: min(most, 50)], atol=1e-7)
 
 

@@ -266,8 +266,8 @@ def test_release_limits_are_those_of_plain_integration(scipy_images: Callable[..
     assert limits.error.tolist() == [1e-9, 1e-9]
     assert cos(limits.attractor.points[0, 0]) == pytest.approx(-1.0)
     for phase, limit in zip(limits.phases, limits.upper, strict=True):
-        starts = [(pi + limit - 1e-6, 0.0), (pi + limit + 1e-6, 0.0)]
-        back, gone = scipy_images(system, starts, phase, 100.0, rtol=1e-9)
+        initial_conditions = [(pi + limit - 1e-6, 0.0), (pi + limit + 1e-6, 0.0)]
+        back, gone = scipy_images(system, initial_conditions, phase, 100.0, rtol=1e-9)
         assert abs(back[0] - pi) < 1e-2
         assert abs(gone[0] - pi) > 1.0
 

@@ -277,10 +277,10 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
 
 def test_one_link_is_the_single_pendulum() -> None:
     one = chain_pendulum((0.0272,), (0.4,))
-    starts = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
+    initial_conditions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
     assert [c.name for c in one.axes] == ["theta1", "theta1'"]
-    assert stroboscopic_map(one)(starts) == pytest.approx(
-        stroboscopic_map(driven_pendulum())(starts), rel=1e-8, abs=1e-8
+    assert stroboscopic_map(one)(initial_conditions) == pytest.approx(
+        stroboscopic_map(driven_pendulum())(initial_conditions), rel=1e-8, abs=1e-8
     )
 
 

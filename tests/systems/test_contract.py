@@ -69,7 +69,7 @@ ELEMENTARY = ("sin", "cos", "exp", "sqrt")
 def span_of(system: ForcedSystem | PointMap) -> NDArray[np.float64]:
     """Half the circle for angles; 100 for rates per second, 2 for other variables."""
     coordinates = system.axes if isinstance(system, ForcedSystem) else system.coordinates
-    return np.array([0.5 * c.turn if c.turn else 100.0 if c.unit.endswith("/s") else 2.0 for c in coordinates])
+    return np.array([0.5 * c.period if c.period else 100.0 if c.unit.endswith("/s") else 2.0 for c in coordinates])
 
 
 def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.float64]:
@@ -79,12 +79,12 @@ def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.flo
 
 def starts_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
     """Random starts whose orbits are not on their way to infinity after a period."""
-    starts = random_starts(system, 10 * count)
-    images = stroboscopic_map(system).iterate(starts, 1).unwrapped
-    farthest = [inf if c.turn else 10.0 * span for c, span in zip(system.axes, span_of(system), strict=True)]
+    initial_conditions = random_starts(system, 10 * count)
+    images = stroboscopic_map(system).iterate(initial_conditions, 1).unwrapped
+    farthest = [inf if c.period else 10.0 * span for c, span in zip(system.axes, span_of(system), strict=True)]
     staying = (np.abs(images) <= farthest).all(axis=-1)  # NaN, where an orbit has diverged, does not stay
     assert np.count_nonzero(staying) >= count
-    return starts[staying][:count]
+    return initial_conditions[staying][:count]
 
 
 def growth_of_volumes(system: ForcedSystem, start: NDArray[np.float64]) -> float:
@@ -219,26 +219,26 @@ def test_angles_are_angles(name: str) -> None:
     system = FACTORIES[name]()
     for x in random_starts(system, 5):
         for j, coordinate in enumerate(system.axes):
-            if coordinate.turn:
+            if coordinate.period:
                 turned = x.copy()
-                turned[j] += 3.0 * coordinate.turn
+                turned[j] += 3.0 * coordinate.period
                 assert system.fun(0.3, turned) == pytest.approx(system.fun(0.3, x), rel=1e-11, abs=1e-11)
 
 
 @EVERY_SMOOTH_FLOW
 def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArray[np.float64]]) -> None:
     system = FACTORIES[name]()
-    starts = starts_that_stay(system, 6)
-    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(starts, 1).unwrapped
-    assert images == pytest.approx(scipy_images(system, starts, rtol=1e-12), rel=1e-9, abs=1e-9)
+    initial_conditions = starts_that_stay(system, 6)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1).unwrapped
+    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12), rel=1e-9, abs=1e-9)
 
 
 @EVERY_SMOOTH_FLOW
 def test_volumes_grow_by_the_divergence(name: str) -> None:
     system = FACTORIES[name]()
-    scale, starts = span_of(system), starts_that_stay(system, 5)
-    matrices = jacobian(stroboscopic_map(system), starts) * (scale[None, :] / scale[:, None])
-    expected = [growth_of_volumes(system, start) for start in starts]
+    scale, initial_conditions = span_of(system), starts_that_stay(system, 5)
+    matrices = jacobian(stroboscopic_map(system), initial_conditions) * (scale[None, :] / scale[:, None])
+    expected = [growth_of_volumes(system, start) for start in initial_conditions]
     assert np.linalg.det(matrices) == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
@@ -262,14 +262,14 @@ def test_with_params_takes_every_parameter(name: str) -> None:
 @EVERY_MAP
 def test_a_discrete_map_is_a_point_map(name: str) -> None:
     made = FACTORIES[name]()
-    starts = 0.1 * random_starts(made, 20)
-    images = made.iterate(starts, 3)
+    initial_conditions = 0.1 * random_starts(made, 20)
+    images = made.iterate(initial_conditions, 3)
     assert np.isfinite(images.points).all()
     h = 1e-6
     for j in range(made.dimension):
-        moved = [starts + s * h * np.eye(made.dimension)[j] for s in (1, -1)]
+        moved = [initial_conditions + s * h * np.eye(made.dimension)[j] for s in (1, -1)]
         slope = (made.iterate(moved[0], 1).unwrapped - made.iterate(moved[1], 1).unwrapped) / (2 * h)
-        assert jacobian(made, starts)[..., j] == pytest.approx(slope, abs=1e-8)
+        assert jacobian(made, initial_conditions)[..., j] == pytest.approx(slope, abs=1e-8)
 
 
 def test_periods_are_the_familiar_ones() -> None:

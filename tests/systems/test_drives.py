@@ -172,10 +172,10 @@ def test_the_smooth_wave_tends_to_the_sharp_one() -> None:
 
 def test_one_harmonic_is_the_vertical_drive() -> None:
     one = scene(Pendulum(0.0272), Gravity(9.8), HarmonicDrive((0.003,), (0.0,), 50.0), ViscousDamping(10.0))
-    starts = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
+    initial_conditions = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
     assert list(one.params) == ["length", "gravity", "amplitude_1", "phase_1", "frequency", "damping"]
-    assert stroboscopic_map(one)(starts) == pytest.approx(
-        stroboscopic_map(driven_pendulum())(starts), rel=1e-8, abs=1e-8
+    assert stroboscopic_map(one)(initial_conditions) == pytest.approx(
+        stroboscopic_map(driven_pendulum())(initial_conditions), rel=1e-8, abs=1e-8
     )
 
 

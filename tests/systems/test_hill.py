@@ -53,8 +53,10 @@ def test_the_default_spring_is_held_by_its_modulation() -> None:
 def test_one_harmonic_is_mathieus() -> None:
     hill = hill_equation(damping=0.1, delta=0.7, epsilon1=0.4, epsilon2=0.0, epsilon3=0.0)
     mathieu = mathieu_equation(damping=0.1, delta=0.7, epsilon=0.4)
-    starts = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 2))
-    assert stroboscopic_map(hill)(starts) == pytest.approx(stroboscopic_map(mathieu)(starts), rel=1e-8, abs=1e-8)
+    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 2))
+    assert stroboscopic_map(hill)(initial_conditions) == pytest.approx(
+        stroboscopic_map(mathieu)(initial_conditions), rel=1e-8, abs=1e-8
+    )
 
 
 @pytest.mark.parametrize("epsilons", [(0.3, 0.2, 0.1), (0.8, -0.5, 0.4)])

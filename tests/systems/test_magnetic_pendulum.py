@@ -40,8 +40,8 @@ def test_energy_is_kept_without_damping() -> None:
         return 0.5 * (states[..., 2] ** 2 + states[..., 3] ** 2) + 0.125 * np.abs(z) ** 2 - wells
 
     strobe = stroboscopic_map(magnetic_pendulum(damping=0.0), rtol=1e-12, atol=1e-12)
-    starts = random_starts(20)
-    assert energy(strobe.iterate(starts, 100).points) == pytest.approx(energy(starts), abs=1e-8)
+    initial_conditions = random_starts(20)
+    assert energy(strobe.iterate(initial_conditions, 100).points) == pytest.approx(energy(initial_conditions), abs=1e-8)
 
 
 def test_volumes_shrink_by_the_damping_in_both_directions() -> None:
@@ -51,8 +51,10 @@ def test_volumes_shrink_by_the_damping_in_both_directions() -> None:
 
 def test_a_third_of_a_turn_is_a_symmetry() -> None:
     strobe = stroboscopic_map(magnetic_pendulum())
-    starts = random_starts(20)
-    assert strobe(starts @ THIRD_OF_A_TURN.T) == pytest.approx(strobe(starts) @ THIRD_OF_A_TURN.T, abs=1e-8)
+    initial_conditions = random_starts(20)
+    assert strobe(initial_conditions @ THIRD_OF_A_TURN.T) == pytest.approx(
+        strobe(initial_conditions) @ THIRD_OF_A_TURN.T, abs=1e-8
+    )
 
 
 def test_the_bob_rests_near_each_magnet() -> None:
@@ -74,9 +76,9 @@ def test_the_bob_rests_near_each_magnet() -> None:
 def test_three_basins_of_equal_size() -> None:
     """Bobs released at rest on circles around the middle; the labels turn with the starts."""
     radii, phases = np.meshgrid(np.linspace(0.1, 2.5, 12), 2.0 * pi * (np.arange(30) + 0.5) / 30.0)
-    starts = np.zeros((*radii.shape, 4))
-    starts[..., 0], starts[..., 1] = radii * np.cos(phases), radii * np.sin(phases)
-    basins = find_basins(stroboscopic_map(magnetic_pendulum()), starts)
+    initial_conditions = np.zeros((*radii.shape, 4))
+    initial_conditions[..., 0], initial_conditions[..., 1] = radii * np.cos(phases), radii * np.sin(phases)
+    basins = find_basins(stroboscopic_map(magnetic_pendulum()), initial_conditions)
     assert [a.period for a in basins.attractors] == [1, 1, 1]
     assert [f.share for f in basins.fractions.values()] == pytest.approx([1.0 / 3.0] * 3, abs=0.01)
     places = np.array([a.points[0, :2] for a in basins.attractors])

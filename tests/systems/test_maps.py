@@ -23,7 +23,7 @@ def test_the_equations() -> None:
     theta = x + 1.32 * sin(2.0 * x) - 0.90 * sin(4.0 * x) - y * sin(x)
     assert grebogi_ott_yorke_map()([x, y]) == pytest.approx([theta, -0.3 * cos(x)], rel=1e-14)
     assert mcdonald_map()([x, y]) == pytest.approx([3.0 * x - 2.0, 1.5 * y + cos(2.0 * pi * x)], rel=1e-14)
-    assert mcdonald_map(turns=2)([x, y])[0] == pytest.approx(2.0 * x - 1.0, rel=1e-14)
+    assert mcdonald_map(degree=2)([x, y])[0] == pytest.approx(2.0 * x - 1.0, rel=1e-14)
     kicked = y + 0.9 * sin(x)
     assert standard_map(k=0.9)([x, y]) == pytest.approx([x + kicked, kicked], rel=1e-14)
     assert logistic_map(mu=3.5)([x]) == pytest.approx([3.5 * x * (1.0 - x)], rel=1e-15)
@@ -53,19 +53,19 @@ def test_the_attractors_of_the_grebogi_ott_yorke_map_share_the_cylinder() -> Non
     assert [f.share for f in basins.fractions.values()] == pytest.approx([0.5, 0.5], abs=0.003)
 
 
-@pytest.mark.parametrize(("turns", "growth"), [(3, 1.5), (2, 1.5), (3, 2.5)])
-def test_the_boundary_of_mcdonalds_map(turns: int, growth: float) -> None:
+@pytest.mark.parametrize(("degree", "growth"), [(3, 1.5), (2, 1.5), (3, 2.5)])
+def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
     """Starts above the closed form escape upwards, those below downwards; on [-2, 2] each side has a half."""
     n, terms = 100, 60
     # Abscissae are odd multiples of 1/(2 n), so that turns^k x is known exactly, modulo 1.
     numerators = [2 * i + 1 for i in range(n)]
     boundary = np.array(
-        [-sum(cos(pi * (m * turns**k % (2 * n)) / n) / growth ** (k + 1) for k in range(terms)) for m in numerators]
+        [-sum(cos(pi * (m * degree**k % (2 * n)) / n) / growth ** (k + 1) for k in range(terms)) for m in numerators]
     )
-    point_map = mcdonald_map(turns, growth)
+    point_map = mcdonald_map(degree, growth)
     heights = np.linspace(-2.0, 2.0, 101)
-    starts = np.stack(np.meshgrid(np.array(numerators) / (2 * n), heights, indexing="ij"), axis=-1)
-    ends = point_map.iterate(starts, 30).points[..., 1]
+    initial_conditions = np.stack(np.meshgrid(np.array(numerators) / (2 * n), heights, indexing="ij"), axis=-1)
+    ends = point_map.iterate(initial_conditions, 30).points[..., 1]
     above = heights - boundary[:, None]
     clear = np.abs(above) > 1e-3
     assert (np.abs(ends[clear]) > 1.0 / (growth - 1.0)).all()
@@ -74,10 +74,10 @@ def test_the_boundary_of_mcdonalds_map(turns: int, growth: float) -> None:
 
 
 def test_mcdonalds_map_needs_whole_turns() -> None:
-    with pytest.raises(TypeError, match=r"turns=2.5: give a whole number"):
-        mcdonald_map(turns=2.5)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"turns=1: give a whole number of at least 2"):
-        mcdonald_map(turns=1)
+    with pytest.raises(TypeError, match=r"degree=2.5: give a whole number"):
+        mcdonald_map(degree=2.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"degree=1: give a whole number of at least 2"):
+        mcdonald_map(degree=1)
     with pytest.raises(ValueError, match=r"growth=1.0: give a number above 1"):
         mcdonald_map(growth=1.0)
 
@@ -98,22 +98,22 @@ def test_the_standard_map_is_reversible() -> None:
         theta, p = points.T
         return np.column_stack([-theta, p + 0.8 * np.sin(theta)])
 
-    starts = random_points(point_map)
-    back = reflected(point_map(reflected(point_map.iterate(starts, 1).unwrapped)))
-    assert back == pytest.approx(starts, abs=1e-13)
+    initial_conditions = random_points(point_map)
+    back = reflected(point_map(reflected(point_map.iterate(initial_conditions, 1).unwrapped)))
+    assert back == pytest.approx(initial_conditions, abs=1e-13)
 
 
 def test_an_accelerator_mode() -> None:
     """For k = 2 pi the kicks at theta = pi/2 add a turn of momentum each."""
     image = standard_map(2.0 * pi).iterate([0.5 * pi, 0.0], 10)
     assert image.points == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
-    assert image.turns[1] == 10
+    assert image.rotations[1] == 10
 
 
 @pytest.mark.parametrize(("k", "passes"), [(0.9, False), (2.0, True)])
 def test_circles_stop_the_momentum_below_greenes_threshold(k: float, passes: bool) -> None:
-    starts = np.stack(np.meshgrid(np.linspace(-3.0, 3.0, 9), np.linspace(-3.0, 3.0, 9)), axis=-1)
-    momenta = standard_map(k).orbit(starts, 3000).unwrapped[..., 1]
+    initial_conditions = np.stack(np.meshgrid(np.linspace(-3.0, 3.0, 9), np.linspace(-3.0, 3.0, 9)), axis=-1)
+    momenta = standard_map(k).orbit(initial_conditions, 3000).unwrapped[..., 1]
     assert bool(np.ptp(momenta, axis=0).max() > 2.0 * pi) is passes
 
 
@@ -127,10 +127,10 @@ def test_the_logistic_map_in_closed_form() -> None:
 def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
     """For mu = 4, ln 2 and 1/(pi sqrt(x (1 - x))) (references.md)."""
     point_map = logistic_map()
-    starts = np.random.default_rng(0).uniform(0.0, 1.0, (1000, 1))
-    exponents = lyapunov_exponents(point_map, starts, 200)[0]
+    initial_conditions = np.random.default_rng(0).uniform(0.0, 1.0, (1000, 1))
+    exponents = lyapunov_exponents(point_map, initial_conditions, 200)[0]
     assert exponents.mean() == pytest.approx(log(2.0), abs=2e-3)
-    cloud = np.sort(np.concatenate([point_map.iterate(starts, n).points[:, 0] for n in range(30, 50)]))
+    cloud = np.sort(np.concatenate([point_map.iterate(initial_conditions, n).points[:, 0] for n in range(30, 50)]))
     share = np.arange(len(cloud)) / len(cloud)
     assert np.abs(2.0 / pi * np.arcsin(np.sqrt(cloud)) - share).max() < 0.02
 

@@ -163,8 +163,8 @@ def test_a_small_and_a_large_oscillation_coexist_in_a_hardening_spring() -> None
 def test_the_exponents_of_uedas_attractor() -> None:
     """0.1034 and -0.1534 in the unit of t (Sprott, *Chaos and Time-Series Analysis*, 2003); the sum is -damping."""
     strobe = stroboscopic_map(ueda_oscillator())
-    starts = strobe.iterate(np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2)), 50).points
-    exponents = lyapunov_exponents(strobe, starts, 300)[0] / (2.0 * pi)
+    initial_conditions = strobe.iterate(np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2)), 50).points
+    exponents = lyapunov_exponents(strobe, initial_conditions, 300)[0] / (2.0 * pi)
     assert exponents.sum(axis=-1) == pytest.approx(-0.05, abs=1e-12)
     assert exponents.mean(axis=0) == pytest.approx([0.1034, -0.1534], abs=1e-3)
 

@@ -78,8 +78,8 @@ def test_conversions_check_their_numbers(arguments: dict[str, float], message: s
 @pytest.mark.parametrize("amplitude", [0.002, 0.003, 0.004, 0.010])
 def test_the_determinant_of_the_map(amplitude: float) -> None:
     strobe = stroboscopic_map(driven_pendulum(amplitude=amplitude))
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 2)) * (pi, 100.0)
-    matrices = jacobian(strobe, starts) * np.array([[1.0, W], [1.0 / W, 1.0]])
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 2)) * (pi, 100.0)
+    matrices = jacobian(strobe, initial_conditions) * np.array([[1.0, W], [1.0 / W, 1.0]])
     assert np.linalg.det(matrices) == pytest.approx(exp(-0.2), abs=1e-10)
 
 
@@ -131,11 +131,11 @@ def test_rotations() -> None:
     """At 3 mm two rotations of a turn a period, mirror images of each other."""
     strobe = stroboscopic_map(driven_pendulum(), rtol=1e-12, atol=1e-12)
     theta, v = 2.520339579944, 1.019933227842
-    starts = np.array([[theta, v * W], [-theta, -v * W]])
-    images = strobe.iterate(starts, 1)
-    assert images.points / [1.0, W] == pytest.approx(starts / [1.0, W], abs=2e-11)
-    assert images.turns[:, 0].tolist() == [1, -1]
-    assert strobe.iterate(starts, 100).turns[:, 0].tolist() == [100, -100]
+    initial_conditions = np.array([[theta, v * W], [-theta, -v * W]])
+    images = strobe.iterate(initial_conditions, 1)
+    assert images.points / [1.0, W] == pytest.approx(initial_conditions / [1.0, W], abs=2e-11)
+    assert images.rotations[:, 0].tolist() == [1, -1]
+    assert strobe.iterate(initial_conditions, 100).rotations[:, 0].tolist() == [100, -100]
 
 
 def test_the_period_4_pair_at_10_mm() -> None:
@@ -155,27 +155,31 @@ def test_the_period_4_pair_at_10_mm() -> None:
     ],
 )
 def test_attractors_of_the_literature(
-    alpha: float, beta: float, gamma: float, point: tuple[float, float], period: int, turns: int
+    alpha: float, beta: float, gamma: float, point: tuple[float, float], period: int, rotations: int
 ) -> None:
     """references.md gives five decimals; rotations come in mirrored pairs."""
     strobe = stroboscopic_map(dimensionless_pendulum(alpha, beta, gamma))
     for sign in (1.0, -1.0):
         orbit = strobe.iterate(sign * np.array(point), period)
         assert orbit.points == pytest.approx(sign * np.array(point), abs=3e-5)
-        assert orbit.turns[0] == sign * turns * period
+        assert orbit.rotations[0] == sign * rotations * period
         assert np.abs(np.linalg.eigvals(jacobian(strobe, sign * np.array(point), period))).max() < 1.0
 
 
 def test_mirror_symmetry() -> None:
     strobe = stroboscopic_map(driven_pendulum(amplitude=0.010))
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)) * (3.0, 300.0)
-    assert np.array_equal(strobe.iterate(-starts, 3).unwrapped, -strobe.iterate(starts, 3).unwrapped)
+    initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)) * (3.0, 300.0)
+    assert np.array_equal(
+        strobe.iterate(-initial_conditions, 3).unwrapped, -strobe.iterate(initial_conditions, 3).unwrapped
+    )
 
 
 def test_the_phase_of_the_drive_is_that_of_the_section() -> None:
-    starts = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 2)) * (3.0, 100.0)
-    moved = stroboscopic_map(driven_pendulum(phase=pi / 2))(starts)
-    assert moved == pytest.approx(stroboscopic_map(driven_pendulum(), phase=0.25)(starts), rel=1e-8, abs=1e-8)
+    initial_conditions = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 2)) * (3.0, 100.0)
+    moved = stroboscopic_map(driven_pendulum(phase=pi / 2))(initial_conditions)
+    assert moved == pytest.approx(
+        stroboscopic_map(driven_pendulum(), phase=0.25)(initial_conditions), rel=1e-8, abs=1e-8
+    )
 
 
 def test_without_drive_and_damping_the_swing_has_its_exact_period() -> None:

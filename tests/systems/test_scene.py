@@ -118,9 +118,9 @@ def test_a_sweep_compiles_nothing() -> None:
 
 
 def test_the_order_of_effects_does_not_matter() -> None:
-    starts = np.random.default_rng(0).uniform(-3.0, 3.0, (50, 2)) * [1.0, 30.0]
-    images = stroboscopic_map(scene(Pendulum(0.0272), GRAVITY, DRIVE, DAMPING))(starts)
-    assert stroboscopic_map(scene(Pendulum(0.0272), DAMPING, DRIVE, GRAVITY))(starts) == pytest.approx(
+    initial_conditions = np.random.default_rng(0).uniform(-3.0, 3.0, (50, 2)) * [1.0, 30.0]
+    images = stroboscopic_map(scene(Pendulum(0.0272), GRAVITY, DRIVE, DAMPING))(initial_conditions)
+    assert stroboscopic_map(scene(Pendulum(0.0272), DAMPING, DRIVE, GRAVITY))(initial_conditions) == pytest.approx(
         images, rel=1e-9, abs=1e-9
     )
 

@@ -73,8 +73,8 @@ def test_stick_slip_vibrations() -> None:
     """Where steady sliding is unstable, all starts end in one cycle, which sticks for a part of its time."""
     system = stick_slip_oscillator(damping=0.02, forcing=0.0, frequency=1.0)
     strobe = stroboscopic_map(system)
-    starts = strobe.iterate([[0.3, 0.01], [2.0, 1.0], [0.0, BELT]], 80).points
-    motion = trajectory(system, starts, 20, samples=256)
+    initial_conditions = strobe.iterate([[0.3, 0.01], [2.0, 1.0], [0.0, BELT]], 80).points
+    motion = trajectory(system, initial_conditions, 20, samples_per_period=256)
     stuck = motion.states[..., 1] == BELT
     assert (stuck.mean(axis=0) > 0.2).all() and (stuck.mean(axis=0) < 0.8).all()
     assert (motion.states[..., 1].max(axis=0) == BELT).all()
@@ -88,7 +88,7 @@ def test_pure_sliding_vibrations_have_the_amplitude_of_thomsen_and_fidlin() -> N
     belt = 0.97 * critical
     system = stick_slip_oscillator(belt, static, least, SPEED, damping, forcing=0.0)
     start = stroboscopic_map(system).iterate([0.2, 0.0], 3000).points
-    motion = trajectory(system, start, 20, samples=256)
+    motion = trajectory(system, start, 20, samples_per_period=256)
     assert motion.states[:, 1].max() < belt
     amplitude = 0.5 * (motion.states[:, 0].max() - motion.states[:, 0].min())
     assert amplitude == pytest.approx(2.0 * sqrt(critical**2 - belt**2), rel=5e-4)

@@ -121,9 +121,9 @@ def test_orbits_are_the_same_in_both_units() -> None:
     scaled = scene(Chain((0.032, 0.032), (1.0, 0.25)), *parts, units=drive_units(0.032, 50.0))
     assert scaled.length == pytest.approx(2.0 * pi, rel=1e-15)
     scale = np.array([1.0, 1.0, W, W])
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 4)) * [pi, pi, 0.3, 0.3]
-    here = stroboscopic_map(double_pendulum(), rtol=1e-11, atol=1e-11)(starts * scale) / scale
-    assert stroboscopic_map(scaled, rtol=1e-11, atol=1e-11)(starts) == pytest.approx(here, abs=1e-8)
+    initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 4)) * [pi, pi, 0.3, 0.3]
+    here = stroboscopic_map(double_pendulum(), rtol=1e-11, atol=1e-11)(initial_conditions * scale) / scale
+    assert stroboscopic_map(scaled, rtol=1e-11, atol=1e-11)(initial_conditions) == pytest.approx(here, abs=1e-8)
 
 
 def test_the_axes_of_the_stability_map() -> None:

@@ -53,12 +53,12 @@ class LookUp:
     machine_code: MachineCode  # lives as long as the function
 
     def __call__(
-        self, points: NDArray[np.float64], turns: NDArray[np.int64], left: NDArray[np.int64], *table: Any
+        self, points: NDArray[np.float64], rotations: NDArray[np.int64], left: NDArray[np.int64], *table: Any
     ) -> int:
         """Move rows on by look-ups; return how many these are."""
         made = ctypes.c_int64()
         addresses, several = addresses_of(table)
-        work = [array.ctypes.data for array in (points, turns, left)]
+        work = [array.ctypes.data for array in (points, rotations, left)]
         _PROTOTYPE(self.address)(*work, *addresses, len(points), several, ctypes.addressof(made))
         return made.value
 
@@ -332,9 +332,9 @@ def _write_back(out: Instructions, block: _Block, m: str) -> None:
     d, member = block.dimension, out.load_whole(out.address(block.member, m))
     out.store_whole(out.load_whole(out.address(block.rest, m)), out.address("%left", member))
     first = out.whole("mul", member, d)
-    points, turns = out.address("%points", first), out.address("%turns", first)
+    points, rotations = out.address("%points", first), out.address("%turns", first)
     for a in range(d):
         out.store(out.load(out.address(block.x[a], m)), out.address(points, a))
         made = out.result(f"fptosi double {out.load(out.address(block.w[a], m)).text} to i64").text
-        place = out.address(turns, a)
+        place = out.address(rotations, a)
         out.store_whole(out.whole("add", out.load_whole(place), made), place)

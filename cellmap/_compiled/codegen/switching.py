@@ -200,8 +200,8 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[st
         yield f"rest{e} = {' + '.join(f'abs(event{e}_{k})' for k in range(3, length))}"
         if counts[e]:
             yield f"ends{e} = simd_math.fmax(abs(a{e}), abs(a{e} + b{e} + c{e}))"
-            turns = f"b{e} * c{e} < 0.0 and abs(b{e}) < 2.0 * abs(c{e})"
-            yield f"top{e} = abs(a{e} - 0.25 * b{e} * b{e} / c{e}) if {turns} else 0.0"
+            turning = f"b{e} * c{e} < 0.0 and abs(b{e}) < 2.0 * abs(c{e})"
+            yield f"top{e} = abs(a{e} - 0.25 * b{e} * b{e} / c{e}) if {turning} else 0.0"
             yield f"quiet{e} = 0.5 - simd_math.fmax(ends{e}, top{e}) - rest{e}"
             continue
         yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"

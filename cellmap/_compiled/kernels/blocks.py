@@ -44,7 +44,7 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
 
 
 @loop
-def wrap_rows(points, turns, lower, turn):
+def wrap_rows(points, rotations, lower, turn):
     """Bring angles back into their turn and count the whole turns taken away; what has no phase becomes NaN.
 
     Returns how many have none.
@@ -52,12 +52,12 @@ def wrap_rows(points, turns, lower, turn):
     lost = 0
     for i in range(points.shape[0]):
         for j in range(points.shape[1]):
-            lost += not wrap_angle(points, turns, i, j, lower[j], turn[j])
+            lost += not wrap_angle(points, rotations, i, j, lower[j], turn[j])
     return lost
 
 
 @inlined
-def wrap_angle(points, turns, i, j, lower, turn):
+def wrap_angle(points, rotations, i, j, lower, turn):
     """Bring a component of a row into its turn, counting whole turns; tell whether it has a phase."""
     x = points[i, j]
     # What is in its turn stays as it is, so that wrapping again changes nothing.
@@ -71,5 +71,5 @@ def wrap_angle(points, turns, i, j, lower, turn):
             x = lower
             whole += 1.0
         points[i, j] = x
-        turns[i, j] += np.int64(whole)
+        rotations[i, j] += np.int64(whole)
     return True

@@ -68,11 +68,11 @@ def call_period(typing_context, address, context, x, steps, start, period, p, er
 
 @operation
 def call_look_up(
-    typing_context, address, points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn,
-    number, levels, made
+    typing_context, address, points, rotations, left, table, strides, origin, inverse, cells, circle, reach, lower,
+    turn, number, levels, made
 ):  # fmt: skip
     """Move rows on by look-ups, as :mod:`cellmap._compiled.codegen.lookup` describes it; its arrays by address."""
     return _called(
-        address, points, turns, left, table, strides, origin, inverse, cells, circle, reach, lower, turn, number,
+        address, points, rotations, left, table, strides, origin, inverse, cells, circle, reach, lower, turn, number,
         levels, made,
     )  # fmt: skip

@@ -23,7 +23,7 @@ def carrying(d):
     """Return the function ``carry`` for a dimension: loops of known length vanish."""
 
     @loop
-    def carry(step, parameters, lower, turn, bound, points, turns, frames, ended, periods, growth):
+    def carry(step, parameters, lower, turn, bound, points, rotations, frames, ended, periods, growth):
         """Move orbits and their frames on; write the logarithms of what the frames have grown by.
 
         Parameters
@@ -34,7 +34,7 @@ def carrying(d):
             Parameters of the step; cuts and turns of the coordinates, shape (d,).
         bound : float
             Size from which on an orbit has ended; for an angle it is that at which its phase is lost.
-        points, turns, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
+        points, rotations, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
             Points, whole turns taken out of angles, orthonormal columns, and which orbits have ended, which stay where
             they are.  All are changed in place.
         periods : int
@@ -64,7 +64,7 @@ def carrying(d):
                     break
                 for i in range(d):
                     points[k, i] = rows[0, i]
-                    ended[k] |= not wrap_angle(points, turns, k, i, lower[i], turn[i])
+                    ended[k] |= not wrap_angle(points, rotations, k, i, lower[i], turn[i])
                     for j in range(d):
                         rows[j, i] = points[k, i]
                 if finite:

@@ -92,7 +92,7 @@ class Rows(NamedTuple):
     """Rows of the pool: states, periods left until the next look, the age at it, and the number of the orbit."""
 
     points: NDArray[np.float64]
-    turns: NDArray[np.int64]
+    rotations: NDArray[np.int64]
     status: NDArray[np.uint8]
     left: NDArray[np.int64]
     age: NDArray[np.int64]
@@ -102,13 +102,13 @@ class Rows(NamedTuple):
 class Outcome(NamedTuple):
     """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
 
-    ``points``, ``turns``, ``status`` are the orbits' states, in the beginning and at the end; ``residence`` counts for
-    each cover the periods inside; ``told`` is the number of a final state in which an orbit is
+    ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
+    for each cover the periods inside; ``told`` is the number of a final state in which an orbit is
     said to be, -1 for none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
     """
 
     points: NDArray[np.float64]
-    turns: NDArray[np.int64]
+    rotations: NDArray[np.int64]
     status: NDArray[np.uint8]
     labels: NDArray[np.int64]
     times: NDArray[np.int32]
@@ -155,7 +155,7 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
             if active > 0:
                 arrays = step.table.arrays
                 call_look_up(
-                    step.table.function, pool.points, pool.turns, pool.left, arrays[0], arrays[1], arrays[2],
+                    step.table.function, pool.points, pool.rotations, pool.left, arrays[0], arrays[1], arrays[2],
                     arrays[3], arrays[4], arrays[5], arrays[6], arrays[7], arrays[8], active, step.table.levels,
                     scratch.made,
                 )  # fmt: skip
@@ -169,13 +169,22 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
         if step.kind == NOT_COMPILED:
             scratch.made[0] = periods
             return ASKS_FOR_WAITING if step.table.function != 0 else ASKS_FOR_POOL
-        points, turns, status = rows.points[:moving], rows.turns[:moving], rows.status[:moving]
+        points, rotations, status = rows.points[:moving], rows.rotations[:moving], rows.status[:moving]
         if step.kind == FLOW:
-            made = integrate(step.motion, points, turns, status, step.lower, step.turn, periods)
+            made = integrate(step.motion, points, rotations, status, step.lower, step.turn, periods)
         else:
             d = step.discrete
             made = iterate(
-                d.function, d.context, d.parameters, d.bound, points, turns, status, step.lower, step.turn, periods
+                d.function,
+                d.context,
+                d.parameters,
+                d.bound,
+                points,
+                rotations,
+                status,
+                step.lower,
+                step.turn,
+                periods,
             )
         counts[APPLIED] += made
 
@@ -184,7 +193,7 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
 def _copy(rows, i, others, k):
     for j in range(rows.points.shape[1]):
         others.points[k, j] = rows.points[i, j]
-        others.turns[k, j] = rows.turns[i, j]
+        others.rotations[k, j] = rows.rotations[i, j]
     others.status[k] = rows.status[i]
     others.left[k] = rows.left[i]
     others.age[k] = rows.age[i]
@@ -210,7 +219,7 @@ def _fill(outcome, pool, counts, age):
     for _ in range(most):
         for j in range(pool.points.shape[1]):
             pool.points[active, j] = outcome.points[begun, j]
-            pool.turns[active, j] = outcome.turns[begun, j]
+            pool.rotations[active, j] = outcome.rotations[begun, j]
         pool.status[active] = outcome.status[begun]
         pool.left[active], pool.age[active], pool.member[active] = 0, age, begun
         active += 1
@@ -288,7 +297,7 @@ def _ends(covers, limits, outcome, pool, r, owner):
         outcome.labels[m] = outcome.labels_of[pool.status[r]]
     for j in range(pool.points.shape[1]):
         outcome.points[m, j] = pool.points[r, j]
-        outcome.turns[m, j] = pool.turns[r, j]
+        outcome.rotations[m, j] = pool.rotations[r, j]
     outcome.status[m] = pool.status[r]
     return True
 

@@ -1,9 +1,8 @@
 """Whole periods of a batch of orbits in one call: from states to images, with the steps that each orbit needs.
 
 What belongs to a system is called by address, as :mod:`cellmap._compiled.codegen.period` describes it; what is here is
-compiled
-once for all systems.  Orbits are changed in place: ``points`` (n, d), ``turns`` (n, d) whole turns taken out of angles,
-``status`` (n,), of which those from ESCAPED on have ended and are left alone.
+compiled once for all systems.  Orbits are changed in place: ``points`` (n, d), ``rotations`` (n, d) taken out of
+angles, ``status`` (n,), of which those from ESCAPED on have ended and are left alone.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ class Motion(NamedTuple):
 
 
 @loop
-def integrate(motion, points, turns, status, lower, turn, periods):
+def integrate(motion, points, rotations, status, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
     An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, whose image has no right digit or
@@ -134,12 +133,12 @@ def integrate(motion, points, turns, status, lower, turn, periods):
             left = begin
         for m in range(alive):
             if status[living[m]] < ESCAPED:
-                _wrap(points, turns, status, living[m], lower, turn)
+                _wrap(points, rotations, status, living[m], lower, turn)
     return total
 
 
 @loop
-def iterate(function, context, parameters, bound, points, turns, status, lower, turn, periods):
+def iterate(function, context, parameters, bound, points, rotations, status, lower, turn, periods):
     """Apply a discrete map to orbits some times; return how often it was applied.
 
     An orbit that is not smaller than ``bound`` has DIVERGED, as one whose angle has no phase.
@@ -166,7 +165,7 @@ def iterate(function, context, parameters, bound, points, turns, status, lower, 
                     inside &= abs(points[k, j]) < bound
                 if not inside:
                     _end(points, status, k)
-                elif _wrap(points, turns, status, k, lower, turn):
+                elif _wrap(points, rotations, status, k, lower, turn):
                     moving += 1
                     for j in range(d):
                         block[0, j, i] = points[k, j]
@@ -201,10 +200,10 @@ def _images(motion, starts, members, steps, length, blocks, errors, numbers, ima
 
 
 @inlined
-def _wrap(points, turns, status, k, lower, turn):
+def _wrap(points, rotations, status, k, lower, turn):
     """Bring the angles of an orbit into their turns, or end it where one has no phase; tell whether it goes on."""
     for j in range(points.shape[1]):
-        if not wrap_angle(points, turns, k, j, lower[j], turn[j]):
+        if not wrap_angle(points, rotations, k, j, lower[j], turn[j]):
             _end(points, status, k)
             return False
     return True

@@ -74,7 +74,7 @@ def growth_of(
     turn = turns_of(point_map.coordinates)[1]
     exact = point_map.without_table
     count = orbit.period * rounds
-    once = np.array(orbit.turns) * turn
+    once = np.array(orbit.rotations) * turn
     saddle = orbit.points[row]
     if inverse is not None and inverse.coordinates != point_map.coordinates:
         raise ValueError(f"inverse={inverse!r} has other coordinates than the map")

@@ -53,7 +53,7 @@ def boundary_distance(
     manifolds: Manifold | Sequence[Manifold],
     basins: Basins,
     labels: tuple[int, int] | None = None,
-    within: float = 1.0,
+    max_distance: float = 1.0,
 ) -> BoundaryDistance:
     """Compute the distances of a basin boundary from manifolds.
 
@@ -66,7 +66,7 @@ def boundary_distance(
     labels : tuple of int, optional
         Two labels whose common boundary is measured, by default all boundaries.  By default, cells that are undecided
         or whose orbits escaped form no boundary.
-    within : float, optional
+    max_distance : float, optional
         Distance, in cells, up to which a point counts as lying on a curve.
 
     Returns
@@ -93,7 +93,7 @@ def boundary_distance(
     curves = [manifolds] if isinstance(manifolds, Manifold) else list(manifolds)
     if basins.grid is None or basins.grid.dimension != 2:
         raise ValueError("basins are not on a grid of two axes: find basins on a CellGrid of a plane")
-    allowed = finite_number("within", within, above=0.0)
+    allowed = finite_number("max_distance", max_distance, above=0.0)
     places, between = _boundary(basins, labels)
     if not len(places):
         raise ValueError(f"labels={labels!r}: no neighbouring cells differ so; there is no boundary to follow")

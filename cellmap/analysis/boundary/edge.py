@@ -71,9 +71,9 @@ def edge_orbit(
     basins: Basins,
     inside: int | ArrayLike = 0,
     outside: int | ArrayLike = 1,
-    steps: int = 200,
-    narrow: float = 1e-9,
-    wide: float = 1e-6,
+    periods: int = 200,
+    min_separation: float = 1e-9,
+    max_separation: float = 1e-6,
     max_period: int = 8,
     scale: ArrayLike | None = None,
     point_map: PointMap | None = None,
@@ -81,10 +81,10 @@ def edge_orbit(
 ) -> EdgeOrbit:
     """Compute the edge state of a basin boundary by alternating bisection and iteration (edge tracking).
 
-    A segment between a state in the basin and one outside it is bisected until it is shorter than `narrow`; both ends
-    are iterated until they are more than `wide` apart; and so on.  The pairs stay within `wide` of an orbit on the
-    boundary, and approach an attractor of the dynamics restricted to the boundary: often a saddle, whose unstable
-    direction leads to the two sides.
+    A segment between a state in the basin and one outside it is bisected until it is shorter than `min_separation`;
+    both ends are iterated until they are more than `max_separation` apart; and so on.  The pairs stay within
+    `max_separation` of an orbit on the boundary, and approach an attractor of the dynamics restricted to the boundary:
+    often a saddle, whose unstable direction leads to the two sides.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def edge_orbit(
     inside, outside : int or array_like, shape (dimension,)
         Two labels, of which two neighbouring initial conditions are taken, or two states.  Every other label than the
         first counts as outside; the label on that side may change along the orbit, see `sides`.
-    steps : int, optional
+    periods : int, optional
         Steps of the map.
-    narrow, wide : float, optional
+    min_separation, max_separation : float, optional
         Distance of a pair after bisection, and distance at which it is bisected again, in units of `scale`.
     max_period : int, optional
         Longest period of an edge state that is detected.
@@ -129,10 +129,10 @@ def edge_orbit(
     >>> edge_orbit(find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))).orbit.multipliers.real
     array([1.5, 0.5])
     """
-    total = affordable_number("steps", steps, 8 * (3 * len(basins.coordinates) + 6), at_least=3)
+    total = affordable_number("periods", periods, 8 * (3 * len(basins.coordinates) + 6), at_least=3)
     longest = whole_number("max_period", max_period, at_least=1)
-    close = finite_number("narrow", narrow, above=1e-15)
-    apart = finite_number("wide", wide, above=close, at_most=0.1)
+    close = finite_number("min_separation", min_separation, above=1e-15)
+    apart = finite_number("max_separation", max_separation, above=close, at_most=0.1)
     label = labeller(basins, point_map=point_map, max_periods=max_periods)
     unit = scale_of(scale, basins.coordinates, span_of(basins))
     side, pair = _first_pair(basins, label, inside, outside, unit)
@@ -165,7 +165,7 @@ def edge_orbit(
 def _growth(grown: NDArray[np.float64]) -> Fit:
     """Fit the second half of a growing logarithm; by the time of the first one the orbit is to have settled."""
     last = len(grown) - 1
-    fit = fit_line(np.arange(len(grown)), grown, window=(last // 2, last), labels=("step", "ln separation"))
+    fit = fit_line(np.arange(len(grown)), grown, fit_range=(last // 2, last), labels=("step", "ln separation"))
     # A sum of random growths strays from its line slowly, which the scatter about the line does not show.
     means = np.array([np.mean(part) for part in np.array_split(np.diff(grown[last // 2 :]), _BLOCKS) if len(part)])
     apart = float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else 0.0
@@ -228,7 +228,7 @@ def _golden_direction(dimension: int) -> NDArray[np.float64]:
 def _bisected(
     label: Labeller, pair: NDArray[np.float64], side: int, narrow: float, unit: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """Return a pair on the segment that is closer together than `narrow`, still on two sides, and its labels."""
+    """Return a closer pair on the segment, `narrow` apart at most and still on two sides, and its labels."""
     coordinates = label.point_map.coordinates
     fractions = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, None]
     for _ in range(40):
@@ -240,8 +240,8 @@ def _bisected(
             places, found = places[found != Label.UNDECIDED], found[found != Label.UNDECIDED]
         if not len(found) or found[0] != side or found[-1] == side:
             raise ValueError(
-                f"narrow={narrow!r}: the two sides of the boundary at {pair[0].tolist()} are not distinguished; "
-                "give a larger max_periods, or a larger `narrow`"
+                f"min_separation={narrow!r}: the sides of the boundary at {pair[0].tolist()} are not distinguished; "
+                "give a larger max_periods, or a larger `min_separation`"
             )
         last = int(np.flatnonzero(found[:-1] == side)[np.argmax((found[1:] != side)[found[:-1] == side])])
         before = float(np.linalg.norm(shift / unit))
@@ -251,10 +251,12 @@ def _bisected(
             return pair, (side, int(found[last + 1]))
         if now > 0.9 * before:
             raise ValueError(
-                f"narrow={narrow!r}: undecided states fill the boundary at {pair[0].tolist()}; "
-                "give a larger max_periods, or a larger `narrow`"
+                f"min_separation={narrow!r}: undecided states fill the boundary at {pair[0].tolist()}; "
+                "give a larger max_periods, or a larger `min_separation`"
             )
-    raise ValueError(f"narrow={narrow!r}: numbers are too coarse for it at {pair[0].tolist()}; give a larger one")
+    raise ValueError(
+        f"min_separation={narrow!r}: numbers are too coarse for it at {pair[0].tolist()}; give a larger one"
+    )
 
 
 def _period(points: NDArray[np.float64], basins: Basins, longest: int, unit: NDArray[np.float64]) -> int:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.checks import affordable_number, finite_number, random_numbers
+from ..._lib.checks import affordable_number, finite_number
 from ..._lib.fit import Fit, fit_line
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ..._lib.threads import run_over, slices
 from ...attractors.boxes import inside_cover
@@ -97,15 +98,15 @@ class Restraint:
         return times
 
 
-def restraint(point_map: PointMap, window: CellGrid, attractors: Sequence[Attractor] = ()) -> Restraint:
-    """Return the region of a window outside the neighbourhoods of some attractors."""
+def restraint(point_map: PointMap, region: CellGrid, attractors: Sequence[Attractor] = ()) -> Restraint:
+    """Return a region less the neighbourhoods of some attractors."""
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if not isinstance(window, CellGrid):
-        raise TypeError(f"window={window!r}: give a CellGrid")
+    if not isinstance(region, CellGrid):
+        raise TypeError(f"region={region!r}: give a CellGrid")
     check_attractors(attractors, point_map, "attractors")
     return Restraint(
-        point_map, window.on(point_map.coordinates, "window"), tuple(attractors), Catalogue.of(attractors, point_map)
+        point_map, region.on(point_map.coordinates, "region"), tuple(attractors), Catalogue.of(attractors, point_map)
     )
 
 
@@ -123,7 +124,7 @@ class EscapeRate:
         Standard error of the rate: that from resampling the initial conditions or that of the fit, whichever is larger.
     survivors : ndarray of int, shape (n,)
         Number of orbits in the region after 0, 1, ... steps.
-    window : CellGrid
+    region : CellGrid
         Window of the initial conditions.
     coordinates : tuple of Coordinate
         State variables.
@@ -133,7 +134,7 @@ class EscapeRate:
     rate: float
     standard_error: float
     survivors: NDArray[np.int64]
-    window: CellGrid
+    region: CellGrid
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
@@ -148,12 +149,13 @@ class EscapeRate:
 @checked
 def escape_rate(
     point_map: PointMap,
-    window: CellGrid,
+    region: CellGrid,
     attractors: Sequence[Attractor] = (),
-    n: int = 100_000,
-    most: int = 1000,
-    seed: int = 0,
-    fit_window: tuple[int, int] | None = None,
+    n_samples: int = 100_000,
+    max_periods: int = 1000,
+    *,
+    rng: Rng = 0,
+    fit_range: tuple[int, int] | None = None,
     tolerance: float = 0.05,
 ) -> EscapeRate:
     """Compute the escape rate from a region.
@@ -166,17 +168,17 @@ def escape_rate(
     ----------
     point_map : PointMap
         The map.
-    window : CellGrid
+    region : CellGrid
         The region.
     attractors : sequence of Attractor, optional
         Attractors in the window, whose neighbourhoods are excluded from the region.
-    n : int, optional
+    n_samples : int, optional
         Number of initial conditions.
-    most : int, optional
+    max_periods : int, optional
         Largest number of steps; orbits that remain longer are not followed.
-    seed : int, optional
-        Seed of the initial conditions and of their resampling.
-    fit_window : tuple of int, optional
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the initial conditions and of their resampling.
+    fit_range : tuple of int, optional
         First and last step of the fit.
     tolerance : float, optional
         See :func:`scaling_window`.
@@ -199,29 +201,30 @@ def escape_rate(
     --------
     >>> from cellmap import discrete_map
     >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
-    >>> escape_rate(tent, CellGrid((0,), (1,), (1,)), n=20_000).rate
+    >>> escape_rate(tent, CellGrid((0,), (1,), (1,)), n_samples=20_000).rate
     0.41
     """
-    region = restraint(point_map, window, attractors)
-    number = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
-    last = affordable_number("most", most, 8 * 12, at_least=3)
+    inside = restraint(point_map, region, attractors)
+    number = affordable_number("n_samples", n_samples, 8 * (3 * region.dimension + 6), at_least=1)
+    last = affordable_number("max_periods", max_periods, 8 * 12, at_least=3)
     allowed = finite_number("tolerance", tolerance, above=0.0)
-    rng = random_numbers(seed)
-    grid = region.window
-    starts = rng.uniform(grid.lower, grid.upper, (number, grid.dimension))
-    times = region.lifetimes(starts, last)
+    rng = random_numbers(rng)
+    grid = inside.window
+    initial_conditions = rng.uniform(grid.lower, grid.upper, (number, grid.dimension))
+    times = inside.lifetimes(initial_conditions, last)
     times = times[times > 0]
     if not len(times):
         raise ValueError(
-            f"window={window!r}: no initial condition is in the region, which the neighbourhoods of the attractors fill"
+            f"region={region!r}: no initial condition is in the region, which the neighbourhoods of the attractors fill"
         )
     survivors = _survivors(times, last)
     if survivors[-1] == survivors[0]:
-        raise ValueError(f"window={window!r}: no orbit leaves it within {last} steps; it has no escape rate")
+        raise ValueError(f"region={region!r}: no orbit leaves it within {last} steps; it has no escape rate")
     usable = np.flatnonzero(survivors >= _FEWEST)
-    if len(usable) < 3 and fit_window is None:
+    if len(usable) < 3 and fit_range is None:
         raise ValueError(
-            f"n={n!r}: only {len(usable)} steps are survived by {_FEWEST} orbits or more; take more initial conditions"
+            f"n_samples={n_samples!r}: only {len(usable)} steps are survived by {_FEWEST} orbits or more; "
+            "take more initial conditions"
         )
     survivors = survivors[: int(np.count_nonzero(survivors))]
     steps = np.arange(len(survivors))
@@ -229,7 +232,7 @@ def escape_rate(
     height = np.log(share)
     # At the first step nothing is left to chance; its weight must stay finite.
     errors = np.maximum(np.sqrt((1.0 - share) / survivors), 1.0 / survivors[0])
-    within = fit_window
+    within = fit_range
     if within is None:
         try:
             within = fit_line(steps[usable], height[usable], tolerance=allowed).window

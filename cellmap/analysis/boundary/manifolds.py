@@ -63,7 +63,7 @@ def saddle_manifold(
     point_map: PointMap,
     orbit: PeriodicOrbit,
     kind: str,
-    window: CellGrid,
+    region: CellGrid,
     length: float = 10.0,
     spacing: float = 0.01,
     inverse: PointMap | None = None,
@@ -84,7 +84,7 @@ def saddle_manifold(
         A saddle of it, with one multiplier outside and one inside the unit circle.
     kind : {"stable", "unstable"}
         Kind of the manifold.
-    window : CellGrid
+    region : CellGrid
         Window of the curves; its sizes are the units of `length` and `spacing`, its cells are not used.
     length : float, optional
         Arc length up to which each branch is computed.
@@ -129,7 +129,7 @@ def saddle_manifold(
     moduli = np.abs(orbit.multipliers)
     if orbit.points.shape[-1] != 2 or not (moduli[0] > 1.0 > moduli[1] > 0.0):
         raise ValueError(f"orbit={orbit!r}: give a saddle, with one multiplier outside the unit circle and one inside")
-    grid = window.on(point_map.coordinates, "window")
+    grid = region.on(point_map.coordinates, "region")
     longest = finite_number("length", length, above=0.0)
     apart = finite_number("spacing", spacing, above=0.0, at_most=0.5)
     beyond = finite_number("reach", reach, at_least=0.0)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.checks import affordable_number, finite_number, random_numbers, whole_number
+from ..._lib.checks import affordable_number, finite_number, whole_number
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
@@ -37,7 +38,7 @@ class ChaoticSaddle:
         Number of steps for which the orbit of every point stays in the region.
     largest_stagger : float
         Largest stagger.
-    window : CellGrid
+    region : CellGrid
         The region.
     coordinates : tuple of Coordinate
         State variables.
@@ -47,7 +48,7 @@ class ChaoticSaddle:
     staggers: NDArray[np.float64]
     lifetime: int
     largest_stagger: float
-    window: CellGrid
+    region: CellGrid
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
@@ -60,40 +61,41 @@ class ChaoticSaddle:
 @checked
 def chaotic_saddle(
     point_map: PointMap,
-    window: CellGrid,
+    region: CellGrid,
     attractors: Sequence[Attractor] = (),
-    n: int = 5000,
+    n_points: int = 5000,
     lifetime: int = 30,
-    largest: float = 1e-6,
+    max_stagger: float = 1e-6,
     transient: int = 100,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> ChaoticSaddle:
     """Compute a pseudo-orbit on the chaotic saddle in a region by the stagger-and-step method.
 
     A point whose orbit stays in the region for more than `lifetime` steps is mapped (a step); another one is first
     perturbed by a small random vector to a point whose orbit does (a stagger), with sizes that are distributed evenly
-    over all orders of magnitude up to `largest`.
+    over all orders of magnitude up to `max_stagger`.
 
     Parameters
     ----------
     point_map : PointMap
         The map.
-    window : CellGrid
+    region : CellGrid
         The region; its sizes are the units of staggers, its cells are not used.
     attractors : sequence of Attractor, optional
         Attractors in the window, whose neighbourhoods are excluded from the region.
-    n : int, optional
+    n_points : int, optional
         Number of points.
     lifetime : int, optional
         Number of steps for which the orbit of each point has to stay in the region.  A point whose orbit does is about
-        ``exp(-lifetime * exponent)`` away from the saddle, and staggers find it again only if that is below `largest`;
-        in double precision, lifetimes beyond about ``36 / exponent`` cannot be reached.
-    largest : float, optional
+        ``exp(-lifetime * exponent)`` away from the saddle, and staggers find it again only if that is below
+        `max_stagger`; in double precision, lifetimes beyond about ``36 / exponent`` cannot be reached.
+    max_stagger : float, optional
         Largest stagger.
     transient : int, optional
         Number of points that are discarded at the beginning.
-    seed : int, optional
-        Seed of the first point and of the staggers.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the first point and of the staggers.
 
     Returns
     -------
@@ -114,22 +116,22 @@ def chaotic_saddle(
     --------
     >>> from cellmap import discrete_map
     >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
-    >>> saddle = chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n=300)
+    >>> saddle = chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n_points=300)
     >>> bool(((saddle.points < 1 / 3 + 1e-6) | (saddle.points > 2 / 3 - 1e-6)).all())
     True
     """
-    region = restraint(point_map, window, attractors)
-    wanted = affordable_number("n", n, 8 * (3 * window.dimension + 6), at_least=1)
+    inside = restraint(point_map, region, attractors)
+    wanted = affordable_number("n_points", n_points, 8 * (3 * region.dimension + 6), at_least=1)
     steps = whole_number("lifetime", lifetime, at_least=1, at_most=2**60)
-    farthest = finite_number("largest", largest, above=1e-14, at_most=0.5)
-    dropped = affordable_number("transient", transient, 8 * (3 * window.dimension + 6))
-    rng = random_numbers(seed)
-    point = _first(region, steps, rng)
+    farthest = finite_number("max_stagger", max_stagger, above=1e-14, at_most=0.5)
+    dropped = affordable_number("transient", transient, 8 * (3 * region.dimension + 6))
+    rng = random_numbers(rng)
+    point = _first(inside, steps, rng)
     total = wanted + dropped
     points, staggers = np.empty((total, len(point))), np.zeros(total)
     done, moved = 0, 0.0
     while True:
-        orbit = _orbit(region, point, steps + total - done)
+        orbit = _orbit(inside, point, steps + total - done)
         # As long as the rest of the orbit stays for more steps, it goes on without a stagger.
         count = len(orbit) - steps
         points[done : done + count] = orbit[:count]
@@ -137,15 +139,15 @@ def chaotic_saddle(
         done += count
         if done == total:
             break
-        point, moved = _stagger(region, orbit[count], steps, farthest, rng)
+        point, moved = _stagger(inside, orbit[count], steps, farthest, rng)
     if not staggers.any():
         raise ValueError(
-            f"window={window!r}: an orbit stays for {total + steps} steps without a stagger, on an attractor it seems; "
+            f"region={region!r}: an orbit stays for {total + steps} steps without a stagger, on an attractor it seems; "
             "give the attractors in the window, or another window"
         )
     kept = slice(dropped, total)
     return ChaoticSaddle(
-        points[kept], staggers[kept], steps, float(staggers[kept].max()), region.window, point_map.coordinates
+        points[kept], staggers[kept], steps, float(staggers[kept].max()), inside.window, point_map.coordinates
     )
 
 
@@ -176,7 +178,7 @@ def _first(region: Restraint, steps: int, rng: np.random.Generator) -> NDArray[n
         if stays > steps:
             return best
     raise ValueError(
-        f"window={grid!r}: the orbit that stays longest does so for {stays} steps, not for {steps + 1}; take a smaller "
+        f"region={grid!r}: the orbit that stays longest does so for {stays} steps, not for {steps + 1}; take a smaller "
         "lifetime, or another window"
     )
 
@@ -194,7 +196,7 @@ def _stagger(
         if len(hit):
             return tries[hit[0]], float(np.linalg.norm(moves[hit[0]]))
     raise ValueError(
-        f"largest={farthest!r}: no stagger of that size leads to an orbit that stays for {steps + 1} steps; take "
+        f"max_stagger={farthest!r}: no stagger of that size leads to an orbit that stays for {steps + 1} steps; take "
         "larger staggers, or a longer lifetime, whose orbits come nearer to the saddle"
     )
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._lib.checks import affordable_number, random_numbers, whole_number
+from ..._lib.checks import affordable_number, whole_number
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .box_counting import BoxCount, averaged, checked_sizes, fitted
@@ -28,12 +29,12 @@ def boundary_dimension(
     basins: Basins | NDArray[np.integer],
     sizes: ArrayLike | None = None,
     *,
-    samples: int | None = None,
-    codes: Sequence[int] = (),
+    lattice: int | None = None,
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
-    offsets: int = 4,
-    seed: int = 0,
-    window: tuple[float, float] | None = None,
+    n_offsets: int = 4,
+    rng: Rng = 0,
+    fit_range: tuple[float, float] | None = None,
 ) -> BoxCount:
     """Compute the box-counting dimension of a basin boundary.
 
@@ -58,22 +59,22 @@ def boundary_dimension(
         Basins on a grid, or labels of the cells of one, of any dimension and shape.  Axes of one cell are ignored.
     sizes : array_like of int, optional
         Sides of boxes in cells; by default 1, 2, 4, ...
-    samples : int, optional
-        Examine every box of every size through a lattice of ``samples + 1`` cells along each axis, instead of all of
+    lattice : int, optional
+        Examine every box of every size through a lattice of ``lattice + 1`` cells along each axis, instead of all of
         its cells.  The probability of missing a thin strand is then the same at all sizes, and the resolution of the
         image does not bend the line; use it where the boundary has structure below one cell.  Sizes are multiples of
         it.
-    codes : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as a basin, such as -2 (diverged) where infinity attracts.  All other negative labels
         are not basins: they form no boundary, neither with each other nor with a basin.
     wraps : sequence of bool, optional
         Which axes are periodic; by default as in the grid.
-    offsets : int, optional
+    n_offsets : int, optional
         Number of grids over which the counts are averaged: the first begins at the first cell, the others at random
         positions.
-    seed : int, optional
-        Seed of these positions.
-    window : tuple of float, optional
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of these positions.
+    fit_range : tuple of float, optional
         Smallest and largest size for the fit; by default they are chosen automatically.
 
     Returns
@@ -98,11 +99,11 @@ def boundary_dimension(
     >>> round(found.dimension, 1), found.fractal
     (1.0, False)
     """
-    image = label_image(basins, codes, wraps)
+    image = label_image(basins, include, wraps)
     boundary = boundary_boxes(image)
     if not boundary.any():
-        raise ValueError("labels: no two basins meet, so that there is no boundary; choose another window, or codes=")
-    steps = 1 if samples is None else whole_number("samples", samples, at_least=1)
+        raise ValueError("labels: no two basins meet, so that there is no boundary; choose another window, or include=")
+    steps = 1 if lattice is None else whole_number("lattice", lattice, at_least=1)
     chosen = _sizes(sizes, min(boundary.shape), steps)
     lengths = np.array(chosen, dtype=float)
     cleaned = without_specks(image)
@@ -110,16 +111,16 @@ def boundary_dimension(
     isolated = isolated_shares(boundary, rest, image.wraps, chosen)
     if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
         image, boundary = cleaned, rest
-    offsets = affordable_number("offsets", offsets, 8 * (3 * len(chosen) + 2 * boundary.ndim), at_least=1)
-    rng = random_numbers(seed)
-    if samples is None:
-        places = rng.integers(0, chosen[-1], (offsets, boundary.ndim))
+    n_offsets = affordable_number("n_offsets", n_offsets, 8 * (3 * len(chosen) + 2 * boundary.ndim), at_least=1)
+    rng = random_numbers(rng)
+    if lattice is None:
+        places = rng.integers(0, chosen[-1], (n_offsets, boundary.ndim))
         places[0] = 0
         found = np.array([count_boxes(boundary, image.wraps, chosen, place) for place in places])
         counts, errors = averaged(found)
         missed = _missed(image, boundary, chosen, dict(zip(chosen, found[0], strict=True)))
     else:
-        measured = [sampled(image, boundary.size, size, steps, offsets, rng) for size in chosen]
+        measured = [sampled(image, boundary.size, size, steps, n_offsets, rng) for size in chosen]
         counts, errors = (np.array(v) for v in zip(*measured, strict=True))
         missed = np.zeros(len(chosen))
     share = counts * lengths**boundary.ndim / boundary.size
@@ -129,7 +130,7 @@ def boundary_dimension(
     lengths, counts, errors, missed = (v[::-1] for v in (lengths, counts, errors, missed))
     correction = -np.log1p(-missed)
     return fitted(
-        *("labels", lengths, counts, errors, missed, usable[::-1], correction, window),
+        *("labels", lengths, counts, errors, missed, usable[::-1], correction, fit_range),
         topological=boundary.ndim - 1,
         ignored=image.ignored,
         isolated=isolated[::-1],
@@ -144,7 +145,7 @@ def _sizes(sizes: ArrayLike | None, most: int, step: int) -> list[int]:
         checked = checked_sizes(sizes)[::-1]
         chosen = [whole_number("sizes", int(s), at_least=1) for s in checked]
         if (np.array(chosen) != checked).any() or any(s % step for s in chosen):
-            raise ValueError(f"sizes={sizes!r}: give whole numbers of cells, multiples of samples={step}")
+            raise ValueError(f"sizes={sizes!r}: give whole numbers of cells, multiples of lattice={step}")
         if chosen[-1] > most:
             raise ValueError(f"sizes: a box of {chosen[-1]} cells is larger than the image; give sizes up to {most}")
     return chosen

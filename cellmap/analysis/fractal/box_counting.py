@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 
 from ..._lib.checks import finite_number, real_array
 from ..._lib.fit import Fit, fit_line, steady_window, window_spread, with_drift
+from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
 from .partitions import Partition, Space, distinct, dyadic_sizes, over_offsets
@@ -124,11 +125,11 @@ def box_dimension(
     sizes: ArrayLike | None = None,
     *,
     coordinates: Sequence[str | Coordinate] | None = None,
-    scales: ArrayLike | None = None,
+    scale: ArrayLike | None = None,
     origin: ArrayLike | None = None,
-    offsets: int = 8,
-    seed: int = 0,
-    window: tuple[float, float] | None = None,
+    n_offsets: int = 8,
+    rng: Rng = 0,
+    fit_range: tuple[float, float] | None = None,
 ) -> BoxCount:
     """Compute the box-counting dimension of a set of points.
 
@@ -145,17 +146,17 @@ def box_dimension(
         Sides of boxes in units of the scales; by default the extent of the set and its halves, quarters, ...
     coordinates : sequence of str or Coordinate, optional
         Coordinates of the columns; the period of an angle is divided into a whole number of boxes.
-    scales : array_like, shape (d,), optional
+    scale : array_like, shape (d,), optional
         Lengths that count as one.  By default 1 for all if all have the same unit and none is an angle; else the period
         of an angle, or the extent of the set.
     origin : array_like, shape (d,), optional
         A corner of a box, for one grid at a given position (for non-periodic coordinates; the boxes of an angle begin
         at its branch cut).
-    offsets : int, optional
+    n_offsets : int, optional
         Number of grids at random positions over which the counts are averaged.
-    seed : int, optional
-        Seed of these positions.
-    window : tuple of float, optional
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of these positions.
+    fit_range : tuple of float, optional
         Smallest and largest size for the fit; by default they are chosen automatically.
 
     Returns
@@ -179,9 +180,9 @@ def box_dimension(
     >>> round(box_dimension(line).dimension, 2)
     1.0
     """
-    space = distinct(Space.of(points, coordinates, scales))
+    space = distinct(Space.of(points, coordinates, scale))
     chosen = None if sizes is None else checked_sizes(sizes)
-    counts = over_offsets(space, chosen, origin, offsets, seed, Partition.occupancy)  # offset, size, kind
+    counts = over_offsets(space, chosen, origin, n_offsets, rng, Partition.occupancy)  # offset, size, kind
     tried = dyadic_sizes(space) if chosen is None else chosen
     if chosen is None:
         tried, counts = _without_tail(tried, counts)
@@ -190,7 +191,7 @@ def box_dimension(
     usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
     # A grid in a given place has no mean over places, of which alone Steiner's formula speaks.
     raised = edge_boxes(tried, mean, usable, space) if origin is None else np.zeros(len(tried))
-    return fitted("points", tried, mean, errors, missed, usable, -raised, window)
+    return fitted("points", tried, mean, errors, missed, usable, -raised, fit_range)
 
 
 def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> NDArray[np.float64]:
@@ -278,10 +279,10 @@ def fit_sizes(
         fit = with_drift(fit_line(x, y, steady_window(x, inside, to_the_end=to_the_end), labels=labels))
         spread = window_spread(x, inside, fit.slope, to_the_end)
         return replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
-    low, high = (finite_number(f"window[{k}]", v, above=0.0) for k, v in enumerate(window))
+    low, high = (finite_number(f"fit_range[{k}]", v, above=0.0) for k, v in enumerate(window))
     chosen = np.flatnonzero((sizes >= low * (1 - 1e-9)) & (sizes <= high * (1 + 1e-9)) & np.isfinite(y))
     if len(chosen) < 3:
-        raise ValueError(f"window={window!r} contains {len(chosen)} sizes with boxes: give a window with 3 or more")
+        raise ValueError(f"fit_range={window!r} contains {len(chosen)} sizes with boxes: give a range with 3 or more")
     return with_drift(fit_line(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels))
 
 

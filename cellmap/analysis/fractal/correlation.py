@@ -80,8 +80,8 @@ def correlation_dimension(
     theiler: int = 10,
     norm: float = 2.0,
     coordinates: Sequence[str | Coordinate] | None = None,
-    scales: ArrayLike | None = None,
-    window: tuple[float, float] | None = None,
+    scale: ArrayLike | None = None,
+    fit_range: tuple[float, float] | None = None,
 ) -> CorrelationSum:
     """Compute the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
 
@@ -98,9 +98,9 @@ def correlation_dimension(
         Theiler window: pairs up to so many steps apart in time do not count; choose at least the correlation time.
     norm : float, optional
         Norm of distances: 2 for Euclidean, ``inf`` for the maximum norm.
-    coordinates, scales : optional
+    coordinates, scale : optional
         As in :func:`box_dimension`; distances of angles are taken on the circle.
-    window : tuple of float, optional
+    fit_range : tuple of float, optional
         Smallest and largest distance for the fit; by default they are chosen automatically.
 
     Returns
@@ -123,7 +123,7 @@ def correlation_dimension(
     >>> round(correlation_dimension(x).dimension, 1)
     1.0
     """
-    space = Space.of(points, coordinates, scales)
+    space = Space.of(points, coordinates, scale)
     n = len(space.points)
     if n < 1000:
         raise ValueError(f"points: {n} are too few for pairs at all distances; give at least 1000")
@@ -141,7 +141,7 @@ def correlation_dimension(
         y, errors = -np.log(shares), logs.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
     usable = (counts.sum(axis=0) >= 2 * _FEWEST_PAIRS) & (distances <= _LARGEST * space.extent)
     x = -np.log(distances)
-    fit = fit_sizes("points", x, y, distances, usable, window, ("ln 1/distance", "ln 1/fraction of pairs"))
+    fit = fit_sizes("points", x, y, distances, usable, fit_range, ("ln 1/distance", "ln 1/fraction of pairs"))
     inside = logs[:, fit.inside]
     if np.isfinite(inside).all():
         slopes = [fit_line(x[fit.inside], -row, (0, inside.shape[1] - 1)).slope for row in inside]

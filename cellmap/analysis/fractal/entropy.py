@@ -9,7 +9,8 @@ from math import log, prod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._lib.checks import affordable_number, random_numbers, whole_number
+from ..._lib.checks import affordable_number, whole_number
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .image_uncertainty import finest_exponent, is_rough
@@ -99,11 +100,12 @@ class BasinEntropy:
 @checked
 def basin_entropy(
     basins: Basins | ArrayLike,
-    box: int | Sequence[int] = 5,
-    positions: int | None = None,
-    also: Sequence[int] = (),
+    box_size: int | Sequence[int] = 5,
+    n_positions: int | None = None,
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> BasinEntropy:
     """Compute the basin entropy of a basin image.
 
@@ -115,18 +117,18 @@ def basin_entropy(
     basins : Basins or array_like of int
         Basins on a grid, or labels of cells in any number of dimensions.  Cells of a negative label (escaped, diverged,
         undecided), or of a missing one, do not count; a box of which less than half has a basin is excluded.
-    box : int or sequence of int, optional
+    box_size : int or sequence of int, optional
         Side of the boxes in cells, one for all axes or one for each (axes of one cell do not count).
-    positions : int, optional
+    n_positions : int, optional
         Number of boxes at random positions, instead of a tiling from the first corner on.  (Cells that a tiling leaves
         over at the other ends do not count.)
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
         Which axes of an array are periodic; for basins the grid determines it.  Random boxes extend across their branch
         cuts.
-    seed : int, optional
-        Seed of random positions.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of random positions.
 
     Returns
     -------
@@ -152,20 +154,22 @@ def basin_entropy(
     --------
     >>> import numpy as np
     >>> stripes = np.repeat([[0, 1]], 4, axis=0).repeat(2, axis=1)
-    >>> found = basin_entropy(stripes, box=4)
+    >>> found = basin_entropy(stripes, box_size=4)
     >>> round(found.entropy, 6), found.above_ln2
     (0.693147, False)
     """
-    image = label_image(basins, also, wraps)
-    sides = _sides(image, box)
-    if positions is None:
+    image = label_image(basins, include, wraps)
+    sides = _sides(image, box_size)
+    if n_positions is None:
         counts = _tiled(image, sides)
     else:
-        counts = _random(image, sides, affordable_number("positions", positions, 8 * 8, at_least=2), seed)
+        counts = _random(image, sides, affordable_number("n_positions", n_positions, 8 * 8, at_least=2), rng)
     entropies = box_entropies(counts, prod(sides))
     valid = entropies[np.isfinite(entropies)]
     if not len(valid):
-        raise ValueError(f"box={box!r}: no box has basins in half of its cells; take smaller boxes or another window")
+        raise ValueError(
+            f"box_size={box_size!r}: no box has basins in half of its cells; take smaller boxes or another window"
+        )
     mean, error = mean_and_error(valid)
     edge, edge_error = mean_and_error(valid[valid > 0.0])
     return BasinEntropy(
@@ -176,7 +180,7 @@ def basin_entropy(
         sides,
         entropies,
         len(image.names),
-        "tiling" if positions is None else "random",
+        "tiling" if n_positions is None else "random",
         finest_exponent(image),
         basins.name if isinstance(basins, Basins) else "",
     )
@@ -200,10 +204,10 @@ def _sides(image: LabelImage, box: int | Sequence[int]) -> tuple[int, ...]:
     shape = image.numbers.shape
     given = (box,) * len(shape) if isinstance(box, int | np.integer) else tuple(box)
     if len(given) != len(shape):
-        raise ValueError(f"box={box!r}: the image has {len(shape)} axes of more than one cell; give a side for each")
-    sides = tuple(whole_number("box", side, at_least=1) for side in given)
+        raise ValueError(f"box_size={box!r}: give a side for each of the {len(shape)} axes of more than one cell")
+    sides = tuple(whole_number("box_size", side, at_least=1) for side in given)
     if prod(sides) < 2 or any(side > n for side, n in zip(sides, shape, strict=True)):
-        raise ValueError(f"box={box!r}: give sides of two cells or more, that fit into {shape} cells")
+        raise ValueError(f"box_size={box!r}: give sides of two cells or more, that fit into {shape} cells")
     return sides
 
 
@@ -216,10 +220,10 @@ def _tiled(image: LabelImage, sides: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array([np.count_nonzero(split == k, axis=inner) for k in range(len(image.names))])
 
 
-def _random(image: LabelImage, sides: tuple[int, ...], positions: int, seed: int) -> NDArray[np.int64]:
+def _random(image: LabelImage, sides: tuple[int, ...], positions: int, rng: Rng) -> NDArray[np.int64]:
     """Count the basins in boxes at random positions, shape (basins, boxes)."""
     offsets = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, len(sides))
-    rng = random_numbers(seed)
+    rng = random_numbers(rng)
     corners = [
         rng.integers(0, n if wraps else n - side + 1, positions)
         for n, side, wraps in zip(image.numbers.shape, sides, image.wraps, strict=True)

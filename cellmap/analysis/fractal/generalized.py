@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.checks import real_array
 from ..._lib.fit import Fit
+from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
 from .box_counting import checked_sizes, fit_sizes, unseen
@@ -79,11 +80,11 @@ def generalized_dimensions(
     *,
     weights: ArrayLike | None = None,
     coordinates: Sequence[str | Coordinate] | None = None,
-    scales: ArrayLike | None = None,
+    scale: ArrayLike | None = None,
     origin: ArrayLike | None = None,
-    offsets: int = 8,
-    seed: int = 0,
-    window: tuple[float, float] | None = None,
+    n_offsets: int = 8,
+    rng: Rng = 0,
+    fit_range: tuple[float, float] | None = None,
 ) -> GeneralizedDimensions:
     """Compute the generalized dimensions D_q of a measure, from sample points or weights.
 
@@ -102,9 +103,9 @@ def generalized_dimensions(
         Sides of boxes, as in :func:`box_dimension`.
     weights : array_like, shape (n,), optional
         Weights of the points, at least 0, in any unit; by default all are equal.
-    coordinates, scales, origin, offsets, seed : optional
+    coordinates, scale, origin, n_offsets, rng : optional
         As in :func:`box_dimension`.
-    window : tuple of float, optional
+    fit_range : tuple of float, optional
         Smallest and largest size for all fits; by default they are chosen automatically for each.
 
     Returns
@@ -127,7 +128,7 @@ def generalized_dimensions(
     >>> np.round(generalized_dimensions(x).dimensions, 1)
     array([1., 1., 1.])
     """
-    space = Space.of(points, coordinates, scales)
+    space = Space.of(points, coordinates, scale)
     chosen = None if sizes is None else checked_sizes(sizes)
     q = np.unique(real_array("orders", orders).ravel())
     if not len(q) or not np.isfinite(q).all():
@@ -137,7 +138,7 @@ def generalized_dimensions(
     def measure(part: Partition) -> NDArray[np.float64]:
         return np.concatenate([part.occupancy(), part.moments(shares, q)], axis=1)
 
-    found = over_offsets(space, chosen, origin, offsets, seed, measure, ordered=weights is not None)
+    found = over_offsets(space, chosen, origin, n_offsets, rng, measure, ordered=weights is not None)
     tried = dyadic_sizes(space) if chosen is None else chosen
     counts = found[..., :3]
     mean = counts[..., 0].mean(axis=0)
@@ -147,7 +148,7 @@ def generalized_dimensions(
     informations = _informations(q, found[..., 3:].mean(axis=0).T)
     x = -np.log(tried)
     fits = tuple(
-        fit_sizes("points", x, y, tried, usable, window, ("ln 1/size", f"information of order {order:g}"))
+        fit_sizes("points", x, y, tried, usable, fit_range, ("ln 1/size", f"information of order {order:g}"))
         for order, y in zip(q, informations, strict=True)
     )
     return GeneralizedDimensions(q, tried, informations, usable, fits)

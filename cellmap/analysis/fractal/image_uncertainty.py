@@ -25,10 +25,10 @@ _COARSEST = 16  # largest distance, as a part of the shorter side
 @checked
 def image_uncertainty_exponent(
     basins: Basins | ArrayLike,
-    steps: ArrayLike | None = None,
-    also: Sequence[int] = (),
+    distances: ArrayLike | None = None,
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
-    window: tuple[int, int] | None = None,
+    fit_range: tuple[int, int] | None = None,
 ) -> UncertaintyExponent:
     """Compute the uncertainty exponent of a basin boundary from a basin image.
 
@@ -42,13 +42,13 @@ def image_uncertainty_exponent(
     basins : Basins or array_like of int
         Basins on a grid, or labels of cells in any number of dimensions.  Pairs with a cell of a negative label
         (escaped, diverged, undecided), or of a missing one, are excluded.
-    steps : array_like of int, optional
+    distances : array_like of int, optional
         Distances k in cells, decreasing; by default about four in an octave, from a sixteenth of the shorter side.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
         Which axes of an array are periodic; for basins the grid determines it.
-    window : tuple of int, optional
+    fit_range : tuple of int, optional
         Numbers of the first and last distance of the fit.  By default it ends at the smallest distance, and begins at
         the largest one for which the slopes of both halves of the window differ from that of the line by no more than
         0.05: fractions saturate at large distances.
@@ -75,8 +75,8 @@ def image_uncertainty_exponent(
     UncertaintyExponent(1.0072 +- 0.01 from 1.0 decades, 1,171,500 pairs: consistent with smooth)
     """
     began = time.perf_counter()
-    image = label_image(basins, also, wraps)
-    distances = _steps(image, steps)
+    image = label_image(basins, include, wraps)
+    distances = _steps(image, distances)
     blocks = np.array([_compare(image, int(k)) for k in distances])  # distance, block, kind
     drawn, hits, without = blocks.sum(axis=1).T
     found = fit_exponent(
@@ -96,7 +96,7 @@ def image_uncertainty_exponent(
     if found.fit is None:
         return found
     x, y = found.fit.x, np.where(found.uncertain > 0, found.fit.y, np.nan)
-    chosen = _window(x, y) if window is None else window
+    chosen = _window(x, y) if fit_range is None else fit_range
     samples = _jackknife(blocks)
     scale = (len(samples) - 1) / np.sqrt(len(samples))
     errors = np.maximum(scale * samples.std(axis=0), 1e-6)
@@ -134,8 +134,8 @@ def _steps(image: LabelImage, steps: ArrayLike | None) -> NDArray[np.int64]:
     if steps is not None:
         given = np.asarray(steps)
         if given.ndim != 1 or not len(given) or not (np.diff(given) < 0).all():
-            raise ValueError(f"steps={steps!r}: give a decreasing list of distances in cells")
-        return np.array([whole_number("steps", k, at_least=1, at_most=max(1, shortest // 2)) for k in given])
+            raise ValueError(f"distances={steps!r}: give a decreasing list of distances in cells")
+        return np.array([whole_number("distances", k, at_least=1, at_most=max(1, shortest // 2)) for k in given])
     largest = max(1, shortest // _COARSEST)
     octaves = np.log2(largest)
     return np.unique(np.round(2.0 ** np.arange(0.0, octaves + 1e-9, 0.25)).astype(np.int64))[::-1]

@@ -95,8 +95,8 @@ def _joined(bits: NDArray[np.uint8], size: int, shifts: Sequence[int]) -> NDArra
     """Boxes of any side."""
     boxes = bits
     for axis, (n, shift) in enumerate(zip(bits.shape, shifts, strict=True)):
-        starts = np.maximum(np.arange(-(shift % size), n, size), 0)
-        boxes = np.bitwise_or.reduceat(boxes, starts, axis=axis)
+        initial_conditions = np.maximum(np.arange(-(shift % size), n, size), 0)
+        boxes = np.bitwise_or.reduceat(boxes, initial_conditions, axis=axis)
     return np.asarray(boxes)
 
 

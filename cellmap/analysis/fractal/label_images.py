@@ -67,7 +67,7 @@ class LabelImage:
 
 def label_image(
     source: Basins | ArrayLike,
-    also: Sequence[int] = (),
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
     name: str = "basins",
 ) -> LabelImage:
@@ -78,7 +78,7 @@ def label_image(
     source : Basins or array_like of int
         Basins on a grid, or labels of cells in any number of dimensions.  Negative labels are no basins; in arrays of
         floats NaN, and in masked arrays what is masked, is missing, which is no basin either.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins all the same, such as (-2,) for the starts that diverge.
     wraps : sequence of bool, optional
         Which axes are circles; by default those of the grid of basins, and none of an array.
@@ -97,10 +97,10 @@ def label_image(
 
     Examples
     --------
-    >>> label_image([[0, 4, -2], [4, 4, -3]], also=(-2,))
+    >>> label_image([[0, 4, -2], [4, 4, -3]], include=(-2,))
     LabelImage(2 x 3 cells, 3 basins)
     """
-    counted = also_labels(also)
+    counted = included_labels(include)
     missing: NDArray[np.bool_] | None = None
     if not isinstance(source, Basins):
         labels, missing = _whole(source, name)
@@ -133,7 +133,7 @@ def label_image(
     basins = np.flatnonzero(occurs & ((values >= 0) | np.isin(values, counted)))
     names = values[basins]
     if not len(names):
-        raise ValueError(f"{name}: no cell belongs to a basin; give labels from 0, or count others with also=")
+        raise ValueError(f"{name}: no cell belongs to a basin; give labels from 0, or count others with include=")
     if len(names) > np.iinfo(np.int16).max:
         raise ValueError(f"{name} has {len(names)} labels: give labels of basins, not values of a field")
     if names[0] == 0 and len(names) == high + 1:
@@ -149,12 +149,12 @@ def label_image(
     return LabelImage(image, tuple(int(v) for v in names), tuple(circles[j] for j in wide))
 
 
-def also_labels(also: Sequence[int]) -> tuple[int, ...]:
+def included_labels(include: Sequence[int]) -> tuple[int, ...]:
     """Check which negative labels count as basins."""
-    counted = tuple(also) if not isinstance(also, int | np.integer) else (int(also),)
+    counted = tuple(include) if not isinstance(include, int | np.integer) else (int(include),)
     for label in counted:
-        if whole_number("also", label, at_least=min(LABEL_NAMES)) >= 0:
-            raise ValueError(f"also={label!r}: give negative labels, among {sorted(LABEL_NAMES)}")
+        if whole_number("include", label, at_least=min(LABEL_NAMES)) >= 0:
+            raise ValueError(f"include={label!r}: give negative labels, among {sorted(LABEL_NAMES)}")
     return counted
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._compiled.kernels.boxes import moments, morton_keys, occupancy, separations
-from ..._lib.checks import affordable_number, finite_points, random_numbers, real_array, shown
+from ..._lib.checks import affordable_number, finite_points, real_array, shown
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.threads import run_over
 from ...maps.coordinates import Coordinate, as_coordinates, turns_of, wrap
 
@@ -71,10 +72,10 @@ class Space:
             alike = not turns.any() and len({c.unit for c in names}) == 1
             lengths = np.ones(d) if alike else np.where(extents > 0.0, extents, 1.0)
         else:
-            lengths = real_array("scales", scales)
+            lengths = real_array("scale", scales)
             lengths = np.full(d, lengths) if lengths.ndim == 0 else lengths
             if lengths.shape != (d,) or not ((lengths > 1e-150) & (lengths < 1e150)).all():
-                raise ValueError(f"scales={shown(scales)}: give a positive length for each coordinate")
+                raise ValueError(f"scale={shown(scales)}: give a positive length for each coordinate")
         if not np.ptp(given, axis=0).any():
             raise ValueError("points: all of them are the same; a point has dimension 0")
         corner = np.where(turns > 0.0, cuts, given.min(axis=0))
@@ -188,7 +189,7 @@ def over_offsets(
     sizes: NDArray[np.float64] | None,
     origin: ArrayLike | None,
     offsets: int,
-    seed: int,
+    rng: Rng,
     measure: Callable[[Partition], NDArray[Any]],
     ordered: bool = False,
 ) -> NDArray[np.float64]:
@@ -198,7 +199,7 @@ def over_offsets(
     offsets; circles are cut where they are.  ``measure(partition)`` returns an array whose first axis are the sizes
     that a partition stands for; `ordered` keeps the order of the points.
     """
-    offsets = affordable_number("offsets", offsets, 8 * (space.dimension + 4 * _FINEST), at_least=1)
+    offsets = affordable_number("n_offsets", offsets, 8 * (space.dimension + 4 * _FINEST), at_least=1)
     if origin is not None:
         place = real_array("origin", origin)
         place = np.full(space.corner.shape, place) if place.ndim == 0 else place
@@ -209,7 +210,7 @@ def over_offsets(
         shifts = np.zeros((1, space.dimension))
         sizes = dyadic_sizes(space) if sizes is None else sizes
     else:
-        shifts = random_numbers(seed).random((offsets, space.dimension))
+        shifts = random_numbers(rng).random((offsets, space.dimension))
     if sizes is not None and not space.extent / sizes.min() < 2.0**_KEY_BITS:
         raise ValueError(f"sizes={shown(sizes)}: boxes of the smallest size cannot be numbered; give larger ones")
     found: dict[int, NDArray[np.float64]] = {}

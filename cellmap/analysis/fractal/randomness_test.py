@@ -9,7 +9,8 @@ from math import floor
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._lib.checks import affordable_number, finite_number, random_numbers
+from ..._lib.checks import affordable_number, finite_number
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .entropy import box_entropies, count_at
@@ -97,10 +98,11 @@ class FractalTest:
 def fractal_boundary_test(
     basins: Basins | ArrayLike,
     radius: float | None = None,
-    discs: int = 2000,
-    also: Sequence[int] = (),
+    n_discs: int = 2000,
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> FractalTest:
     """Test whether a basin boundary is smooth in discs of a given radius.
 
@@ -115,15 +117,15 @@ def fractal_boundary_test(
         undecided), or of a missing one, do not count; a disc of which less than half has a basin is excluded.
     radius : float, optional
         Radius in cells, by default a fiftieth of the shorter side, and at least 4.
-    discs : int, optional
+    n_discs : int, optional
         Number of discs on the boundary to draw.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
         Which axes of an array are periodic; for basins the grid determines it.  Discs extend across their branch cuts,
         and nowhere else beyond the image.
-    seed : int, optional
-        Seed of the discs.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the discs.
 
     Returns
     -------
@@ -152,14 +154,14 @@ def fractal_boundary_test(
     >>> fractal_boundary_test(halves).verdict
     'consistent with smooth'
     """
-    image = label_image(basins, also, wraps)
+    image = label_image(basins, include, wraps)
     shape = image.numbers.shape
-    wanted = affordable_number("discs", discs, 8 * (4 * len(shape) + 6), at_least=_FEWEST)
+    wanted = affordable_number("n_discs", n_discs, 8 * (4 * len(shape) + 6), at_least=_FEWEST)
     r = max(4.0, min(shape) / 50) if radius is None else finite_number("radius", radius, at_least=1.0)
     if any(2 * floor(r) + 1 > n for n in shape):
         raise ValueError(f"radius={r:g}: discs are wider than the image of {shape} cells; give a smaller radius")
     offsets = ball(len(shape), r)
-    places, entropies, drawn = _draw(image, offsets, floor(r), wanted, seed)
+    places, entropies, drawn = _draw(image, offsets, floor(r), wanted, rng)
     mean = float(entropies.mean()) if len(entropies) else np.nan
     smooth, low, high = straight_cuts(offsets)
     return FractalTest(
@@ -178,10 +180,10 @@ def fractal_boundary_test(
 
 
 def _draw(
-    image: LabelImage, offsets: NDArray[np.int64], reach: int, wanted: int, seed: int
+    image: LabelImage, offsets: NDArray[np.int64], reach: int, wanted: int, rng: Rng
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
     """Draw discs until enough of them are on the boundary; return places and entropies of these, and how many all."""
-    rng = random_numbers(seed)
+    rng = random_numbers(rng)
     places: list[NDArray[np.int64]] = []
     entropies: list[NDArray[np.float64]] = []
     found = drawn = 0

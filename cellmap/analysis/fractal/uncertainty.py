@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.checks import finite_number, real_array, whole_number
+from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
 from ...attractors.labels import Label
@@ -19,7 +20,7 @@ from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
-from .label_images import also_labels
+from .label_images import included_labels
 from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
 _LARGEST = 2.0**-6  # distance, as a share of the window
@@ -38,13 +39,14 @@ def uncertainty_exponent(
     region: CellGrid | None = None,
     attractors: Sequence[Attractor] = (),
     outcome: Outcome | None = None,
-    also: Sequence[int] = (),
+    include: Sequence[int] = (),
     distances: ArrayLike | None = None,
-    pairs: int = 1_000_000,
-    uncertain: int = 1000,
+    max_pairs: int = 1_000_000,
+    min_uncertain: int = 1000,
     max_periods: int = 2000,
-    window: tuple[int, int] | None = None,
-    seed: int = 0,
+    fit_range: tuple[int, int] | None = None,
+    *,
+    rng: Rng = 0,
     progress: bool = False,
 ) -> UncertaintyExponent:
     """Compute the uncertainty exponent of a basin boundary by Monte Carlo sampling with the map.
@@ -71,22 +73,22 @@ def uncertainty_exponent(
     outcome : callable, optional
         Classification of final states instead of attractors: ``outcome(points)`` returns for each of the points (n, d)
         the number of its final state, or -1 as long as it has reached none.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.  Pairs with an initial
         condition of any other negative label (escaped, diverged, undecided, not returned) are excluded.
     distances : array_like, optional
         Distances instead of those above, as fractions of the size of the region, decreasing.
-    pairs : int, optional
+    max_pairs : int, optional
         Budget of pairs for all distances together.
-    uncertain : int, optional
+    min_uncertain : int, optional
         Requested number of uncertain pairs at each distance.
     max_periods : int, optional
         Number of periods after which an initial condition is undecided.
-    window : tuple of int, optional
+    fit_range : tuple of int, optional
         Numbers of the first and last distance of the fit; by default see
-        :func:`~cellmap.analysis.fractal.uncertainty_fits.fit_window`.
-    seed : int, optional
-        Seed of the pairs; the same seed gives the same result for any number of threads.
+        :func:`~cellmap.analysis.fractal.uncertainty_fits.fit_range`.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the pairs: with a seed, the default included, each call draws the same.
     progress : bool, optional
         Show a progress bar on a terminal if the work takes more than two seconds.
 
@@ -109,35 +111,35 @@ def uncertainty_exponent(
     --------
     >>> from cellmap import CellGrid, discrete_map
     >>> signs = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]), x[1] / 2), {}, ("x", "y"))
-    >>> uncertainty_exponent(signs, CellGrid((-3, -1), (3, 1), (10, 10)), pairs=300_000).verdict
+    >>> uncertainty_exponent(signs, CellGrid((-3, -1), (3, 1), (10, 10)), max_pairs=300_000).verdict
     'consistent with smooth'
     """
     began = time.perf_counter()
-    counted = also_labels(also)
-    pairs = whole_number("pairs", pairs, at_least=_FIRST)
-    uncertain = whole_number("uncertain", uncertain, at_least=1)
-    seed = whole_number("seed", seed)
+    counted = included_labels(include)
+    max_pairs = whole_number("max_pairs", max_pairs, at_least=_FIRST)
+    min_uncertain = whole_number("min_uncertain", min_uncertain, at_least=1)
+    seed = random_seed(rng)
     states = final_states(source, region, attractors, outcome, max_periods)
     floor = smallest_distance(states)
     wanted = None if distances is None else _decreasing(distances, floor)
     levels = max(1, int(log2(_LARGEST / floor)) + 1) if wanted is None else len(wanted)
     scales = np.asarray(_LARGEST * 0.5 ** np.arange(levels) if wanted is None else wanted, np.float64)
     rows: list[NDArray[np.int64]] = []
-    with progress_bar(pairs, "uncertain pairs" if progress else None) as tick:
-        left = pairs
+    with progress_bar(max_pairs, "uncertain pairs" if progress else None) as tick:
+        left = max_pairs
         for level, distance in enumerate(scales):
             known = np.zeros(4, np.int64)
-            planned = _expected(rows, scales, uncertain)
+            planned = _expected(rows, scales, min_uncertain)
             if planned * _POOR > left:
                 break
-            while known[1] < uncertain and left > 0:
+            while known[1] < min_uncertain and left > 0:
                 number = int(min(max(planned, _FIRST), left, _AT_ONCE))
                 known += _count(states, float(distance), number, counted, (seed, level, int(known[0])))
                 left -= number
                 tick(number)
                 if not rows and known[0] == number:
-                    uncertain = min(uncertain, max(_SPARSE, int(known[1] / number * pairs / _SMOOTH_COST)))
-                planned = ceil(1.05 * (uncertain - known[1]) * known[0] / max(int(known[1]), 1))
+                    min_uncertain = min(min_uncertain, max(_SPARSE, int(known[1] / number * max_pairs / _SMOOTH_COST)))
+                planned = ceil(1.05 * (min_uncertain - known[1]) * known[0] / max(int(known[1]), 1))
                 if planned * _POOR > left:
                     break
             rows.append(known)
@@ -154,7 +156,7 @@ def uncertainty_exponent(
         dimension=sum(n > 1 for n in states.region.shape),
         floor=floor,
         unit="fraction of the window",
-        window=window,
+        window=fit_range,
         attractors=states.attractors,
         cost=Cost(time.perf_counter() - began, 2 * int(drawn.sum())),
         name=states.point_map.name,

@@ -158,7 +158,7 @@ def fit_exponent(
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = np.log(distances), np.log(uncertain / pairs)
         errors = np.sqrt((pairs - uncertain) / (1.0 * pairs * uncertain))
-    chosen = fit_window(x, np.where(usable, y, np.nan), errors) if window is None else window
+    chosen = fit_range(x, np.where(usable, y, np.nan), errors) if window is None else window
     labels = (f"ln distance ({unit})", "ln fraction of uncertain pairs")
     fit = fit_line(x, y, chosen, errors, labels=labels)
     return replace(empty, fit=_with_halves(_with_choice(fit)) if window is None else fit)
@@ -197,7 +197,7 @@ def _run(usable: NDArray[np.bool_]) -> int:
     return int(finite[-1] - (breaks[-1] if len(breaks) else -1))
 
 
-def fit_window(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64]) -> tuple[int, int]:
+def fit_range(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64]) -> tuple[int, int]:
     """Choose the distances for a fit of the exponent: the numbers of the first and of the last point.
 
     The law holds in the limit of small distances, and at large ones the fraction saturates.  So a window always ends at

@@ -85,7 +85,7 @@ def wada_merging(
     basins: Basins | ArrayLike,
     radius: float | None = None,
     tolerance: float = 0.001,
-    also: Sequence[int] = (),
+    include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
 ) -> MergingTest:
     """Test basins for the Wada property by merging them.
@@ -104,7 +104,7 @@ def wada_merging(
         2; in images of fewer than 16 cells along a side, an eighth of these, and at least 1.
     tolerance : float, optional
         Fraction of a boundary that may lie farther away, to allow for wrong labels.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
         Which axes of an array are periodic; for basins the grid determines it.
@@ -136,7 +136,7 @@ def wada_merging(
     >>> wada_merging(np.arange(90)[:, None] // 30 + np.zeros((90, 60), int)).verdict
     'not'
     """
-    image = label_image(basins, also, wraps)
+    image = label_image(basins, include, wraps)
     shortest = min(image.numbers.shape)
     widest = max(shortest / 8, 1.0)
     reach = finite_number("radius", min(max(2.0, shortest / 100), widest) if radius is None else radius, at_least=1.0)

@@ -20,7 +20,7 @@ from ...maps.grid import CellGrid, grid_points
 from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
-from .label_images import NO_BASIN, also_labels, label_image
+from .label_images import NO_BASIN, included_labels, label_image
 from .neighbourhoods import neighbourhoods, steps_to_neighbours
 from .wada import NOT, PART, PARTIALLY, WADA
 
@@ -112,10 +112,10 @@ def wada_grid(
     region: CellGrid | None = None,
     attractors: Sequence[Attractor] = (),
     outcome: Outcome | None = None,
-    also: Sequence[int] = (),
-    steps: int = 10,
+    include: Sequence[int] = (),
+    refinements: int = 10,
     tolerance: float = 0.01,
-    points: int = 2_000_000,
+    max_points: int = 2_000_000,
     max_periods: int = 2000,
 ) -> WadaGrid:
     """Test basins for the Wada property by the grid method, with the map.
@@ -136,15 +136,15 @@ def wada_grid(
         Known attractors; by default those of the basins, otherwise they are searched for first.
     outcome : callable, optional
         Classification of final states instead of attractors, see :func:`uncertainty_exponent`.
-    also : sequence of int, optional
+    include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.  Initial conditions of any
         other negative label (escaped, diverged, undecided) have no colour, and do not make neighbouring boxes boundary
         boxes.
-    steps : int, optional
+    refinements : int, optional
         Largest number of steps; the last one samples 2**(steps - 1) new points for each box that still lacks a colour.
     tolerance : float, optional
         Fraction of the boundary boxes that may lack a basin at the end.
-    points : int, optional
+    max_points : int, optional
         Budget of initial conditions besides the centres, and again for the shorter segments.
     max_periods : int, optional
         Number of periods after which an initial condition is undecided.
@@ -171,9 +171,9 @@ def wada_grid(
     'not'
     """
     began = time.perf_counter()
-    counted = also_labels(also)
-    steps = whole_number("steps", steps, at_most=24)
-    points = whole_number("points", points)
+    counted = included_labels(include)
+    refinements = whole_number("refinements", refinements, at_most=24)
+    max_points = whole_number("max_points", max_points)
     share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
     states, labels = _centres(source, region, attractors, outcome, max_periods)
     image = label_image(labels, counted, states.region.wraps)
@@ -183,12 +183,12 @@ def wada_grid(
     inside = _tally(np.delete(seen, edge, axis=0))
     segments = _segments(states.region, edge, partner[edge])
     around = seen[edge]
-    boxes, used = look.refine(around, *segments, steps, points)
+    boxes, used = look.refine(around, *segments, refinements, max_points)
     seen[edge] = around
     sample = np.unique(np.linspace(0, len(edge) - 1, min(len(edge), _SAMPLE)).round().astype(np.int64))
     begin, way = (a[sample] for a in segments)
     begin, way, ends, halved = look.halve(begin, way, image.numbers.ravel()[edge[sample]])
-    closer, more = look.refine(ends, begin, way, steps, points)
+    closer, more = look.refine(ends, begin, way, refinements, max_points)
     return WadaGrid(
         image.names,
         np.array(boxes) + inside,

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.binomial import binomial_interval
-from ..._lib.checks import affordable_number, of_the_user, random_numbers
+from ..._lib.checks import affordable_number, of_the_user
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...attractors.labels import LABEL_NAMES, Label
 from ...basins.classification import Labeller, labeller
@@ -68,8 +69,6 @@ class BasinStability:
         Settling times of the states, -1 without one.
     confidence : float
         Confidence level of the intervals.
-    seed : int
-        Seed of the draw.
     """
 
     shares: Mapping[int, Share]
@@ -78,7 +77,6 @@ class BasinStability:
     labels: NDArray[np.int16]
     settling_time: NDArray[np.int32]
     confidence: float
-    seed: int
 
     def __repr__(self) -> str:
         parts = [f"{self.names[k]} {s.share:.4g} [{s.low:.4g}, {s.high:.4g}]" for k, s in self.shares.items()]
@@ -94,9 +92,10 @@ class BasinStability:
 def basin_stability(
     source: Basins | PointMap,
     distribution: CellGrid | Distribution | None = None,
-    n: int = 10_000,
+    n_samples: int = 10_000,
     attractors: Sequence[Attractor] = (),
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     confidence: float = 0.95,
     method: str = "exact",
     point_map: PointMap | None = None,
@@ -111,12 +110,12 @@ def basin_stability(
     distribution : CellGrid or callable, optional
         A window in which states are uniform, or a function ``distribution(rng, n)`` that draws n states.  By default
         the window of the basins.
-    n : int, optional
+    n_samples : int, optional
         Number of states.
     attractors : sequence of Attractor, optional
         Attractors of a map.
-    seed : int, optional
-        Seed of the draw.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the draw.
     confidence : float, optional
         Confidence level of each interval separately.
     method : {"exact", "Wilson"}, optional
@@ -145,14 +144,14 @@ def basin_stability(
     >>> from cellmap import discrete_map, find_basins
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
     >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
-    >>> basin_stability(basins, CellGrid((-0.5,), (1.5,), (1,)), n=1000).shares[0]
+    >>> basin_stability(basins, CellGrid((-0.5,), (1.5,), (1,)), n_samples=1000).shares[0]
     Share(0.769 in [0.7416, 0.7948], 769 states)
     """
     label = labeller(source, attractors, point_map, max_periods)
-    number = affordable_number("n", n, 8 * (4 * label.point_map.dimension + 6), at_least=1)
+    number = affordable_number("n_samples", n_samples, 8 * (4 * label.point_map.dimension + 6), at_least=1)
     if distribution is None and isinstance(source, Basins):
         distribution = source.grid
-    states = _drawn(distribution, label, number, seed)
+    states = _drawn(distribution, label, number, rng)
     settled = label.settle(states)
     labels, times = settled.labels, settled.times
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
@@ -166,11 +165,11 @@ def basin_stability(
         share = count / number
         shares[k] = Share(share, float(np.sqrt(share * (1.0 - share) / number)), low, high, count)
     names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
-    return BasinStability(shares, names, states, labels, times, confidence, seed)
+    return BasinStability(shares, names, states, labels, times, confidence)
 
 
-def _drawn(distribution: object, label: Labeller, n: int, seed: int) -> NDArray[np.float64]:
-    rng = random_numbers(seed)
+def _drawn(distribution: object, label: Labeller, n: int, rng: Rng) -> NDArray[np.float64]:
+    rng = random_numbers(rng)
     d = label.point_map.dimension
     if isinstance(distribution, CellGrid):
         window = distribution.on(label.point_map.coordinates, "distribution")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.checks import whole_array, whole_number
+from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
 from ...basins.classification import own_label, places_of, scale_of, span_of
@@ -68,7 +69,8 @@ def local_integrity(
     label: int,
     scale: ArrayLike | None = None,
     refine: bool = True,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
     """Compute the local integrity measure: the largest ball about an attractor inside its basin.
@@ -85,8 +87,8 @@ def local_integrity(
         Unit of length along each coordinate, by default the sizes of the window.
     refine : bool, optional
         Compute the radius with the map, by :func:`minimal_fatal_shock`; otherwise from the labels alone.
-    seed : int, optional
-        Seed of the refinement.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the refinement.
     point_map : PointMap, optional
         Map to use instead of the exact one.
 
@@ -124,7 +126,7 @@ def local_integrity(
     distance, _ = nearest_foreign(places_of(basins)[outside], origins, unit, basins.coordinates)
     row = int(np.argmin(distance))
     radius = float(distance[row])
-    shock = minimal_fatal_shock(basins, k, None, unit, seed=seed, point_map=point_map) if refine else None
+    shock = minimal_fatal_shock(basins, k, None, unit, rng=rng, point_map=point_map) if refine else None
     centre = origins[row] if shock is None else shock.point
     final = radius if shock is None else shock.size
     meets = _meets_window(basins.grid, basins.coordinates, centre, final, unit)
@@ -138,7 +140,8 @@ def largest_ball(
     scale: ArrayLike | None = None,
     wraps: Sequence[bool] = (),
     refine: bool = False,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
     """Compute the largest ball, with any centre, that fits into a basin within its window.
@@ -157,8 +160,8 @@ def largest_ball(
         Which axes of an array are periodic; for basins the grid determines it.
     refine : bool, optional
         Compute the radius about this centre with the map; otherwise from the labels alone.
-    seed : int, optional
-        Seed of the refinement.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the refinement.
     point_map : PointMap, optional
         Map to use instead of the exact one.
 
@@ -227,7 +230,7 @@ def largest_ball(
     centre = np.array([grid.axis(j)[c] for j, c in enumerate(cell)])
     shock = None
     if refine and isinstance(basins, Basins):
-        shock = minimal_fatal_shock(basins, k, centre, unit, seed=seed, point_map=point_map)
+        shock = minimal_fatal_shock(basins, k, centre, unit, rng=rng, point_map=point_map)
     final = radius if shock is None else shock.size
     return Ball(k, centre, final, radius, _resolution(grid, unit), unit, beyond and shock is None, shock)
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.binomial import binomial_interval
-from ..._lib.checks import affordable_number, listed, random_numbers, shown, whole_number
+from ..._lib.checks import affordable_number, listed, shown, whole_number
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
 from ...basins.classification import labeller, own_label, scale_of, span_of
@@ -88,8 +89,9 @@ def minimal_fatal_shock(
     point: ArrayLike | None = None,
     scale: ArrayLike | None = None,
     along: Sequence[int | str] | None = None,
-    trials: int = 4096,
-    seed: int = 0,
+    n_trials: int = 4096,
+    *,
+    rng: Rng = 0,
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> FatalShock:
@@ -113,10 +115,10 @@ def minimal_fatal_shock(
         sizes of the window.
     along : sequence of int or str, optional
         Coordinates that a shock may change, by number or name; by default all.
-    trials : int, optional
+    n_trials : int, optional
         Number of random shocks inside the ball.
-    seed : int, optional
-        Seed of rays and random shocks.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of rays and random shocks.
     point_map : PointMap, optional
         Map to use instead of the exact one.
     max_periods : int, optional
@@ -149,7 +151,7 @@ def minimal_fatal_shock(
     coordinates = basins.coordinates
     d = len(coordinates)
     unit = scale_of(scale, coordinates, span_of(basins))
-    tried = affordable_number("trials", trials, 8 * (7 * d + 4), at_least=1)
+    tried = affordable_number("n_trials", n_trials, 8 * (7 * d + 4), at_least=1)
     free = _columns(along, coordinates)
     origins = basins.attractors[k].points if point is None else state_points("point", point, coordinates)[None]
     if origins.ndim != 2:
@@ -171,7 +173,7 @@ def minimal_fatal_shock(
         raise ValueError(f"point: the state {origins[np.argmax(home != k)].tolist()} has the label "
                          f"{int(home[home != k][0])}, not {k}; give a state in the basin")  # fmt: skip
     candidates = candidates_of(basins, k, origins, unit, free)
-    rng = random_numbers(seed)
+    rng = random_numbers(rng)
     best: tuple[float, int, NDArray[np.float64]] | None = None
     nearest = np.inf
     for row, shock in candidates:

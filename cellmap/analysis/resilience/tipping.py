@@ -97,7 +97,7 @@ def tipping_probabilities(
     confidence: float = 0.95,
     point_map: PointMap | None = None,
     match: str | None = None,
-    farthest: float = 0.5,
+    threshold: float = 0.5,
 ) -> TippingProbabilities:
     """Compute the probabilities with which states of each basin tip to others at a sudden change of a parameter.
 
@@ -113,7 +113,7 @@ def tipping_probabilities(
         Rule by which attractors after the change continue those before it: the nearest ones, such that the sum of
         distances is minimal; those whose basins overlap most; or those with the same label.  By default the nearest
         ones for basins, and the same labels for arrays, which have no attractors.
-    farthest : float, optional
+    threshold : float, optional
         Largest distance of an attractor from its continuation, in sizes of the window.
 
     Returns
@@ -141,7 +141,7 @@ def tipping_probabilities(
     array([0.5, 0.5])
     """
     way = _way(match, before, after)
-    reach = finite_number("farthest", farthest, above=0.0)
+    reach = finite_number("threshold", threshold, above=0.0)
     labels = [_labels_of(name, given) for name, given in (("before", before), ("after", after))]
     if labels[0].shape != labels[1].shape:
         raise ValueError(
@@ -212,7 +212,7 @@ def _same_starts(before: Basins, after: Basins) -> None:
     if (before.grid, after.grid) != (None, None):
         same = before.grid == after.grid
     else:
-        same = bool(np.array_equal(np.asarray(before.starts), np.asarray(after.starts)))
+        same = bool(np.array_equal(np.asarray(before.initial_conditions), np.asarray(after.initial_conditions)))
     if not same:
         raise ValueError(f"before, after are on {before.grid} and {after.grid}: find both basins on one window")
 

@@ -192,8 +192,8 @@ def _sampled(
     points = centres[:, None, :] + 0.5 * grid.widths * offsets
     images = (images_of(setting.direct, points.reshape(-1, d)).reshape(points.shape) - grid.lower) / grid.widths
     low, high = images.min(axis=1), images.max(axis=1)
-    starts = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
-    labels = settle(setting.exact, starts, setting.catalogue, 1).labels.reshape(len(cells), -1)
+    initial_conditions = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
+    labels = settle(setting.exact, initial_conditions, setting.catalogue, 1).labels.reshape(len(cells), -1)
     agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
     # Between the samples an image may reach as far again as from one sample to the next.
     reach = (0.5 + 0.25) * (high - low) + errors.tolerances[cells, None]

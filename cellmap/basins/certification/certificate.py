@@ -75,6 +75,6 @@ class Certificate:
         return (
             f"Certificate({self.basins.name}, {total:,} initial conditions: {self.redone:,} recomputed, "
             f"{self.changed:,} changed, {self.open:,} open, {self.undecided:,} of these undecided; "
-            f"{self.audit.wrong} of {self.audit.starts:,} others wrong, so at most "
+            f"{self.audit.wrong} of {self.audit.compared:,} others wrong, so at most "
             f"{100 * self.wrong[1]:.2g} % of all)"
         )

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.certainty import NONE, carry_rows, judge, widening
-from ..._lib.checks import affordable_number, claim_memory, finite_number, random_numbers
+from ..._lib.checks import affordable_number, claim_memory, finite_number
+from ..._lib.randomness import Rng, random_numbers, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import run_over, slices
 from ...attractors.boxes import inside_cover
@@ -35,7 +36,7 @@ _GRACE = 16  # periods for which orbits are followed beyond twice the time in wh
 
 @checked
 def certify(
-    basins: Basins, audit: int = 1000, safety: float = 4.0, seed: int = 0, progress: bool = False
+    basins: Basins, audit: int = 1000, safety: float = 4.0, *, rng: Rng = 0, progress: bool = False
 ) -> Certificate:
     """Identify every label that interpolation error could have changed, and recompute it with the exact map.
 
@@ -63,8 +64,8 @@ def certify(
         Number of labels to compare with exact integration.
     safety : float, optional
         Factor by which errors may exceed their estimates.
-    seed : int, optional
-        Seed of the random choice of these labels.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the random choice of these labels.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -115,6 +116,7 @@ def certify(
     search = Search(basins, progress)
     search.among(np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED))
     run = _Run(search, bounds, NOTHING)
+    seed = random_seed(rng)
     checked = run.certify(audit, seed)
     for again in range(1, _SEARCHES):
         # What was shown to go to one attractor may have one on its way that was not known.
@@ -166,7 +168,7 @@ class _Run:
         point_map = basins.point_map
         assert point_map is not None
         self.name, self.told, self.point_map = basins.name, search.told.copy(), point_map
-        self.starts = Starts(basins.grid, basins.starts)
+        self.initial_conditions = Starts(basins.grid, basins.initial_conditions)
         self.setting = Setting.of(basins, point_map)
         self.periods = int(basins.settings["max_periods"])
         self.slow = _slow(basins)
@@ -202,7 +204,7 @@ class _Run:
         """Yield the starts that come to an end late or never, in batches."""
         for part in slices(len(self.slow), CHUNK):
             rows = np.flatnonzero(self.slow[part]) + part.start
-            yield self.starts.wrapped(rows, self.setting.direct)
+            yield self.initial_conditions.wrapped(rows, self.setting.direct)
 
     def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
         """Follow starts with their errors, and label those that a region holds with all of it.
@@ -227,7 +229,7 @@ class _Run:
         new = ~self.told[left.rows]
         rows, orbits, age = left.rows[new], left.orbits[new], left.age
         if self.setting.catalogue.covers or len(self.setting.overhangs):
-            orbits, age = Orbits.starting(self.starts.wrapped(rows, self.setting.exact)), 0
+            orbits, age = Orbits.starting(self.initial_conditions.wrapped(rows, self.setting.exact)), 0
         settled = settle(self.setting.exact, orbits, self.setting.catalogue, self.periods - age, age)
         changed = settled.labels != self.labels[rows]
         self.labels[rows[changed]], self.times[rows[changed]] = settled.labels[changed], settled.times[changed]
@@ -238,7 +240,7 @@ class _Run:
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
     ) -> tuple[list[_Left], Tally]:
         """Follow starts until their label is certain; return those that stay open, and the work."""
-        setting, orbits = self.setting, Orbits.starting(self.starts.wrapped(rows, point_map))
+        setting, orbits = self.setting, Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
         left: list[_Left] = []
         pending, settled = ~self.slow[rows], np.zeros(len(rows), bool)
@@ -305,7 +307,9 @@ class _Run:
 
     def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         setting, bar = self.setting, f"integrating {self.name}" if self.progress else None
-        starts = self.starts.points(rows)
-        found = classify(setting.exact, setting.catalogue, starts, self.periods, size=CHUNK // 8, progress=bar)
+        initial_conditions = self.initial_conditions.points(rows)
+        found = classify(
+            setting.exact, setting.catalogue, initial_conditions, self.periods, size=CHUNK // 8, progress=bar
+        )
         self.tally = self.tally.plus(found.tally)
         return found.labels

@@ -73,7 +73,7 @@ def images_of(point_map: PointMap, points: NDArray[np.float64]) -> NDArray[np.fl
     wrapped = wrap(points, point_map.coordinates)
     orbits = Orbits.starting(wrapped.copy())
     point_map.advance(orbits, 1)
-    return np.asarray(orbits.points + orbits.turns * turns_of(point_map.coordinates)[1] + (points - wrapped))
+    return np.asarray(orbits.points + orbits.rotations * turns_of(point_map.coordinates)[1] + (points - wrapped))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge

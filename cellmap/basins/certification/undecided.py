@@ -20,8 +20,7 @@ class Search:
     """What the exact map adds to basins that were found with a table.
 
     ``basins`` have the labels of the exact map at some starts, the attractors that came up there, and the reasons of
-    the orbits that were undecided when last searched; ``told`` (n,) says which starts these are, and ``tally`` what it
-    took.
+    the orbits that were undecided when last searched; ``told`` (n,) says which these are, and ``tally`` what it took.
     """
 
     def __init__(self, basins: Basins, progress: bool) -> None:
@@ -42,7 +41,7 @@ class Search:
             return False
         basins, known = self.basins, self.basins.attractors
         assert basins.point_map is not None
-        points = Starts(basins.grid, basins.starts).points(rows)
+        points = Starts(basins.grid, basins.initial_conditions).points(rows)
         limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
         found = find_basins(exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits)
         new = [a for a in found.attractors if not any(a is k for k in known)]

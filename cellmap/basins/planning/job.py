@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.checks import random_numbers
+from ..._lib.randomness import random_numbers
 from ...maps.coordinates import difference
 from ...maps.grid import CellGrid, grid_points
 from ...maps.point_map import PointMap, follow

@@ -68,7 +68,7 @@ class Measurements:
 
     Parameters
     ----------
-    starts : int
+    initial_conditions : int
         Starts of the picture.
     periods : float
         Periods that one of them takes, on average.
@@ -90,7 +90,7 @@ class Measurements:
         Share of the points of orbits that lie outside of the window.
     """
 
-    starts: int
+    initial_conditions: int
     periods: float
     window: CellGrid
     threads: int

@@ -125,7 +125,7 @@ def _worthwhile(options: Iterable[Option]) -> list[Option]:
 
 def _direct(measured: Measurements, source: ExactProbe) -> Option:
     ratio = source.seconds / measured.base.seconds
-    memory = basins_memory(measured.starts)
+    memory = basins_memory(measured.initial_conditions)
     return Option(
         kind="direct",
         method=source.method,
@@ -143,7 +143,7 @@ def _direct(measured: Measurements, source: ExactProbe) -> Option:
 
 def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: ExactProbe) -> Option:
     cells = max(grid.shape)
-    memory = table_memory(grid, probe.order) + basins_memory(measured.starts)
+    memory = table_memory(grid, probe.order) + basins_memory(measured.initial_conditions)
     each = probe.labelling.per_start * slower(probe, grid) + fallback_of(probe, cells) * source.seconds
     return Option(
         kind="table",
@@ -164,12 +164,12 @@ def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: Ex
 
 def _wall(measured: Measurements, per_start: float) -> float:
     """Seconds for all starts on all threads; slices of work are not divided."""
-    return per_start * measured.starts / parallel(measured.starts, measured.threads)
+    return per_start * measured.initial_conditions / parallel(measured.initial_conditions, measured.threads)
 
 
-def parallel(starts: int, threads: int) -> int:
+def parallel(initial_conditions: int, threads: int) -> int:
     """Return how many threads a number of starts keeps at work."""
-    return max(1, min(threads, ceil(starts / CHUNK)))
+    return max(1, min(threads, ceil(initial_conditions / CHUNK)))
 
 
 def _obstacle(memory: int, free: int | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..._lib.checks import finite_number, one_of, warn_caller, whole_number
+from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar
 from ...maps.grid import CellGrid
@@ -25,9 +26,10 @@ def plan(
     accuracy: float = 1e-6,
     periods: int | None = None,
     phase: float = 0.0,
-    window: CellGrid | None = None,
+    region: CellGrid | None = None,
     outside: str = "integrate",
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     progress: bool = False,
 ) -> Plan:
     """Choose a method for computing basins: integration method, tolerance, and an interpolated map or none.
@@ -51,14 +53,14 @@ def plan(
         Periods for which each initial condition is iterated; by default until :func:`find_basins` has labelled it.
     phase : float, optional
         Phase of the forcing at the section, as a fraction of the period; see :func:`stroboscopic_map`.
-    window : CellGrid, optional
+    region : CellGrid, optional
         Window of interpolation; its shape gives the proportion of the numbers of cells along the axes.  By default the
         window of `grid`, widened at each end beyond which more than one point in 500 of the orbits lies, by at most its
         width.
     outside : {"integrate", "escape"}, optional
         Treatment of orbits that leave the window; see :func:`interpolated_map`.
-    seed : int, optional
-        Seed of the random points at which errors are measured.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the random points at which errors are measured.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -99,20 +101,20 @@ def plan(
     """
     if isinstance(system, PointMap) and system.table is not None:
         raise TypeError(f"system={system!r} is an interpolated map: give the exact map behind it")
-    if window is not None and not isinstance(window, CellGrid):
-        raise TypeError(f"window={window!r}: give a CellGrid")
+    if region is not None and not isinstance(region, CellGrid):
+        raise TypeError(f"region={region!r}: give a CellGrid")
     accuracy = finite_number("accuracy", accuracy, above=0.0)
     periods = None if periods is None else whole_number("periods", periods, at_least=1)
     one_of("outside", outside, ("escape", "integrate"))
-    seed = whole_number("seed", seed)
+    seed = random_seed(rng)
     coordinates = system.coordinates if isinstance(system, PointMap) else system.axes
     grid = grid.on(coordinates)
-    if window is not None:
-        window = window.on(coordinates, "window")
+    if region is not None:
+        region = region.on(coordinates, "region")
     sources, reference = exact_maps(system, phase)
     job = Job(sources, reference, grid, periods, outside, seed)
     with progress_bar(len(sources) + 5, f"planning {reference.name}" if progress else None) as tick:
-        measured = measure(job, window, lambda _: tick(1))
+        measured = measure(job, region, lambda _: tick(1))
     found = planned(job, measured, accuracy)
     if not found.met:
         warn_caller(

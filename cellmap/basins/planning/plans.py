@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..._lib.checks import finite_number, in_bytes
+from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ...maps.grid import CellGrid
 from ...maps.interpolation.interpolated import interpolated_map
@@ -143,7 +144,7 @@ class Plan:
         m = self.measurements
         window = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in zip(m.window.lower, m.window.upper, strict=True))
         head = (
-            f"{m.starts:,} initial conditions of {m.periods:.3g} periods; interpolation on {window}, "
+            f"{m.initial_conditions:,} initial conditions of {m.periods:.3g} periods; interpolation on {window}, "
             f"{100 * m.outside:.2g} % outside"
         )
         return "\n".join([head, *lines, *closed[:3]])
@@ -205,7 +206,7 @@ class Plan:
         return find_basins(self.map(progress), self.job.grid, progress=progress, **settings)
 
     @checked
-    def outcome(self, result: Basins | PointMap, seconds: float | None = None, seed: int = 1) -> Outcome:
+    def outcome(self, result: Basins | PointMap, seconds: float | None = None, *, rng: Rng = 1) -> Outcome:
         """Compare the predicted with the measured time and error.
 
         Parameters
@@ -214,8 +215,8 @@ class Plan:
             Result of :meth:`basins` or :meth:`map`.
         seconds : float, optional
             Measured time; by default the cost recorded in the result, which for basins includes their interpolated map.
-        seed : int, optional
-            Seed of the points at which the error is measured; they are not those of the plan's measurements.
+        rng : int, numpy.random.Generator or None, optional
+            Seed or generator of the points at which the error is measured: not those of the plan's measurements.
 
         Returns
         -------
@@ -233,7 +234,7 @@ class Plan:
         expected = self.seconds if isinstance(result, Basins) or seconds is not None else self.chosen.tabulation
         if seconds is None:
             seconds = point_map.cost.seconds + (result.cost.seconds if isinstance(result, Basins) else 0.0)
-        places = places_in(self.measurements.window, seed)
+        places = places_in(self.measurements.window, random_seed(rng))
         return Outcome(
             predicted_seconds=expected,
             seconds=max(seconds, 1e-9),

@@ -44,7 +44,7 @@ def measure(job: Job, window: CellGrid | None, say: Callable[[str], object]) -> 
         if found is not None:
             tables.append(found)
     return Measurements(
-        starts=job.grid.size,
+        initial_conditions=job.grid.size,
         periods=periods,
         window=window,
         threads=thread_count(),

@@ -114,22 +114,22 @@ def _sample(job: Job, point_map: PointMap, table: CellTable, cells: int, count: 
     everywhere = replace(table, rough=np.zeros_like(table.rough))
     raw = replace(point_map, table=everywhere, advance=LookUps(job.finest, [everywhere], job.outside))
     error, raw_error = (percentile_error(m, job.finest, places) for m in (point_map, raw))
-    starts = thinned(job.grid, FEW).centres().reshape(-1, table.grid.dimension)
+    initial_conditions = thinned(job.grid, FEW).centres().reshape(-1, table.grid.dimension)
     before = count()
-    follow(point_map, starts, _SHOWN)
-    return _Sample(cells, point_map, error, raw_error, (count() - before) / (_SHOWN * len(starts)))
+    follow(point_map, initial_conditions, _SHOWN)
+    return _Sample(cells, point_map, error, raw_error, (count() - before) / (_SHOWN * len(initial_conditions)))
 
 
 def _lookup_times(exact: PointMap, window: CellGrid, order: int, cells: int) -> tuple[tuple[int, float], ...]:
     """Measure look-ups at random places of tables that hold nothing, up to one that no cache holds."""
     found = []
-    starts = np.random.default_rng(0).uniform(window.lower, window.upper, (BATCH, window.dimension))
+    initial_conditions = np.random.default_rng(0).uniform(window.lower, window.upper, (BATCH, window.dimension))
     grid = sized(window, cells)
     while True:
         shape = (*(n + order for n in grid.shape), grid.dimension)
         coefficients = with_spare_doubles(np.full(shape, 1e-9))
         look_up = LookUps(exact, [CellTable.unexamined(grid, order, coefficients)], "escape")
-        seconds = median_seconds(lambda look=look_up: look(Orbits.starting(starts.copy()), 1))  # type: ignore[misc]
+        seconds = median_seconds(lambda look=look_up: look(Orbits.starting(initial_conditions.copy()), 1))  # type: ignore[misc]
         found.append((table_memory(grid, order), seconds / BATCH))
         cells *= 4 if grid.dimension == 1 else 2
         grid = sized(window, cells)

@@ -30,15 +30,15 @@ _MANY = 4  # slices of work of the larger one, at most, for each thread
 
 def seconds_per_image(source: PointMap, grid: CellGrid) -> float:
     """Return seconds of one thread for an image, with all threads at work."""
-    starts = some_starts(grid, BATCH)
+    initial_conditions = some_starts(grid, BATCH)
     threads = thread_count()
-    parts = slices(len(starts), -(-len(starts) // threads))
+    parts = slices(len(initial_conditions), -(-len(initial_conditions) // threads))
 
     def once() -> None:
-        run_over(parts, lambda part: source.advance(Orbits.starting(starts[part].copy()), 1))
+        run_over(parts, lambda part: source.advance(Orbits.starting(initial_conditions[part].copy()), 1))
 
-    source.advance(Orbits.starting(starts[:16].copy()), 1)  # compiles
-    return median_seconds(once) * min(threads, len(parts)) / len(starts)
+    source.advance(Orbits.starting(initial_conditions[:16].copy()), 1)  # compiles
+    return median_seconds(once) * min(threads, len(parts)) / len(initial_conditions)
 
 
 def median_seconds(work: Callable[[], object]) -> float:
@@ -64,7 +64,7 @@ def thinned(grid: CellGrid, count: int) -> CellGrid:
 class Trial:
     """A small picture that was labelled: its starts, seconds, periods a start, and images that were counted."""
 
-    starts: int
+    initial_conditions: int
     seconds: float
     periods: float
     images: int
@@ -72,12 +72,12 @@ class Trial:
     @property
     def effort(self) -> float:
         """Starts of the busiest thread."""
-        return self.starts / parallel(self.starts, thread_count())
+        return self.initial_conditions / parallel(self.initial_conditions, thread_count())
 
 
-def label(job: Job, point_map: PointMap, starts: int, count: Callable[[], int]) -> Trial:
+def label(job: Job, point_map: PointMap, initial_conditions: int, count: Callable[[], int]) -> Trial:
     """Label a thinned picture, or iterate it."""
-    grid = thinned(job.grid, starts)
+    grid = thinned(job.grid, initial_conditions)
     before, began = count(), time.perf_counter()
     if job.periods is None:
         with warnings.catch_warnings():
@@ -93,14 +93,14 @@ def time_labelling(job: Job, point_map: PointMap, count: Callable[[], int]) -> t
     """Measure labelling by a small picture and a larger one; also return periods and counted images of a start."""
     if job.grid.size <= 2 * FEW:
         whole = label(job, point_map, job.grid.size, count)
-        return Labelling(whole.seconds, 0.0), whole.periods, whole.images / whole.starts
+        return Labelling(whole.seconds, 0.0), whole.periods, whole.images / whole.initial_conditions
     few = label(job, point_map, FEW, count)
     if few.seconds < SECONDS:
         few = min(few, label(job, point_map, FEW, count), key=lambda trial: trial.seconds)
     most = min(_MANY * thread_count() * BATCH, job.grid.size)
-    more, many = few.starts, few
+    more, many = few.initial_conditions, few
     # Until the starts cost more than the search, lest their cost is lost in its noise.
-    while many is few or (many.starts < most and many.seconds < max(3.0 * SECONDS, 1.5 * few.seconds)):
+    while many is few or (many.initial_conditions < most and many.seconds < max(3.0 * SECONDS, 1.5 * few.seconds)):
         more = min(4 * more, most)
         many = label(job, point_map, more, count)
         if more == most:
@@ -108,6 +108,6 @@ def time_labelling(job: Job, point_map: PointMap, count: Callable[[], int]) -> t
     work = (many.seconds - few.seconds) / max(many.effort - few.effort, 1.0)
     if work <= 0.0 or job.periods is not None:
         work = many.seconds / many.effort
-    images = (many.images - few.images) / max(many.starts - few.starts, 1)
+    images = (many.images - few.images) / max(many.initial_conditions - few.initial_conditions, 1)
     fixed = max(0.0, few.seconds - work * few.effort)
     return Labelling(fixed, work), many.periods, max(0.0, images)

@@ -37,7 +37,7 @@ def interpolated_map(
     outside: str = "integrate",
     tolerance: float | None = None,
     progress: bool = False,
-    leap: int = 1,
+    max_step: int = 1,
     client: Any = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> PointMap:
@@ -67,8 +67,8 @@ def interpolated_map(
         each coordinate: 0.05 for order 1, 1e-3 for order 3, 1e-4 for order 5.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
-    leap : int, optional
-        Largest number of periods in a multi-period step, a power of two.  Interpolated maps of 2, 4, ..., `leap`
+    max_step : int, optional
+        Largest number of periods in a multi-period step, a power of two.  Interpolated maps of 2, 4, ..., `max_step`
         periods are composed from that of one.  Each cell uses the longest multi-period step whose error in it, compared
         with single periods, is at most `tolerance`, or a hundredth of the default.  One step of the returned map
         remains one period.
@@ -117,13 +117,13 @@ def interpolated_map(
     one_of("outside", outside, ("escape", "integrate"))
     if tolerance is not None:
         tolerance = finite_number("tolerance", tolerance, above=0.0)
-    leap = whole_number("leap", leap, at_least=1)
-    if leap & (leap - 1):
-        raise ValueError(f"leap={leap}: give a power of two")
+    max_step = whole_number("max_step", max_step, at_least=1)
+    if max_step & (max_step - 1):
+        raise ValueError(f"max_step={max_step}: give a power of two")
     check_client(client)
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
-    needed = table_memory(grid, order, leap)
+    needed = table_memory(grid, order, max_step)
     claim_memory(f"an interpolation grid of {grid}", needed, "take fewer cells or a lower order")
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
@@ -149,7 +149,7 @@ def interpolated_map(
         evaluations=tiles.work.evaluations,
     )
     table = CellTable(grid, order, coefficients, indicator, rough)
-    return Interpolated(exact, grid, order, outside, tolerance, leap, table, cost).make(progress)
+    return Interpolated(exact, grid, order, outside, tolerance, max_step, table, cost).make(progress)
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,10 +95,10 @@ class LookUps(CompiledAdvance):
         part = everyone
         while len(part):
             if part is everyone:
-                made = self._look_up(orbits.points, orbits.turns, left, *self._description)
+                made = self._look_up(orbits.points, orbits.rotations, left, *self._description)
             else:
                 some, remaining = orbits[part], left[part]
-                made = self._look_up(some.points, some.turns, remaining, *self._description)
+                made = self._look_up(some.points, some.rotations, remaining, *self._description)
                 orbits[part], left[part] = some, remaining
             orbits.work.look_ups += made
             part = part[left[part] > 0]

@@ -91,7 +91,7 @@ def errors_in_cells(
         orbits = Orbits.starting(grid_points(axes, part))
         interpolated(orbits, 1)
         with np.errstate(invalid="ignore", over="ignore"):
-            error = np.abs(images - (orbits.points + orbits.turns * turn) - sums[part])
+            error = np.abs(images - (orbits.points + orbits.rotations * turn) - sums[part])
             error += 0.5 * (absolute[part] + np.abs(sums[part]))
             worst = (error / grid.widths).max(axis=-1)
             arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)

@@ -36,7 +36,7 @@ class Images:
         """Return the images of some points, by their flat numbers."""
         orbits = Orbits.starting(grid_points(self.axes, part))
         self.exact.advance(orbits, 1)
-        return orbits.points + orbits.turns * turns_of(self.exact.coordinates)[1], orbits.work.evaluations
+        return orbits.points + orbits.rotations * turns_of(self.exact.coordinates)[1], orbits.work.evaluations
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,7 @@ class JointAngles:
 def joint_angles(
     tracks: Tracks,
     pivots: Sequence[Pivot],
-    window: int = 7,
+    window_length: int = 7,
     degree: int = 3,
     turn_limit: float = 0.5,
     one_sided: bool = False,
@@ -91,7 +91,7 @@ def joint_angles(
     pivots : sequence, as many as markers
         For each marker the pivot of its rod: the pixel (column, row), the number of another marker, or None where the
         marker is itself only a pivot.
-    window : int, optional
+    window_length : int, optional
         Frames of a window, odd, at least `degree` + 2.
     degree : int, optional
         Degree of the polynomials, at least 1.
@@ -127,8 +127,8 @@ def joint_angles(
     (array([1.71]), array([9.]), array([0.0005]))
     """
     degree = whole_number("degree", degree, at_least=1)
-    if whole_number("window", window, at_least=degree + 2) % 2 == 0:
-        raise ValueError(f"window={window}: give an odd number of frames")
+    if whole_number("window_length", window_length, at_least=degree + 2) % 2 == 0:
+        raise ValueError(f"window_length={window_length}: give an odd number of frames")
     turn_limit = finite_number("turn_limit", turn_limit, above=0.0, at_most=0.5)
     markers = tracks.positions.shape[1]
     if len(pivots) != markers:
@@ -147,7 +147,9 @@ def joint_angles(
         angles[known, joint], stretches[known, joint] = _unwrapped(angle[known], tracks.times[known], turn_limit)
         errors[known, joint] = error[known]
         for part in _runs(tracks.times, np.isfinite(angle), stretches[:, joint]):
-            slopes = _slopes(tracks.times[part], angles[part, joint], errors[part, joint], window, degree, one_sided)
+            slopes = _slopes(
+                tracks.times[part], angles[part, joint], errors[part, joint], window_length, degree, one_sided
+            )
             rates[part, joint], rate_errors[part, joint] = slopes
     return JointAngles(tracks.times, angles, errors, rates, rate_errors, stretches, lengths)
 

@@ -114,6 +114,6 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
 
 def _spread(angles: NDArray[np.float64]) -> float:
     """Return the angle that holds all, a whole turn less the widest gap."""
-    turns = np.sort(np.mod(angles, 2.0 * pi))
-    gaps = np.diff(turns, append=turns[0] + 2.0 * pi)
+    rotations = np.sort(np.mod(angles, 2.0 * pi))
+    gaps = np.diff(rotations, append=rotations[0] + 2.0 * pi)
     return float(2.0 * pi - gaps.max())

@@ -55,14 +55,14 @@ def first_sight(
     picture, shape = film.frames[frame], film.shape
     places = np.array(starts, np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places):
-        raise ValueError(f"starts have the shape {places.shape}: give a pixel (column, row) for each marker")
+        raise ValueError(f"initial_positions has the shape {places.shape}: give a pixel (column, row) for each marker")
     for k, (column, row) in enumerate(places):
         if not (-0.5 <= column < shape[1] - 0.5 and -0.5 <= row < shape[0] - 0.5):
             raise ValueError(
-                f"starts[{k}]=({column:g}, {row:g}): give a pixel (column, row) in the picture of {shape[1]} x "
-                f"{shape[0]} pixels"
+                f"initial_positions[{k}]=({column:g}, {row:g}): give a pixel (column, row) in the picture of "
+                f"{shape[1]} x {shape[0]} pixels"
             )
-    reach = max(12.0, 0.1 * min(shape)) if window is None else finite_number("window", window, at_least=2.0)
+    reach = max(12.0, 0.1 * min(shape)) if window is None else finite_number("search_radius", window, at_least=2.0)
     boxes = [box_around((float(c), float(r)), reach, 0.0, shape, None) for c, r in places]
     windows = [box for box in boxes if box is not None]
     near = [box_around((float(c), float(r)), max(12.0, 0.5 * reach), 0.0, shape, None) for c, r in places]
@@ -72,7 +72,7 @@ def first_sight(
     for k, blob in enumerate(blobs):
         for j in range(k):
             if apart(blob, (blobs[j].column, blobs[j].row)) < 1.0:
-                raise ValueError(f"starts[{j}] and starts[{k}] are at the same marker: give each its own")
+                raise ValueError(f"initial_positions[{j}] and [{k}] are at the same marker: give each its own")
     time = float(film.times[frame])
     interval = float(np.median(np.diff(film.times))) if len(film) > 1 else 1.0
     memories = [Memory(b.radius, (b.column, b.row), time, (b.column, b.row), time) for b in blobs]
@@ -91,9 +91,9 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
         contrast, spread = float(bright.mean() - dark.mean()), hypot(float(dark.std()), rounding)
         if contrast < _STANDS_OUT * spread:
             raise ValueError(
-                f"starts: nothing bright stands out there (by {contrast / spread:.1f} deviations of the dark); "
-                f"give starts at markers, or a threshold between {low:g} and {high:g}; for markers that fill the "
-                "surroundings, a larger window=; of dark markers, the negative of the film"
+                f"initial_positions: nothing bright stands out there (by {contrast / spread:.1f} deviations of the "
+                f"dark); give places of markers, or a threshold between {low:g} and {high:g}; for markers filling the "
+                "surroundings, a larger search_radius=; of dark markers, the negative of the film"
             )
         return limit
     limit = finite_number("threshold", given)
@@ -118,7 +118,7 @@ def _blob_at(
     place = float(start[0]), float(start[1])
     blobs = find_blobs(picture, box, threshold, (3.0, np.inf), noise, weighted)
     near = sorted((apart(blob, place), k) for k, blob in enumerate(blobs))
-    name = f"starts[{number}]=({place[0]:g}, {place[1]:g})"
+    name = f"initial_positions[{number}]=({place[0]:g}, {place[1]:g})"
     if not near or near[0][0] > max(0.5 * reach, blobs[near[0][1]].radius):
         raise ValueError(
             f"{name}: no marker is above the grey value {threshold:g} within {0.5 * reach:g} pixels; give a start "
@@ -134,7 +134,7 @@ def _blob_at(
     if blob.clipped:
         raise ValueError(f"{name}: the marker touches the border of the picture; begin with a frame that shows it")
     if blob.cut:
-        raise ValueError(f"{name}: the marker is not whole in the window of {reach:g} pixels; give a larger window=")
+        raise ValueError(f"{name}: the marker is cut off {reach:g} pixels away; give a larger search_radius=")
     if blob.stretch > _ROUND:
         raise ValueError(
             f"{name}: the marker is {blob.stretch:.2f} times as long as wide, so it is merged with something or moves "

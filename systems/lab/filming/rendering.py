@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
 
 from cellmap._lib.checks import claim_memory, finite_number, whole_number
+from cellmap._lib.randomness import Rng, random_numbers
 from cellmap._lib.threads import progress_bar
 from cellmap.maps import Trajectory
 
@@ -53,7 +54,8 @@ def render_film(
     bars: Sequence[Bar] = (),
     spots: Sequence[Spot] = (),
     dropped: Sequence[int] = (),
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     progress: bool = False,
 ) -> Recording:
     """Film a scene: bright markers on its parts and grey rods, before a dark and unevenly lit background.
@@ -81,8 +83,8 @@ def render_film(
         Bright objects that are no markers.
     dropped : sequence of int, optional
         Numbers of frames that are lost: black, and flagged as dropped.
-    seed : int, optional
-        Seed of the noise.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the noise.
     progress : bool, optional
         Show a bar on a terminal for work of more than two seconds.
 
@@ -104,7 +106,8 @@ def render_film(
     >>> from systems.effects import Gravity
     >>> from systems.pendulum import Pendulum
     >>> from systems.scene import scene
-    >>> motion = trajectory(scene(Pendulum(0.069), Gravity(9.8), period=0.1), [1.0, 0.0], periods=2, samples=20)
+    >>> pendulum = scene(Pendulum(0.069), Gravity(9.8), period=0.1)
+    >>> motion = trajectory(pendulum, [1.0, 0.0], periods=2, samples_per_period=20)
     >>> camera = Camera(scale=600.0, origin=(64.0, 40.0), shape=(96, 128))
     >>> recording = render_film(motion, camera, times=[0.01, 0.05, 0.1])
     >>> recording
@@ -125,7 +128,7 @@ def render_film(
     first = 0 if look.pivot_marker else 1
     radii = np.broadcast_to(look.marker_radius, joints.shape[1] - first).astype(float)
     visible = _visible(joints[:, first:], radii, moments, bars, camera.shape)
-    rng, light = np.random.default_rng(seed), _light(camera.shape, look.shade)
+    rng, light = random_numbers(rng), _light(camera.shape, look.shade)
     still = np.full(camera.shape, look.background, np.float32)
     for spot in spots:
         _disc(still, np.array([spot.column, spot.row]), spot.radius, spot.grey)

@@ -32,11 +32,11 @@ _OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual 
 
 def track_markers(
     film: Film,
-    starts: ArrayLike,
+    initial_positions: ArrayLike,
     rods: Sequence[Rod] = (),
     rails: Sequence[Rail] = (),
     threshold: float | None = None,
-    window: float | None = None,
+    search_radius: float | None = None,
     tolerance: float = 3.0,
     weighted: bool = True,
     progress: bool = False,
@@ -65,7 +65,7 @@ def track_markers(
     ----------
     film : Film
         The film.
-    starts : array_like, shape (markers, 2)
+    initial_positions : array_like, shape (markers, 2)
         About where the markers are in the first frame that is not missing: pixels (column, row).
     rods : sequence of Rod, optional
         Rods that hold markers at known distances.
@@ -74,7 +74,7 @@ def track_markers(
     threshold : float, optional
         Grey value above which pixels belong to markers; by default from the windows of the first frame, by Otsu's
         method.
-    window : float, optional
+    search_radius : float, optional
         How far from its foreseen place a marker may be (pixels); by default a tenth of the smaller side of the picture,
         12 at least.  It is doubled as long as the velocity is not known, and grows while the marker is lost.
     tolerance : float, optional
@@ -113,14 +113,14 @@ def track_markers(
     True
     """
     tolerance = finite_number("tolerance", tolerance, above=0.0)
-    setup, memories = first_sight(film, starts, threshold, window, weighted)
+    setup, memories = first_sight(film, initial_positions, threshold, search_radius, weighted)
     hung = _by_marker(rods, Rod, "rod", "hangs", "Rod(marker, pivot, length)", len(memories))
     led = _by_marker(rails, Rail, "rail", "moves", "Rail(marker, column)", len(memories))
     _check_fit(memories, hung, led, tolerance)
     status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
     usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
     if (usual > 1.0 + _OTHER_AREA).any():
-        memories = first_sight(film, starts, threshold, window, weighted)[1]
+        memories = first_sight(film, initial_positions, threshold, search_radius, weighted)[1]
         for memory, factor in zip(memories, usual, strict=True):
             memory.radius *= float(np.sqrt(max(factor, 1.0)))
         status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)

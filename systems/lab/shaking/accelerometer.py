@@ -102,7 +102,7 @@ def recover_drive(
     --------
     >>> from systems.drives import VerticalDrive
     >>> times = np.linspace(0.0, 1.0, 2000, endpoint=False)
-    >>> record = record_acceleration(VerticalDrive(0.003, 50.0, 0.5), times, noise=3.0, offset=9.8, seed=1)
+    >>> record = record_acceleration(VerticalDrive(0.003, 50.0, 0.5), times, noise=3.0, offset=9.8, rng=1)
     >>> recover_drive(times, record)
     RecoveredDrive(49.99969 +- 0.00019 Hz; 3 +- 0.001 mm; 2000 samples)
     """

@@ -12,6 +12,7 @@ from cellmap import ForcedSystem
 from cellmap._compiled.codegen.rebind import over_arrays
 from cellmap._compiled.codegen.trace import parameter_record
 from cellmap._lib.checks import finite_number, whole_number
+from cellmap._lib.randomness import Rng, random_numbers
 
 from ...effects import Effect
 from .conversion import STANDARD_GRAVITY, volts_from_acceleration
@@ -84,7 +85,8 @@ def record_acceleration(
     missing: float = 0.0,
     volts_per_g: float | None = None,
     standard_gravity: float = STANDARD_GRAVITY,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
 ) -> NDArray[np.float64]:
     """Return a synthetic record of an accelerometer on a pivot.
 
@@ -111,8 +113,8 @@ def record_acceleration(
         Share of samples lost at random, which become NaN; at least 0 and at most 1.
     volts_per_g, standard_gravity : float, optional
         Calibration, as for :func:`systems.lab.shaking.conversion.displacement_amplitude`.
-    seed : int, optional
-        Seed of noise and losses.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of noise and losses.
 
     Returns
     -------
@@ -139,7 +141,7 @@ def record_acceleration(
     memory = finite_number("noise_time", noise_time, at_least=0.0)
     lost = finite_number("missing", missing, at_least=0.0, at_most=1.0)
     top = None if full_scale is None else finite_number("full_scale", full_scale, above=0.0)
-    rng = np.random.default_rng(whole_number("seed", seed))
+    rng = random_numbers(rng)
     record: Any = pivot_acceleration(source, t)
     if volts_per_g is not None:
         record = volts_from_acceleration(record, volts_per_g, standard_gravity)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap import ForcedSystem, PointMap, stroboscopic_map
 from cellmap._lib.checks import finite_number, monotone_values, whole_number
+from cellmap._lib.randomness import Rng, random_numbers
 from cellmap.maps import swept_map
 from cellmap.maps.coordinates import wrap
 
@@ -74,7 +75,8 @@ def measure_least_amplitudes(
     noise: float = 3.0,
     sampling: float = 5000.0,
     duration: float = 1.0,
-    seed: int = 0,
+    *,
+    rng: Rng = 0,
     rod: str = "",
 ) -> StabilityPoints:
     """Do the experiment on a model: raise the drive until a release stays up, and read the accelerometer.
@@ -102,8 +104,8 @@ def measure_least_amplitudes(
         Standard deviation of the accelerometer's noise (m/s^2).
     sampling, duration : float, optional
         Samples a second (Hz), and length of a record (s).
-    seed : int, optional
-        Seed of the beginnings and of the noise.
+    rng : int, numpy.random.Generator or None, optional
+        Seed or generator of the beginnings and of the noise.
     rod : str, optional
         Name of the rod.
 
@@ -132,7 +134,7 @@ def measure_least_amplitudes(
         raise ValueError("frequencies, lower and upper: give numbers above 0, and upper above lower")
     ratio = finite_number("step", step, above=0.0, at_most=1.0)
     held_for = whole_number("cycles", cycles, at_least=1)
-    rng = np.random.default_rng(whole_number("seed", seed))
+    rng = random_numbers(rng)
     count = int(np.ceil(np.log((high / low).max()) / np.log1p(ratio))) + 1
     if count > _MOST_STEPS:
         raise ValueError(f"step={step!r}: {count} steps from lower to upper; give a larger one")
@@ -150,7 +152,7 @@ def measure_least_amplitudes(
     read, spread = np.empty(len(rates)), np.empty(len(rates))
     for k, rate in enumerate(rates):
         drive = VerticalDrive(float(true[k]), float(rate), float(rng.uniform(-pi, pi)))
-        record = record_acceleration(drive, times, noise, offset=9.8, seed=int(rng.integers(2**31)))
+        record = record_acceleration(drive, times, noise, offset=9.8, rng=int(rng.integers(2**31)))
         found = recover_drive(times, record, frequency=float(rate), harmonics=1)
         read[k], spread[k] = found.amplitudes[0], found.amplitude_errors[0]
     middle = read * (1.0 - 0.5 * ratio / (1.0 + ratio))

@@ -108,7 +108,7 @@ def fit_damping(
     --------
     >>> from cellmap import trajectory
     >>> rod = free_pendulum(0.069, {"damping": 0.4})
-    >>> film = trajectory(rod, [0.5, 0.0], periods=8, samples=50)
+    >>> film = trajectory(rod, [0.5, 0.0], periods=8, samples_per_period=50)
     >>> fit_damping(film.times, film.states[:, 0], ["viscous"]).best.estimates["damping"]
     0.4000
     """

@@ -20,7 +20,7 @@ class QuadraticDecay:
     Parameters
     ----------
     coefficients : ndarray, shape (3,)
-        a (rad/s^2), b (rad/s) and c (rad); time counts from `start`.
+        a (rad/s^2), b (rad/s) and c (rad); time counts from `start_time`.
     standard_errors : ndarray, shape (3,)
         Of the coefficients, from the scatter of the extremes about the parabola.
     rmse : float
@@ -64,14 +64,14 @@ class QuadraticDecay:
         return np.asarray((a * t + b) * t + c)
 
 
-def quadratic_decay(envelope: Envelope, start: float | None = None) -> QuadraticDecay:
+def quadratic_decay(envelope: Envelope, start_time: float | None = None) -> QuadraticDecay:
     """Fit a parabola to a decay profile, all extremes with one weight.
 
     Parameters
     ----------
     envelope : Envelope
         Extremes of a free swing, at least 5.
-    start : float, optional
+    start_time : float, optional
         Time at which t is 0 (s); by default that of the first extreme.
 
     Returns
@@ -88,11 +88,12 @@ def quadratic_decay(envelope: Envelope, start: float | None = None) -> Quadratic
     --------
     >>> from systems.lab.swings.envelope import swing_envelope
     >>> t = np.linspace(0.0, 5.0, 1001)
-    >>> quadratic_decay(swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t)), start=0.0).coefficients.round(3) + 0.0
+    >>> swings = swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t))
+    >>> quadratic_decay(swings, start_time=0.0).coefficients.round(3) + 0.0
     array([ 0. , -0.1,  0.9])
     """
     check_decay(envelope, fewest=5)
-    begin = float(envelope.times[0]) if start is None else finite_number("start", start)
+    begin = float(envelope.times[0]) if start_time is None else finite_number("start_time", start_time)
     powers = np.vander(envelope.times - begin, 3)
     factors = np.asarray(np.linalg.lstsq(powers, envelope.amplitudes, rcond=None)[0], dtype=np.float64)
     rest = envelope.amplitudes - powers @ factors

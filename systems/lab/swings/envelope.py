@@ -187,10 +187,10 @@ def _middle_from(middle: float, t: NDArray[np.float64], x: NDArray[np.float64], 
     for _ in range(_ROUNDS):
         found = _extremes(t, x, middle, noise)
         values = np.array([middle + e.side * e.height for e in found])
-        turns = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
-        if not turns:
+        rotations = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
+        if not rotations:
             return None
-        middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in turns]))
+        middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in rotations]))
     return middle
 
 
@@ -200,8 +200,8 @@ def _half_swings(x: NDArray[np.float64], clear: float) -> list[tuple[int, int, i
     places = np.flatnonzero(signs)
     if not places.size:
         return []
-    turns = np.flatnonzero(np.diff(signs[places])) + 1
-    return [(int(signs[p[0]]), int(p[0]), int(p[-1])) for p in np.split(places, turns)]
+    rotations = np.flatnonzero(np.diff(signs[places])) + 1
+    return [(int(signs[p[0]]), int(p[0]), int(p[-1])) for p in np.split(places, rotations)]
 
 
 def _extremes(t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> list[_Extreme]:

@@ -101,7 +101,7 @@ def fit_motion(
     times: ArrayLike,
     measured: ArrayLike,
     vary: Sequence[str],
-    start: Sequence[float] | None = None,
+    initial_condition: Sequence[float] | None = None,
     zero: bool = False,
     bounds: Bounds | None = None,
     tolerance: float = 1e-8,
@@ -122,7 +122,7 @@ def fit_motion(
         The first m coordinates of the state, angles continuous; NaN marks a gap.
     vary : sequence of str
         Names of the parameters to fit.
-    start : sequence of float, optional
+    initial_condition : sequence of float, optional
         First guess of the state at the first time.  By default it is taken from the data, for which the state must be m
         coordinates and their m rates.
     zero : bool, optional
@@ -150,7 +150,7 @@ def fit_motion(
     >>> from systems.scene import scene
     >>> from cellmap import trajectory
     >>> rod = scene(Pendulum(0.07), Gravity(9.8), ViscousDamping(0.3), period=0.5)
-    >>> film = trajectory(rod.with_params(length=0.069, damping=0.4), [0.5, 0.0], periods=6, samples=50)
+    >>> film = trajectory(rod.with_params(length=0.069, damping=0.4), [0.5, 0.0], periods=6, samples_per_period=50)
     >>> fit = fit_motion(rod, film.times, film.states[:, 0], ["length", "damping"])
     >>> round(fit.estimates["length"], 5), round(fit.estimates["damping"], 4)
     (0.069, 0.4)
@@ -168,7 +168,11 @@ def fit_motion(
         raise ValueError(f"measured has {x.shape[1]} columns: {system.name} has {system.dimension} coordinates")
     fine = finite_number("tolerance", tolerance, at_least=1e-13, at_most=1e-3)
     job = Simulation(system, names, t, x, zero, fine, clear_of_noise(t, x))
-    guess = [*(system.params[n] for n in names), *_start(t, x, system, start), *([0.0] * x.shape[1] if zero else ())]
+    guess = [
+        *(system.params[n] for n in names),
+        *_start(t, x, system, initial_condition),
+        *([0.0] * x.shape[1] if zero else ()),
+    ]
     begin = np.array(guess)
     low, high = _bounds(names, begin, bounds or {})
     if job.seen.sum() <= begin.size + 2:
@@ -280,14 +284,14 @@ def _start(
         return [float(v) for v in finite_points("start", start, system.dimension).reshape(system.dimension)]
     if system.dimension != 2 * x.shape[1]:
         raise ValueError(
-            f"start=None: of the {system.dimension} coordinates of {system.name} {x.shape[1]} are measured; give a "
-            "first guess of the state at the first time"
+            f"initial_condition=None: of the {system.dimension} coordinates of {system.name} {x.shape[1]} are "
+            "measured; give a first guess of the state at the first time"
         )
     places, rates = [], []
     for column in x.T:
         seen = np.flatnonzero(np.isfinite(column))
-        turns = np.flatnonzero(np.diff(np.signbit(column[seen] - np.nanmedian(column)))) + 1
-        first = seen[: max(5, int(turns[0]) // 2 if turns.size else 5)]
+        rotations = np.flatnonzero(np.diff(np.signbit(column[seen] - np.nanmedian(column)))) + 1
+        first = seen[: max(5, int(rotations[0]) // 2 if rotations.size else 5)]
         c, b, _ = np.polynomial.polynomial.polyfit(t[first] - t[0], column[first], 2)
         places.append(float(c))
         rates.append(float(b))

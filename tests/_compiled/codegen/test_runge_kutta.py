@@ -20,15 +20,19 @@ from cellmap._compiled.kernels.blocks import LANES
 
 
 def images(
-    kernel: PeriodKernel, system: ForcedSystem, starts: NDArray[np.float64], steps: int, length: float | None = None
+    kernel: PeriodKernel,
+    system: ForcedSystem,
+    initial_conditions: NDArray[np.float64],
+    steps: int,
+    length: float | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Images after `steps` equal steps from t = 0, and the summed error estimates; at most one block of starts."""
     block = np.zeros((1, system.dimension, LANES))
-    block[0, :, : len(starts)] = starts.T
+    block[0, :, : len(initial_conditions)] = initial_conditions.T
     errors = np.empty_like(block)
     parameters = np.array([float(v) for v in system.params.values()])
     kernel.advance(block, np.array([steps]), 0.0, system.length if length is None else length, parameters, errors)
-    return block[0, :, : len(starts)].T, errors[0, :, : len(starts)].T
+    return block[0, :, : len(initial_conditions)].T, errors[0, :, : len(initial_conditions)].T
 
 
 def branching(t: float, x: Any, p: Any) -> tuple[float, float]:
@@ -68,10 +72,10 @@ def test_order_of_convergence_on_the_driven_pendulum(
 ) -> None:
     system = request.getfixturevalue(form)
     rows = [r for r in precise_images if r["problem"] == "vertically driven"]
-    starts, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
+    initial_conditions, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
     kernel = flow_kernel(system.rhs, 2, tuple(system.params), method, 1e-9)
     assert kernel.method == method
-    errors = [np.abs(images(kernel, system, starts, n)[0] - exact).max() for n in (steps, 2 * steps)]
+    errors = [np.abs(images(kernel, system, initial_conditions, n)[0] - exact).max() for n in (steps, 2 * steps)]
     # The leading error of DOP853 is so small that higher orders show beside it.
     assert order - 0.2 < math.log2(errors[0] / errors[1]) < order + 1.2
 
@@ -102,13 +106,16 @@ def test_tableaus_are_consistent(tableau: Tableau) -> None:
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
 def test_the_estimate_shrinks_at_the_order_it_is_said_to(method: str, traced: ForcedSystem) -> None:
     kernel = flow_kernel(traced.rhs, 2, tuple(traced.params), method, 1e-9)
-    starts = np.array([[1.0, 0.5], [-2.0, 3.0]])
+    initial_conditions = np.array([[1.0, 0.5], [-2.0, 3.0]])
     steps = 128 if method == "RK45" else 32
-    first, second = (images(kernel, traced, starts, n)[1].max() for n in (steps, 2 * steps))
+    first, second = (images(kernel, traced, initial_conditions, n)[1].max() for n in (steps, 2 * steps))
     assert math.log2(first / second) == pytest.approx(kernel.estimate_order, abs=0.6)
 
 
 def test_traced_and_called_right_hand_sides_agree(traced: ForcedSystem, untraced: ForcedSystem) -> None:
-    starts = np.random.default_rng(3).uniform(-3.0, 3.0, (LANES, 2))
-    a, b = (images(flow_kernel(s.rhs, 2, tuple(s.params), "DOP853", 1e-9), s, starts, 40) for s in (traced, untraced))
+    initial_conditions = np.random.default_rng(3).uniform(-3.0, 3.0, (LANES, 2))
+    a, b = (
+        images(flow_kernel(s.rhs, 2, tuple(s.params), "DOP853", 1e-9), s, initial_conditions, 40)
+        for s in (traced, untraced)
+    )
     assert a[0] == pytest.approx(b[0], rel=1e-12, abs=1e-12)

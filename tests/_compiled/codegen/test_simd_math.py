@@ -75,8 +75,8 @@ def test_small_arguments(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_near_their_zeros_hardly_a_digit_is_lost(name: str) -> None:
-    turns = np.random.default_rng(1).integers(-900_000, 900_000, 2000)
-    values = np.concatenate([turns * math.pi, (turns + 0.5) * math.pi, np.arange(-8, 9) * 0.5 * math.pi])
+    rotations = np.random.default_rng(1).integers(-900_000, 900_000, 2000)
+    values = np.concatenate([rotations * math.pi, (rotations + 0.5) * math.pi, np.arange(-8, 9) * 0.5 * math.pi])
     assert largest_error(name, values, over_array(name)(values), floor=1e-9) <= 2.5
 
 

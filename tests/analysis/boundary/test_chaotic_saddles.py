@@ -42,7 +42,7 @@ def cantor_distance(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("slope", [2.2, 3.0, 5.0])
 def test_escape_from_open_tents(slope: float) -> None:
-    found = escape_rate(tent(slope), UNIT, n=400_000)
+    found = escape_rate(tent(slope), UNIT, n_samples=400_000)
     known = log(slope / 2.0)
     assert abs(found.rate - known) < 3.0 * found.standard_error
     assert found.standard_error < 0.01 * known + 1e-3
@@ -52,7 +52,7 @@ def test_escape_from_open_tents(slope: float) -> None:
 
 def test_standard_error_is_that_of_repetitions() -> None:
     """Forty independent measurements scatter as their standard error says, within the error of that scatter."""
-    runs = [escape_rate(tent(3.0), UNIT, n=20_000, seed=s, fit_window=(1, 6)) for s in range(40)]
+    runs = [escape_rate(tent(3.0), UNIT, n_samples=20_000, rng=s, fit_range=(1, 6)) for s in range(40)]
     scatter = np.std([r.rate for r in runs], ddof=1)
     assert np.mean([r.standard_error for r in runs]) == pytest.approx(scatter, rel=0.4)
     away = np.abs([(r.rate - log(1.5)) / r.standard_error for r in runs])
@@ -66,7 +66,7 @@ def test_escape_in_two_dimensions_with_a_circle() -> None:
         return x[0] + 0.7 + 0.1 * cos(x[0]), 1.5 - 3.0 * abs(x[1] - 0.5)
 
     turning = discrete_map(both, {}, (angle("a"), "x"))
-    found = escape_rate(turning, CellGrid((-np.pi, 0.0), (np.pi, 1.0), (1, 1)), n=100_000)
+    found = escape_rate(turning, CellGrid((-np.pi, 0.0), (np.pi, 1.0), (1, 1)), n_samples=100_000)
     assert abs(found.rate - log(1.5)) < 3.0 * found.standard_error
 
 
@@ -78,18 +78,18 @@ def test_escape_to_an_attractor_does_not_depend_on_how_it_is_left_out() -> None:
     assert cycle.neighbourhood is not None
     smaller = replace(cycle, neighbourhood=replace(cycle.neighbourhood, metrics=100.0 * cycle.neighbourhood.metrics))
     window = CellGrid((0.01,), (0.99,), (1,))
-    rates = [escape_rate(logistic, window, [a], n=50_000, tolerance=0.02) for a in (cycle, smaller)]
+    rates = [escape_rate(logistic, window, [a], n_samples=50_000, tolerance=0.02) for a in (cycle, smaller)]
     both = np.hypot(rates[0].standard_error, rates[1].standard_error)
     assert abs(rates[0].rate - rates[1].rate) < 4.0 * both
     with pytest.raises(ValueError, match="no orbit leaves"):
-        escape_rate(logistic, UNIT, n=1000, most=50)
+        escape_rate(logistic, UNIT, n_samples=1000, max_periods=50)
 
 
 def test_same_bits_for_any_number_of_threads() -> None:
     rates = []
     for threads in (1, 2):
         set_threads(threads)
-        rates.append(escape_rate(tent(3.0), UNIT, n=50_000))
+        rates.append(escape_rate(tent(3.0), UNIT, n_samples=50_000))
     assert rates[0].rate == rates[1].rate
     assert np.array_equal(rates[0].survivors, rates[1].survivors)
 
@@ -97,15 +97,15 @@ def test_same_bits_for_any_number_of_threads() -> None:
 @pytest.mark.parametrize(
     ("change", "error", "match"),
     [
-        ({"n": 100}, ValueError, "only 0 steps"),
-        ({"n": 0}, ValueError, "n=0"),
-        ({"most": 2}, ValueError, "most=2"),
-        ({"window": 3}, TypeError, "window=3"),
-        ({"window": CellGrid((0, 0), (1, 1), (1, 1))}, ValueError, "2 axes"),
+        ({"n_samples": 100}, ValueError, "only 0 steps"),
+        ({"n_samples": 0}, ValueError, "n_samples=0"),
+        ({"max_periods": 2}, ValueError, "max_periods=2"),
+        ({"region": 3}, TypeError, "region=3"),
+        ({"region": CellGrid((0, 0), (1, 1), (1, 1))}, ValueError, "2 axes"),
     ],
 )
 def test_what_an_escape_rate_refuses(change: Any, error: type[Exception], match: str) -> None:
-    arguments = {"point_map": tent(3.0), "window": UNIT, **change}
+    arguments = {"point_map": tent(3.0), "region": UNIT, **change}
     with pytest.raises(error, match=match):
         escape_rate(**arguments)
 
@@ -115,7 +115,7 @@ def test_what_an_escape_rate_refuses(change: Any, error: type[Exception], match:
 
 def test_saddle_of_the_open_tent_is_the_cantor_set() -> None:
     """Of slope 3: a point that stays for k steps is within 3^-(k+1) of the set."""
-    saddle = chaotic_saddle(tent(3.0), UNIT, n=1000, lifetime=20, largest=1e-6)
+    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=1000, lifetime=20, max_stagger=1e-6)
     assert saddle.points.shape == (1000, 1)
     apart = cantor_distance(saddle.points[:, 0])
     assert apart.max() < 3.0**-20
@@ -126,7 +126,7 @@ def test_saddle_of_the_open_tent_is_the_cantor_set() -> None:
 
 
 def test_each_point_is_the_image_of_the_one_before_but_for_its_stagger() -> None:
-    saddle = chaotic_saddle(tent(3.0), UNIT, n=500, largest=1e-8)
+    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=500, max_stagger=1e-8)
     images = tent(3.0)(saddle.points[:-1])
     jumps = np.abs(saddle.points[1:] - images)[:, 0]
     assert jumps == pytest.approx(saddle.staggers[1:], abs=1e-15)
@@ -141,7 +141,7 @@ def test_product_of_two_cantor_sets() -> None:
         return 1.5 - 3.0 * abs(x[0] - 0.5), x[1] / 3.0 + (1.0 + side) / 3.0
 
     square = CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))
-    saddle = chaotic_saddle(discrete_map(baker, {}, ("x", "y")), square, n=600, lifetime=18, largest=1e-7)
+    saddle = chaotic_saddle(discrete_map(baker, {}, ("x", "y")), square, n_points=600, lifetime=18, max_stagger=1e-7)
     assert cantor_distance(saddle.points[:, 0]).max() < 3.0**-18
     # Along y errors shrink, so that staggers of 1e-7 stay below their own size.
     assert cantor_distance(saddle.points[:, 1]).max() < 2e-7
@@ -154,7 +154,7 @@ def test_horseshoe_of_henons_map() -> None:
     henon = henon_map(a, b)
     size = (1.0 + b + np.sqrt((1.0 + b) ** 2 + 4.0 * a)) / (2.0 * a)
     window = CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1))
-    saddle = chaotic_saddle(henon, window, n=3000, lifetime=15, largest=1e-8)
+    saddle = chaotic_saddle(henon, window, n_points=3000, lifetime=15, max_stagger=1e-8)
     assert np.abs(saddle.points[:, 0]).max() <= size + 1e-9
     # The horseshoe's points keep away from the fold line x = 0, where its two strips meet.
     assert np.abs(saddle.points[:, 0]).min() > 0.2
@@ -169,22 +169,22 @@ def test_saddle_beside_an_attractor() -> None:
     logistic = logistic_map(3.832)
     (cycle,) = find_attractors(logistic, [[0.3]])
     window = CellGrid((0.01,), (0.99,), (1,))
-    saddle = chaotic_saddle(logistic, window, [cycle], n=800, lifetime=60)
+    saddle = chaotic_saddle(logistic, window, [cycle], n_points=800, lifetime=60)
     assert np.abs(saddle.points[:, None] - cycle.points).min() > 1e-3
     assert np.abs(saddle.points - (1.0 - 1.0 / 3.832)).min() < 1e-2
     with pytest.raises(ValueError, match="on an attractor"):
-        chaotic_saddle(logistic, window, n=200)
+        chaotic_saddle(logistic, window, n_points=200)
 
 
 def test_same_seed_same_orbit() -> None:
-    a, b, c = (chaotic_saddle(tent(3.0), UNIT, n=60, seed=s) for s in (1, 1, 2))
+    a, b, c = (chaotic_saddle(tent(3.0), UNIT, n_points=60, rng=s) for s in (1, 1, 2))
     assert np.array_equal(a.points, b.points)
     assert not np.array_equal(a.points, c.points)
 
 
 def test_exponent_along_the_saddle() -> None:
     """Of every orbit of the tent that stays it is ln 3."""
-    saddle = chaotic_saddle(tent(3.0), UNIT, n=200)
+    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=200)
     steps = np.abs(np.diff(saddle.points[:, 0]))
     assert exp(log(3.0)) == pytest.approx(3.0)
     stretched = np.abs(np.diff(tent(3.0)(saddle.points[:, 0][:, None])[:, 0]))
@@ -195,24 +195,26 @@ def test_exponent_along_the_saddle() -> None:
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"n": 0}, "n=0"),
+        ({"n_points": 0}, "n_points=0"),
         ({"lifetime": 0}, "lifetime=0"),
-        ({"largest": 1.0}, "largest"),
-        ({"window": CellGrid((0.4,), (0.6,), (1,)), "lifetime": 5}, "stays longest"),
-        ({"largest": 2e-14, "lifetime": 15}, "no stagger"),
+        ({"max_stagger": 1.0}, "max_stagger"),
+        ({"region": CellGrid((0.4,), (0.6,), (1,)), "lifetime": 5}, "stays longest"),
+        ({"max_stagger": 2e-14, "lifetime": 15}, "no stagger"),
     ],
 )
 def test_what_it_refuses(change: Any, match: str) -> None:
-    arguments = {"point_map": tent(3.0), "window": UNIT, "n": 200, **change}
+    arguments = {"point_map": tent(3.0), "region": UNIT, "n_points": 200, **change}
     with pytest.raises(ValueError, match=match):
         chaotic_saddle(**arguments)
 
 
 def test_pictures() -> None:
-    found = escape_rate(tent(3.0), UNIT, n=20_000)
+    found = escape_rate(tent(3.0), UNIT, n_samples=20_000)
     plot.fit(found).figure.savefig("/dev/null", format="png")
-    assert plot.chaotic_saddle(chaotic_saddle(tent(3.0), UNIT, n=100)).get_xlabel() == "x"
-    horseshoe = chaotic_saddle(henon_map(6.0, 0.4), CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1)), n=100, lifetime=10)
+    assert plot.chaotic_saddle(chaotic_saddle(tent(3.0), UNIT, n_points=100)).get_xlabel() == "x"
+    horseshoe = chaotic_saddle(
+        henon_map(6.0, 0.4), CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1)), n_points=100, lifetime=10
+    )
     assert plot.chaotic_saddle(horseshoe, coordinates=("y", "x")).get_xlabel() == "y"
     assert "\n" not in repr(horseshoe) + repr(found)
     with pytest.raises(TypeError, match="chaotic_saddle"):

@@ -53,7 +53,7 @@ def test_edge_between_hanging_and_inverted(pendulum: Basins) -> None:
     orbits = find_periodic_orbits(pendulum.point_map, CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)))
     known = [o for o in orbits if o.kind is OrbitKind.SADDLE and abs(o.points[0, 1]) < 10.0]
     assert len(known) == 2
-    edge = edge_orbit(pendulum, 0, 1, steps=120)
+    edge = edge_orbit(pendulum, 0, 1, periods=120)
     assert edge.orbit is not None
     assert abs(edge.orbit.points[0, 0]) == pytest.approx(2.13037047, abs=1e-8)
     assert min(np.abs(edge.orbit.points[0] - o.points[0]).max() for o in known) < 1e-9
@@ -64,14 +64,14 @@ def test_edge_between_hanging_and_inverted(pendulum: Basins) -> None:
 
 
 def test_edge_of_a_rotation_is_another_saddle(pendulum: Basins) -> None:
-    edge = edge_orbit(pendulum, 2, 0, steps=80)
+    edge = edge_orbit(pendulum, 2, 0, periods=80)
     assert edge.orbit is not None
-    assert edge.orbit.turns == pendulum.attractors[2].turns
+    assert edge.orbit.rotations == pendulum.attractors[2].rotations
     assert abs(edge.orbit.points[0, 1]) == pytest.approx(308.148167, abs=1e-5)
 
 
 def test_edge_of_smooth_wells(wells: Basins) -> None:
-    edge = edge_orbit(wells, steps=60)
+    edge = edge_orbit(wells, periods=60)
     assert edge.orbit is not None
     assert edge.orbit.points[0] == pytest.approx([0.0, 1.0 - 1.0 / 2.8], abs=1e-9)
     assert edge.growth.slope == pytest.approx(log(1.4), abs=1e-6)
@@ -83,7 +83,7 @@ def test_edge_of_period_two() -> None:
     basins = find_basins(
         discrete_map(_wells, {"r": r, "s": 0.0}, ("x", "y")), CellGrid((-1.5, 0.01), (1.5, 0.99), (30, 20))
     )
-    edge = edge_orbit(basins, steps=120)
+    edge = edge_orbit(basins, periods=120)
     assert edge.returns == 2
     assert edge.orbit is not None
     assert edge.orbit.period == 2
@@ -96,7 +96,7 @@ def test_chaotic_edge_is_not_called_periodic() -> None:
     basins = find_basins(
         discrete_map(_wells, {"r": 3.9, "s": -1.1}, ("x", "y")), CellGrid((-1.5, 0.01), (1.5, 0.99), (30, 20))
     )
-    edge = edge_orbit(basins, steps=300)
+    edge = edge_orbit(basins, periods=300)
     assert edge.orbit is None
     assert edge.returns == 0
     assert "no periodic orbit" in repr(edge)
@@ -114,7 +114,7 @@ def test_edge_across_the_seam_of_a_circle() -> None:
 
     circle = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=1.57), "y"))
     basins = find_basins(circle, CellGrid((1.57, -1.0), (1.57 + 2 * pi, 1.0), (40, 10)))
-    edge = edge_orbit(basins, [1.0, 0.3], [2.0, 0.3], steps=40)
+    edge = edge_orbit(basins, [1.0, 0.3], [2.0, 0.3], periods=40)
     assert edge.orbit is not None
     assert edge.orbit.points[0] == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
     assert edge.growth.slope == pytest.approx(log(1.8), abs=1e-6)
@@ -128,7 +128,7 @@ def test_straddled_saddle_of_the_duffing_oscillator() -> None:
     exact = stroboscopic_map(two_well_duffing().with_params(forcing=0.05), rtol=1e-12, atol=1e-12)
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 60))
     basins = find_basins(interpolated_map(exact, CellGrid((-3, -3), (3, 3), (200, 200)), outside="integrate"), grid)
-    edge = edge_orbit(basins, steps=60)
+    edge = edge_orbit(basins, periods=60)
     assert edge.orbit is not None
     product = np.prod(edge.orbit.multipliers).real
     assert product == pytest.approx(np.exp(-0.3 * pi), rel=1e-9)
@@ -138,14 +138,14 @@ def test_straddled_saddle_of_the_duffing_oscillator() -> None:
 def test_what_bounds_against_infinity() -> None:
     """Labels of orbits that diverge are a side as well: the logistic map's basin ends at its fixed point 0."""
     logistic = discrete_map(lambda x, p: (2.8 * x[0] * (1.0 - x[0]),), {}, ("x",))
-    edge = edge_orbit(find_basins(logistic, CellGrid((-0.5,), (1.5,), (40,))), 0, -2, steps=30)
+    edge = edge_orbit(find_basins(logistic, CellGrid((-0.5,), (1.5,), (40,))), 0, -2, periods=30)
     assert edge.orbit is not None
     assert edge.orbit.points[0] == pytest.approx([0.0], abs=1e-12)
     assert edge.sides[-1].tolist() == [0, -2]
 
 
 def test_same_result_again(wells: Basins) -> None:
-    a, b = (edge_orbit(wells, steps=30) for _ in range(2))
+    a, b = (edge_orbit(wells, periods=30) for _ in range(2))
     assert np.array_equal(a.points, b.points)
 
 
@@ -159,8 +159,8 @@ def test_same_result_again(wells: Basins) -> None:
         (0, [1.0, 0.5], {}, TypeError, "two labels, or two states"),
         ([1.0, 0.5], [1.2, 0.5], {}, ValueError, "labels"),
         ([1.0, 0.5, 0.0], [1.2, 0.5, 0.0], {}, ValueError, "last axis"),
-        (0, 1, {"steps": 2}, ValueError, "steps=2"),
-        (0, 1, {"narrow": 1e-3, "wide": 1e-4}, ValueError, "wide"),
+        (0, 1, {"periods": 2}, ValueError, "periods=2"),
+        (0, 1, {"min_separation": 1e-3, "max_separation": 1e-4}, ValueError, "max_separation"),
         (0, 1, {"max_periods": 5}, ValueError, "max_periods"),
     ],
 )
@@ -174,11 +174,11 @@ def test_what_it_refuses(
 def test_basins_from_a_file_need_a_map(wells: Basins) -> None:
     with pytest.raises(ValueError, match="have no map"):
         edge_orbit(replace(wells, point_map=None))
-    assert edge_orbit(replace(wells, point_map=None), steps=60, point_map=wells.point_map).orbit is not None
+    assert edge_orbit(replace(wells, point_map=None), periods=60, point_map=wells.point_map).orbit is not None
 
 
 def test_pictures(pendulum: Basins, wells: Basins) -> None:
-    edge = edge_orbit(pendulum, 0, 1, steps=40)
+    edge = edge_orbit(pendulum, 0, 1, periods=40)
     ax = plot.edge_orbit(edge, basins=pendulum)
     ax.figure.savefig("/dev/null", format="png")
     assert ax.get_xlim() == pytest.approx((-pi, pi))

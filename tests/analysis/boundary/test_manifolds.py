@@ -108,8 +108,8 @@ def test_henons_unstable_manifold_lies_on_the_attractor() -> None:
     saddle = periodic_orbit(henon, [0.6, 0.2])
     window = CellGrid((-2.0, -1.0), (2.0, 1.0), (1, 1))
     found = saddle_manifold(henon, saddle, "unstable", window, length=10.0)
-    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (400, 2))
-    cloud = henon.orbit(henon.iterate(starts, 100).points, 400).points.reshape(-1, 2)
+    initial_conditions = np.random.default_rng(0).uniform(-0.1, 0.1, (400, 2))
+    cloud = henon.orbit(henon.iterate(initial_conditions, 100).points, 400).points.reshape(-1, 2)
     apart = cKDTree(cloud).query(found.points)[0]
     assert np.quantile(apart, 0.99) < 2e-3
     assert apart.max() < 0.02
@@ -160,8 +160,8 @@ def test_manifold_of_a_cycle_has_two_branches_at_each_point() -> None:
     cycle = next(o for o in find_periodic_orbits(henon, CellGrid((-2, -1), (2, 1), (40, 40)), 2) if o.period == 2)
     found = saddle_manifold(henon, cycle, "unstable", window, length=2.0)
     assert len(found.branches) == 4
-    starts = np.array([b.points[0] for b in found.branches])
-    assert starts[::2] == pytest.approx(cycle.points)
+    initial_conditions = np.array([b.points[0] for b in found.branches])
+    assert initial_conditions[::2] == pytest.approx(cycle.points)
     # The map carries branches at one point onto those at the other.
     dense = np.concatenate([_dense(b.points) for b in found.branches[2:]])
     images = henon(finite(found.branches[0].points)[:40])
@@ -176,11 +176,11 @@ def test_inverse_of_the_stroboscopic_map() -> None:
     system = driven_pendulum(amplitude=0.004)
     for phase in (0.0, 0.3):
         forward = stroboscopic_map(system, phase=phase, rtol=1e-12, atol=1e-12)
-        starts = np.random.default_rng(0).uniform((-3.0, -400.0), (3.0, 400.0), (500, 2))
-        there = forward.iterate(starts, 1)
+        initial_conditions = np.random.default_rng(0).uniform((-3.0, -400.0), (3.0, 400.0), (500, 2))
+        there = forward.iterate(initial_conditions, 1)
         back = inverse_stroboscopic_map(system, phase).iterate(there.points, 1)
-        assert back.points == pytest.approx(starts, rel=1e-9, abs=1e-9)
-        assert np.array_equal(back.turns[:, 0] + there.turns[:, 0], np.zeros(500))
+        assert back.points == pytest.approx(initial_conditions, rel=1e-9, abs=1e-9)
+        assert np.array_equal(back.rotations[:, 0] + there.rotations[:, 0], np.zeros(500))
     with pytest.raises(ValueError, match="switches"):
         inverse_stroboscopic_map(stick_slip_oscillator())
     with pytest.raises(TypeError, match="ForcedSystem"):
@@ -234,7 +234,7 @@ def test_newton_and_backward_integration_agree(pendulum: tuple[PointMap, Basins]
     exact, basins = pendulum
     assert basins.grid is not None
     saddle = periodic_orbit(exact, [0.61, 308.0])
-    assert saddle.turns == (1, 0)
+    assert saddle.rotations == (1, 0)
     inverse = inverse_stroboscopic_map(driven_pendulum(amplitude=0.003))
     a, b = (saddle_manifold(exact, saddle, "stable", basins.grid, 2.0, inverse=i) for i in (None, inverse))
     scaled = [(finite(np.concatenate([x.points for x in m.branches])) / m.scale) for m in (a, b)]

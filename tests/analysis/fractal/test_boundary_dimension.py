@@ -57,7 +57,7 @@ def test_known_boundaries():
     mixed = boundary_dimension(np.random.default_rng(0).integers(0, 3, (500, 700)))
     assert mixed.dimension == pytest.approx(2.0, abs=1e-3)
     assert mixed.fractal
-    assert boundary_dimension(cantor_labels(13, 1), offsets=16).dimension == pytest.approx(CANTOR, abs=0.01)
+    assert boundary_dimension(cantor_labels(13, 1), n_offsets=16).dimension == pytest.approx(CANTOR, abs=0.01)
     y = (np.arange(100) + 0.5) / 100 - 0.5
     ball = (y[:, None, None] ** 2 + y[:, None] ** 2 + y**2 < 0.15).astype(int)
     sphere = boundary_dimension(ball)
@@ -67,7 +67,7 @@ def test_known_boundaries():
 
 def test_cantor_stripes():
     stripes = np.repeat(cantor_labels(7, 1)[:, None], 2048, axis=1)
-    found = boundary_dimension(stripes, offsets=16)
+    found = boundary_dimension(stripes, n_offsets=16)
     assert found.dimension == pytest.approx(1.0 + CANTOR, abs=0.01)
     assert found.fractal
 
@@ -86,7 +86,7 @@ def test_wrong_labels_are_no_fractal(flipped):
     )
     assert found.isolated[-1] < found.isolated.max()
     stripes = np.repeat(cantor_labels(6, 1)[:, None], 729, axis=1)
-    noisy = boundary_dimension(np.where(rng.random(stripes.shape) < flipped, 1 - stripes, stripes), offsets=16)
+    noisy = boundary_dimension(np.where(rng.random(stripes.shape) < flipped, 1 - stripes, stripes), n_offsets=16)
     assert noisy.dimension == pytest.approx(1.0 + CANTOR, abs=0.05)
     assert noisy.fractal
 
@@ -94,7 +94,7 @@ def test_wrong_labels_are_no_fractal(flipped):
 @pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 0.5])
 def test_koch_snowflake(turn):
-    found = boundary_dimension(snowflake_labels(4096, 8, turn), samples=2, offsets=16)
+    found = boundary_dimension(snowflake_labels(4096, 8, turn), lattice=2, n_offsets=16)
     assert found.dimension == pytest.approx(KOCH, abs=0.01)
     assert found.fractal
 
@@ -148,7 +148,7 @@ def test_smooth_boundaries_folded_many_times(waves):
     angle, radius = np.arctan2(y, x), np.hypot(x, y)
     for labels in (y < 0.3 * np.sin(waves * x), np.floor(angle / pi + waves * radius / 3.0).astype(int) % 2):
         for samples in (None, 1):
-            found = boundary_dimension(labels, samples=samples)
+            found = boundary_dimension(labels, lattice=samples)
             low, high = found.fit.interval()
             assert low <= 1.0 <= high
             assert not found.fractal
@@ -165,7 +165,7 @@ def test_discs_of_many_sizes_are_not_fractal(seed):
         rows, columns = (slice(*np.searchsorted(x, [c - radius, c + radius])) for c in (a, b))
         labels[rows, columns] ^= (x[rows, None] - a) ** 2 + (x[columns] - b) ** 2 < radius**2
     for samples in (None, 1, 2):
-        assert not boundary_dimension(labels, samples=samples).fractal
+        assert not boundary_dimension(labels, lattice=samples).fractal
 
 
 def test_smooth_boundary_near_its_onset_is_not_called_fractal():
@@ -177,7 +177,7 @@ def test_smooth_boundary_near_its_onset_is_not_called_fractal():
     icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (300, 300)))
     basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (512, 512)))
     for samples in (None, 1, 2):
-        found = boundary_dimension(basins, samples=samples)
+        found = boundary_dimension(basins, lattice=samples)
         assert not found.fractal
         assert found.standard_error > 0.02
 
@@ -191,7 +191,7 @@ def duffing():
 
 def test_two_well_duffing(duffing):
     """1.90 +- 0.03, recomputed independently; both ways to look at boxes agree."""
-    by_all_cells, by_corners = boundary_dimension(duffing), boundary_dimension(duffing, samples=1)
+    by_all_cells, by_corners = boundary_dimension(duffing), boundary_dimension(duffing, lattice=1)
     assert by_all_cells.dimension == pytest.approx(1.90, abs=0.03)
     assert by_corners.dimension == pytest.approx(1.90, abs=0.03)
     assert by_all_cells.fractal
@@ -211,8 +211,8 @@ def test_moon_and_li():
     rng = np.random.default_rng(0)
     cells = np.arange(17) * 5e-5
     corners = rng.uniform(-2.0, 2.0, (6000, 1, 1, 2))
-    starts = corners + np.stack(np.meshgrid(cells, cells, indexing="ij"), axis=-1)
-    images = find_basins(icm, starts, max_periods=1500).labels
+    initial_conditions = corners + np.stack(np.meshgrid(cells, cells, indexing="ij"), axis=-1)
+    images = find_basins(icm, initial_conditions, max_periods=1500).labels
     sizes = [1, 2, 4, 8]
     total = np.zeros(4)
     for labels in images:
@@ -234,7 +234,7 @@ def test_smooth_boundary_of_the_pendulum():
     # Farther out the arms are so thin that the picture shows no law yet: the error says so.
     far = find_basins(icm, CellGrid((-pi, -500.0), (pi, 500.0), (600, 600)))
     for samples in (None, 1, 2):
-        found = boundary_dimension(far, samples=samples)
+        found = boundary_dimension(far, lattice=samples)
         low, high = found.fit.interval()
         assert low <= 1.0 <= high
         assert not found.fractal
@@ -250,13 +250,13 @@ def test_negative_labels_are_no_basins():
         assert found.ignored == pytest.approx(1.0 / 3.0)
         alone = boundary_dimension(np.where(labels < 0, 1, labels))
         assert np.array_equal(found.counts, alone.counts)
-        assert boundary_dimension(labels, codes=(code,), offsets=1).counts[1] == pytest.approx(
+        assert boundary_dimension(labels, include=(code,), n_offsets=1).counts[1] == pytest.approx(
             2.0 * found.counts[1], rel=0.05
         )
     only = np.where(labels == 1, 0, labels)
     with pytest.raises(ValueError, match="no two basins meet"):
         boundary_dimension(only)
-    assert boundary_dimension(only, codes=(-3,)).dimension == pytest.approx(1.0, abs=0.01)
+    assert boundary_dimension(only, include=(-3,)).dimension == pytest.approx(1.0, abs=0.01)
 
 
 def test_any_labels():
@@ -274,7 +274,7 @@ def test_masked_cells_are_no_basins():
     masked = boundary_dimension(np.ma.masked_equal(labels, 2))
     assert np.array_equal(masked.counts, boundary_dimension(np.where(labels == 2, -3, labels)).counts)
     assert masked.ignored == pytest.approx(1.0 / 3.0)
-    coded = boundary_dimension(np.ma.masked_equal(np.where(labels == 1, -2, labels), 2), codes=(-2,))
+    coded = boundary_dimension(np.ma.masked_equal(np.where(labels == 1, -2, labels), 2), include=(-2,))
     assert np.array_equal(masked.counts, coded.counts)
 
 
@@ -299,8 +299,8 @@ def test_axes_of_one_cell_are_left_out():
 def test_boundary_on_the_seam_of_a_circle_is_seen():
     labels = np.zeros((256, 256), int)
     labels[128:] = 1
-    closed = boundary_dimension(labels, wraps=(True, False), offsets=1)
-    opened = boundary_dimension(labels, offsets=1)
+    closed = boundary_dimension(labels, wraps=(True, False), n_offsets=1)
+    opened = boundary_dimension(labels, n_offsets=1)
     assert closed.counts[-1] == 2 * opened.counts[-1] == 510
     halves = find_basins(
         discrete_map(lambda x, p: (x[0] / 2, 1.5 * x[1] - 0.5 * x[1] ** 3), {}, ("x", "y")),
@@ -313,7 +313,7 @@ def test_same_bits_for_any_number_of_threads(duffing):
     results = []
     for threads in (1, 3):
         set_threads(threads)
-        results.append(boundary_dimension(duffing, seed=2).counts)
+        results.append(boundary_dimension(duffing, rng=2).counts)
     assert np.array_equal(*results)
 
 
@@ -327,7 +327,7 @@ def test_same_bits_for_any_number_of_threads(duffing):
         (np.eye(6, dtype=int), {}, ValueError, "sizes of boxes lie between"),
         (np.eye(99, dtype=int), {"sizes": [1, 2, 500]}, ValueError, "a box of 500 cells is larger"),
         (np.eye(99, dtype=int), {"sizes": [1, 2, 2.5]}, ValueError, "whole numbers of cells"),
-        (np.eye(99, dtype=int), {"sizes": [1, 2, 4], "samples": 2}, ValueError, "multiples of samples=2"),
+        (np.eye(99, dtype=int), {"sizes": [1, 2, 4], "lattice": 2}, ValueError, "multiples of lattice=2"),
         (np.eye(99, dtype=int), {"wraps": (True,)}, ValueError, "one entry for each of the 2 axes"),
     ],
 )

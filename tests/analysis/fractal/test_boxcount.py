@@ -36,7 +36,7 @@ from studies.known_fractals import (
     ids=["line", "Cantor", "Koch", "Cantor squared"],
 )
 def test_known_sets(points, exact, turn):
-    found = box_dimension(points @ turning(turn).T + [0.1234, 0.777], offsets=4)
+    found = box_dimension(points @ turning(turn).T + [0.1234, 0.777], n_offsets=4)
     assert found.dimension == pytest.approx(exact, abs=0.01)
     assert abs(found.dimension - exact) < 4.0 * found.standard_error
 
@@ -46,7 +46,7 @@ def test_known_sets(points, exact, turn):
 @pytest.mark.parametrize("name", ["filled square", "Sierpinski triangle"])
 def test_known_sets_of_many_points(name, turn):
     build, exact = point_sets(quick=False)[name]
-    found = box_dimension(build() @ turning(turn).T + 0.3, offsets=2)
+    found = box_dimension(build() @ turning(turn).T + 0.3, n_offsets=2)
     assert found.dimension == pytest.approx(exact, abs=0.01)
 
 
@@ -55,7 +55,7 @@ def test_known_sets_of_many_points(name, turn):
 def test_sierpinski_triangle_turned(level, turn):
     """Corners that triangles share come twice, which does not make their boxes well known."""
     points = sierpinski(level) @ turning(turn).T * 2.7 + [100.3, -55.0]
-    found = box_dimension(points, offsets=8)
+    found = box_dimension(points, n_offsets=8)
     assert abs(found.dimension - TRIANGLE) < 2.0 * found.standard_error
     if level > 10:
         assert found.dimension == pytest.approx(TRIANGLE, abs=0.01)
@@ -65,7 +65,7 @@ def test_edges_of_a_square_do_not_bend_the_line():
     """(1/s + 1)**2 boxes on average meet a square of side 1 (Steiner): slopes of large boxes are far below 2."""
     points = square(700)
     for turn in (0.0, 0.3, 1.1):
-        found = box_dimension(points @ turning(turn).T, offsets=4)
+        found = box_dimension(points @ turning(turn).T, n_offsets=4)
         assert found.dimension == pytest.approx(2.0, abs=0.01)
         assert abs(found.dimension - 2.0) < 2.0 * found.standard_error
         assert not found.fractal
@@ -81,8 +81,8 @@ def test_points_that_coincide_count_once(repeated):
 
 def test_orbit_of_henon_covers_what_is_known():
     """D_0 is 1.258, the proven D_1 (Young 1982), or more; 1.26 to 1.28 in the literature."""
-    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (100, 2))
-    points = systems.henon_map().orbit(starts, 4_100).points[101:].reshape(-1, 2)
+    initial_conditions = np.random.default_rng(0).uniform(-0.1, 0.1, (100, 2))
+    points = systems.henon_map().orbit(initial_conditions, 4_100).points[101:].reshape(-1, 2)
     low, high = box_dimension(points).fit.interval()
     assert low < 1.258 < high
 
@@ -90,8 +90,8 @@ def test_orbit_of_henon_covers_what_is_known():
 @pytest.mark.slow
 def test_henon_attractor():
     """Occupied boxes on [-3, 3]^2 at 2**k a side, recomputed independently; here from 2 10^7 points."""
-    starts = np.random.default_rng(0).uniform(-0.1, 0.1, (1000, 2))
-    points = systems.henon_map().orbit(starts, 20_100).points[101:].reshape(-1, 2)
+    initial_conditions = np.random.default_rng(0).uniform(-0.1, 0.1, (1000, 2))
+    points = systems.henon_map().orbit(initial_conditions, 20_100).points[101:].reshape(-1, 2)
     found = box_dimension(points, 6.0 / 2.0 ** np.arange(4, 11), origin=(-3.0, -3.0))
     expected = [17, 36, 89, 212, 504, 1184, 2775]
     assert np.abs(found.counts - expected).max() <= 1
@@ -136,10 +136,10 @@ def test_circles():
     """A closed curve round a cylinder has no ends: as many boxes at any place of the grid."""
     t = np.linspace(-pi, pi, 40_000, endpoint=False)
     points = np.stack([t, 0.0 * t], axis=1)
-    closed = box_dimension(points, scales=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
+    closed = box_dimension(points, scale=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
     np.testing.assert_allclose(closed.counts[:10], 2.0 ** np.arange(10))
     assert closed.dimension == pytest.approx(1.0, abs=1e-9)
-    turned = box_dimension(points + np.array([40.0, 0.0]), scales=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
+    turned = box_dimension(points + np.array([40.0, 0.0]), scale=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
     np.testing.assert_allclose(turned.counts[:10], closed.counts[:10])
 
 
@@ -158,10 +158,10 @@ def test_same_bits_for_any_number_of_threads():
     results = []
     for threads in (1, 3):
         set_threads(threads)
-        results.append(box_dimension(points, seed=5))
+        results.append(box_dimension(points, rng=5))
     assert np.array_equal(results[0].counts, results[1].counts)
     assert results[0].dimension == results[1].dimension
-    assert not np.array_equal(results[0].counts, box_dimension(points, seed=6).counts)
+    assert not np.array_equal(results[0].counts, box_dimension(points, rng=6).counts)
 
 
 def test_what_is_called_fractal():
@@ -174,7 +174,7 @@ def test_what_is_called_fractal():
 
 
 def test_manual_window():
-    found = box_dimension(koch(9), window=(0.002, 0.1))
+    found = box_dimension(koch(9), fit_range=(0.002, 0.1))
     inside = found.sizes[found.fit.inside]
     assert inside.min() >= 0.002
     assert inside.max() <= 0.1
@@ -190,10 +190,10 @@ def test_manual_window():
         ({"points": [[0.0], [np.nan]]}, "remove"),
         ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between"),
         ({"points": line(999), "sizes": [0.1, 0.2]}, "at least three different positive sizes"),
-        ({"points": line(999), "window": (0.3, 0.31)}, "window=.* contains 0 sizes"),
-        ({"points": line(999), "scales": -1.0}, "positive length"),
+        ({"points": line(999), "fit_range": (0.3, 0.31)}, "fit_range=.* contains 0 sizes"),
+        ({"points": line(999), "scale": -1.0}, "positive length"),
         ({"points": line(999), "coordinates": ("x",)}, "one for each column"),
-        ({"points": line(999), "offsets": 0}, "offsets=0"),
+        ({"points": line(999), "n_offsets": 0}, "n_offsets=0"),
         ({"points": line(999), "origin": np.inf}, "origin"),
     ],
 )

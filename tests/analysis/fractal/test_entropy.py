@@ -40,12 +40,12 @@ def stripes(width, basins=3):
 
 def test_map_of_grebogi_ott_and_yorke(grebogi):
     """0.403 and 0.603 on 300 x 300 cells with boxes of 6 (references.md), within two standard errors over boxes."""
-    found = basin_entropy(grebogi, box=6)
+    found = basin_entropy(grebogi, box_size=6)
     assert found.count == 2500
     assert found.entropy == pytest.approx(0.403, abs=2 * found.standard_error)
     assert found.boundary_entropy == pytest.approx(0.603, abs=2 * found.boundary_error)
     assert max(found.standard_error, found.boundary_error) < 0.007
-    at_random = basin_entropy(grebogi, box=6, positions=2500)
+    at_random = basin_entropy(grebogi, box_size=6, n_positions=2500)
     for name in ("entropy", "boundary_entropy"):
         assert getattr(at_random, name) == pytest.approx(getattr(found, name), abs=0.02)
 
@@ -56,14 +56,14 @@ def test_map_of_grebogi_ott_and_yorke_where_it_was_published():
     Half a cell makes a difference of 0.005: the boundary is as fine as the cells, and no picture of it is like another.
     """
     axes = np.linspace(0.0, 2 * pi, 300), np.linspace(-0.5, 0.5, 300)
-    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    found = basin_entropy(find_basins(systems.grebogi_ott_yorke_map(), starts).labels, box=6)
+    initial_conditions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    found = basin_entropy(find_basins(systems.grebogi_ott_yorke_map(), initial_conditions).labels, box_size=6)
     assert (found.entropy, found.boundary_entropy) == pytest.approx((0.403, 0.603), abs=5e-4)
 
 
 def test_known_boxes():
     """A box that two basins halve: ln 2; one quarter of another basin: 0.5623."""
-    found = basin_entropy([[0, 0, 1, 1, 2, 2], [0, 0, 1, 2, 2, 0]], box=2)
+    found = basin_entropy([[0, 0, 1, 1, 2, 2], [0, 0, 1, 2, 2, 0]], box_size=2)
     quarter = -0.25 * log(0.25) - 0.75 * log(0.75)
     assert found.boxes == pytest.approx(np.array([[0.0, quarter, quarter]]))
     assert found.entropy == pytest.approx(2 * quarter / 3)
@@ -74,56 +74,56 @@ def test_known_boxes():
 @pytest.mark.parametrize("basins", [2, 3, 5])
 def test_mixed_basins_reach_their_number(basins):
     """ln k but for (k - 1)/(2 n) in boxes of n cells (Miller 1955)."""
-    found = basin_entropy(mixed(basins), box=20)
+    found = basin_entropy(mixed(basins), box_size=20)
     assert found.entropy == pytest.approx(log(basins) - (basins - 1) / 800, abs=4 * found.standard_error)
     assert found.above_ln2 == found.fractal == (basins > 2)
 
 
 def test_any_dimension_and_boxes_that_are_not_square():
     solid = np.arange(4)[:, None, None] // 2 + np.zeros((4, 6, 5), int)
-    found = basin_entropy(solid, box=(4, 2, 5))
+    found = basin_entropy(solid, box_size=(4, 2, 5))
     assert found.boxes.shape == (1, 3, 1)
     assert found.entropy == pytest.approx(log(2))
-    line = basin_entropy([0, 0, 0, 1, 1, 1, 1], box=2)
+    line = basin_entropy([0, 0, 0, 1, 1, 1, 1], box_size=2)
     assert line.boxes == pytest.approx([0.0, log(2), 0.0])
 
 
 def test_cells_without_a_basin_do_not_count():
     labels = np.array([[0, 1, -1, -1, 0, 0], [0, 1, -3, 1, 0, -2]])
-    found = basin_entropy(labels, box=2)
+    found = basin_entropy(labels, box_size=2)
     assert found.boxes == pytest.approx(np.array([[log(2), np.nan, 0.0]]), nan_ok=True)
-    counted = basin_entropy(labels, box=2, also=(-2,))
+    counted = basin_entropy(labels, box_size=2, include=(-2,))
     assert counted.boxes[0, 2] == pytest.approx(-0.25 * log(0.25) - 0.75 * log(0.75))
     with pytest.raises(ValueError, match="no box has basins in half"):
-        basin_entropy([[0, -1], [-1, -1]], box=2)
+        basin_entropy([[0, -1], [-1, -1]], box_size=2)
 
 
 def test_boxes_reach_round_circles():
     labels = np.array([0, 1, 1, 1, 1, 1])
-    line = basin_entropy(labels, box=2, positions=500)
-    circle = basin_entropy(labels, box=2, positions=500, wraps=(True,))
+    line = basin_entropy(labels, box_size=2, n_positions=500)
+    circle = basin_entropy(labels, box_size=2, n_positions=500, wraps=(True,))
     assert (line.boxes > 0).mean() == pytest.approx(1 / 5, abs=0.06)
     assert (circle.boxes > 0).mean() == pytest.approx(1 / 3, abs=0.07)
 
 
 def test_two_basins_are_never_above_ln2():
-    assert not basin_entropy(np.indices((60, 60)).sum(axis=0) % 2, box=2).above_ln2
+    assert not basin_entropy(np.indices((60, 60)).sum(axis=0) % 2, box_size=2).above_ln2
 
 
 def test_smooth_stripes_narrower_than_boxes_are_not_fractal():
     """Their boxes see three basins, and the entropy is above ln 2; next to each boundary it is smooth all the same."""
-    found = basin_entropy(stripes(5), box=20)
+    found = basin_entropy(stripes(5), box_size=20)
     assert found.above_ln2
     assert not found.fractal
-    assert not basin_entropy(disc(300), box=6).fractal
+    assert not basin_entropy(disc(300), box_size=6).fractal
 
 
 @pytest.mark.parametrize(
-    ("box", "message"), [(0, "box=0"), (1, "two cells or more"), (400, "fit into"), ((2, 2, 2), "a side for each")]
+    ("box", "message"), [(0, "box_size=0"), (1, "two cells or more"), (400, "fit into"), ((2, 2, 2), "a side for each")]
 )
 def test_errors_of_boxes(box, message):
     with pytest.raises(ValueError, match=message):
-        basin_entropy(mixed(), box=box)
+        basin_entropy(mixed(), box_size=box)
 
 
 # --- the limit of a smooth boundary
@@ -164,7 +164,7 @@ def test_smooth_limit_of_boxes_against_random_lines():
     [disc(400), disc(300, 0.1), np.add.outer(np.arange(200), 1.7 * np.arange(300)) > 250, stripes(40), stripes(20)],
 )
 def test_smooth_boundaries(labels, seed):
-    found = fractal_boundary_test(labels, seed=seed)
+    found = fractal_boundary_test(labels, rng=seed)
     assert found.verdict in (SMOOTH, "undetermined")
     assert found.entropy == pytest.approx(found.smooth, abs=0.04)
 
@@ -172,7 +172,7 @@ def test_smooth_boundaries(labels, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_random_discs_on_a_circle(seed):
     """0.4395 (Puy et al. 2021), with discs of 20 cells on a circle of 350."""
-    found = fractal_boundary_test(disc(1000, 0.35), radius=20, seed=seed)
+    found = fractal_boundary_test(disc(1000, 0.35), radius=20, rng=seed)
     assert found.verdict == SMOOTH
     assert found.entropy == pytest.approx(0.4395, abs=3 * found.standard_error)
     assert found.smooth == pytest.approx(0.4395, abs=0.003)
@@ -223,26 +223,26 @@ def test_test_in_one_and_three_dimensions():
     line = (np.arange(2000) // 250) % 2
     assert fractal_boundary_test(line, radius=10).entropy == pytest.approx(0.5, abs=0.05)
     solid = np.arange(40)[:, None, None] // 20 + np.zeros((40, 30, 30), int)
-    assert fractal_boundary_test(solid, radius=4, discs=500).verdict in (SMOOTH, "undetermined")
+    assert fractal_boundary_test(solid, radius=4, n_discs=500).verdict in (SMOOTH, "undetermined")
 
 
 def test_errors_of_discs():
     with pytest.raises(ValueError, match="wider than the image"):
         fractal_boundary_test(mixed(2, (300, 9)), radius=5)
-    with pytest.raises(ValueError, match="discs=3"):
-        fractal_boundary_test(mixed(), discs=3)
+    with pytest.raises(ValueError, match="n_discs=3"):
+        fractal_boundary_test(mixed(), n_discs=3)
     with pytest.raises(ValueError, match="two different places"):
         smooth_boundary_entropy(2, [[0, 0]])
 
 
 def test_same_seed_same_discs(grebogi):
-    one, same, other = (fractal_boundary_test(grebogi, discs=300, seed=s) for s in (1, 1, 2))
+    one, same, other = (fractal_boundary_test(grebogi, n_discs=300, rng=s) for s in (1, 1, 2))
     assert np.array_equal(one.entropies, same.entropies)
     assert not np.array_equal(one.entropies, other.entropies)
 
 
 def test_plots(grebogi):
-    assert plot.basin_entropy(basin_entropy(grebogi, box=6)).get_ylabel() == "boxes"
+    assert plot.basin_entropy(basin_entropy(grebogi, box_size=6)).get_ylabel() == "boxes"
     assert plot.basin_entropy(fractal_boundary_test(grebogi)).get_ylabel() == "discs"
     assert plot.basin_entropy(basin_entropy(np.zeros((9, 9), int))).get_xlabel() == "entropy"
     with pytest.raises(TypeError, match="give a BasinEntropy"):

@@ -20,7 +20,7 @@ def test_cascade_on_its_own_grid_is_exact():
     places, weights = cascade(12)
     orders = (-3.0, -1.0, 0.0, 0.5, 1.0, 2.0, 5.0)
     sizes = 3.0 ** -np.arange(0, 12)
-    found = generalized_dimensions(places, orders, sizes, weights=weights, origin=0.0, window=(sizes[10], sizes[1]))
+    found = generalized_dimensions(places, orders, sizes, weights=weights, origin=0.0, fit_range=(sizes[10], sizes[1]))
     np.testing.assert_allclose(found.dimensions, [cascade_dimension(q) for q in orders], rtol=1e-9)
 
 
@@ -37,7 +37,7 @@ def test_cascade_on_grids_at_random_places():
 @pytest.mark.slow
 def test_uniform_measure_has_one_dimension():
     points = np.random.default_rng(0).random((300_000, 2))
-    torus = (angle("a", turn=1.0, lower=0.0), angle("b", turn=1.0, lower=0.0))
+    torus = (angle("a", period=1.0, lower=0.0), angle("b", period=1.0, lower=0.0))
     found = generalized_dimensions(points, (0, 1, 2, 4), coordinates=torus)
     np.testing.assert_allclose(found.dimensions, 2.0, atol=0.01)
     # A square has edges, which the boxes at them count in full.
@@ -65,8 +65,8 @@ def test_errors_of_orders_and_weights():
 @pytest.fixture(scope="module")
 def henon() -> np.ndarray:
     """Thirty thousand points of the attractor, one of each orbit after the other."""
-    starts = 0.1 + 0.01 * np.random.default_rng(0).random((100, 2))
-    return systems.henon_map().orbit(starts, 400).points[101:].reshape(-1, 2)
+    initial_conditions = 0.1 + 0.01 * np.random.default_rng(0).random((100, 2))
+    return systems.henon_map().orbit(initial_conditions, 400).points[101:].reshape(-1, 2)
 
 
 def test_correlation_dimension_of_henon(henon):
@@ -80,7 +80,7 @@ def test_correlation_dimension_of_henon(henon):
 def test_pairs_are_counted_exactly(henon):
     """All distances one by one, with pairs near in time left out."""
     points = henon[:1200]
-    found = correlation_dimension(points, [0.3, 0.1, 0.03], theiler=7, window=(0.03, 0.3))
+    found = correlation_dimension(points, [0.3, 0.1, 0.03], theiler=7, fit_range=(0.03, 0.3))
     distance = np.linalg.norm(points[:, None] - points[None], axis=-1)
     apart = np.abs(np.subtract.outer(np.arange(1200), np.arange(1200))) > 7
     expected = [(distance[apart] <= r).mean() for r in (0.3, 0.1, 0.03)]
@@ -92,7 +92,7 @@ def test_theiler_window_matters():
     """A slowly sampled circle is a curve through time; with neighbours in time alone the sum counts steps."""
     rng = np.random.default_rng(0)
     walk = np.cumsum(rng.normal(size=(3000, 3)), axis=0)
-    biased, freed = (correlation_dimension(walk, theiler=w, window=(2.0, 12.0)) for w in (0, 300))
+    biased, freed = (correlation_dimension(walk, theiler=w, fit_range=(2.0, 12.0)) for w in (0, 300))
     assert (freed.shares < biased.shares).sum() > 5
 
 
@@ -120,7 +120,7 @@ def test_correlation_errors():
         ({"points": points[:10]}, "too few"),
         ({"points": points, "theiler": 1999}, "theiler"),
         ({"points": points, "norm": 3}, "norm"),
-        ({"points": points, "window": (0.1, 0.1001)}, "window"),
+        ({"points": points, "fit_range": (0.1, 0.1001)}, "fit_range"),
     ):
         with pytest.raises(ValueError, match=message):
             correlation_dimension(**arguments)

@@ -37,12 +37,12 @@ def table(system, speed, cells=(512, 768)):
 
 
 @pytest.mark.parametrize(
-    ("turns", "pairs", "seed"), [(3, 300_000, 0), (3, 300_000, 1), (2, 1_000_000, 0), (2, 1_000_000, 1)]
+    ("degree", "pairs", "seed"), [(3, 300_000, 0), (3, 300_000, 1), (2, 1_000_000, 0), (2, 1_000_000, 1)]
 )
-def test_mcdonalds_map(turns, pairs, seed):
+def test_mcdonalds_map(degree, pairs, seed):
     """ln 1.5/ln turns (McDonald et al. 1985), within two standard errors."""
-    found = uncertainty_exponent(systems.mcdonald_map(turns, 1.5), UNIT, outcome=side, pairs=pairs, seed=seed)
-    assert found.exponent == pytest.approx(log(1.5) / log(turns), abs=2 * found.standard_error)
+    found = uncertainty_exponent(systems.mcdonald_map(degree, 1.5), UNIT, outcome=side, max_pairs=pairs, rng=seed)
+    assert found.exponent == pytest.approx(log(1.5) / log(degree), abs=2 * found.standard_error)
     assert found.standard_error < 0.02
     assert found.boundary_dimension == pytest.approx(2.0 - found.exponent)
     assert found.verdict == "fractal"
@@ -55,7 +55,7 @@ def test_errors_of_mcdonalds_map():
     exact = log(1.5) / log(2)
     pulls = []
     for seed in range(20):
-        found = uncertainty_exponent(systems.mcdonald_map(2, 1.5), UNIT, outcome=side, seed=seed)
+        found = uncertainty_exponent(systems.mcdonald_map(2, 1.5), UNIT, outcome=side, rng=seed)
         pulls.append(abs(found.exponent - exact) / found.standard_error)
     assert np.mean(np.array(pulls) < 1.0) > 0.5
     assert np.mean(np.array(pulls) < 2.0) >= 0.85
@@ -88,7 +88,7 @@ def test_few_pairs_do_not_shift_the_exponent(forced):
 
     One run scatters by 0.01, so that a shift shows in the mean of several.
     """
-    found = [uncertainty_exponent(forced, pairs=300_000, seed=seed) for seed in range(4)]
+    found = [uncertainty_exponent(forced, max_pairs=300_000, rng=seed) for seed in range(4)]
     assert np.mean([f.exponent for f in found]) == pytest.approx(0.308, abs=0.01)
     assert all(abs(f.exponent - 0.308) < 3.0 * f.standard_error for f in found)
     assert np.median([f.standard_error for f in found]) < 0.02
@@ -104,7 +104,7 @@ def moon_li(forcing):
 @pytest.mark.parametrize(("forcing", "pairs"), [(0.06, 300_000), (0.088, 50_000), (0.088, 200_000)])
 def test_smooth_boundary_near_its_onset_is_not_called_fractal(forcing, pairs):
     """Moon and Li's oscillator below Melnikov's 0.0881, whatever the number of pairs."""
-    assert uncertainty_exponent(moon_li(forcing), pairs=pairs).verdict != "fractal"
+    assert uncertainty_exponent(moon_li(forcing), max_pairs=pairs).verdict != "fractal"
 
 
 def rising(fall, pairs=40_000):
@@ -150,7 +150,7 @@ def test_vertically_driven_pendulum():
 def test_inverted_pendulum_is_smooth():
     """Exponent 1 (references.md)."""
     icm = table(systems.dimensionless_pendulum(-0.1, 0.545, 0.2), 5.0, (256, 384))
-    found = uncertainty_exponent(find_basins(icm, WINDOW), pairs=500_000)
+    found = uncertainty_exponent(find_basins(icm, WINDOW), max_pairs=500_000)
     assert found.exponent == pytest.approx(1.0, abs=2 * found.standard_error)
     assert found.standard_error < 0.03
     assert found.verdict == SMOOTH
@@ -159,7 +159,7 @@ def test_inverted_pendulum_is_smooth():
 def test_slices_and_lines():
     """Along a line of McDonald's map, the same exponent: the boundary's dimension falls as that of the region does."""
     line = CellGrid((0.0, 0.29), (1.0, 0.31), (100, 1))
-    found = uncertainty_exponent(systems.mcdonald_map(3, 1.5), line, outcome=side, pairs=300_000)
+    found = uncertainty_exponent(systems.mcdonald_map(3, 1.5), line, outcome=side, max_pairs=300_000)
     assert found.dimension == 1
     assert found.exponent == pytest.approx(log(1.5) / log(3), abs=max(3 * found.standard_error, 0.05))
 
@@ -170,14 +170,14 @@ def test_slices_and_lines():
 def test_a_julia_set_of_dimension_near_one_is_not_called_smooth():
     """z^2 + 0.05: a fractal of dimension 1 + 0.05^2/(4 ln 2) = 1.0009 (Ruelle 1982), which pairs cannot tell from 1."""
     square = discrete_map(lambda x, p: (x[0] ** 2 - x[1] ** 2 + 0.05, 2 * x[0] * x[1]), {}, ("x", "y"))
-    found = uncertainty_exponent(square, CellGrid((-1.3, -1.3), (1.3, 1.3), (10, 10)), also=(-2,), pairs=300_000)
+    found = uncertainty_exponent(square, CellGrid((-1.3, -1.3), (1.3, 1.3), (10, 10)), include=(-2,), max_pairs=300_000)
     assert found.boundary_dimension == pytest.approx(1.0 + 0.05**2 / (4.0 * log(2.0)), abs=3.0 * found.standard_error)
     assert found.verdict == "consistent with smooth"
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_line_is_not_fractal(seed):
-    found = uncertainty_exponent(SIGNS, CellGrid((-3, -1), (3, 1), (10, 10)), pairs=300_000, seed=seed)
+    found = uncertainty_exponent(SIGNS, CellGrid((-3, -1), (3, 1), (10, 10)), max_pairs=300_000, rng=seed)
     assert found.verdict == SMOOTH
     assert found.exponent == pytest.approx(1.0, abs=3 * found.standard_error)
 
@@ -195,7 +195,7 @@ def test_narrow_stripes_are_not_fractal():
 
 def test_no_boundary():
     halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
-    found = uncertainty_exponent(halves, CellGrid((-1, -1), (1, 1), (9, 9)), pairs=10_000)
+    found = uncertainty_exponent(halves, CellGrid((-1, -1), (1, 1), (9, 9)), max_pairs=10_000)
     assert found.verdict == "no boundary"
     assert found.fit is None
     assert np.isnan(found.exponent)
@@ -223,10 +223,10 @@ def test_diverging_starts_count_on_demand():
     """Henon's map: the boundary between bounded and diverging starts, fractal; without it there is one basin only."""
     henon, region = systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (10, 10))
     basins = find_basins(henon, CellGrid((-2.0, -2.0), (2.0, 2.0), (64, 64)))
-    alone = uncertainty_exponent(basins, region, pairs=5000)
+    alone = uncertainty_exponent(basins, region, max_pairs=5000)
     assert (alone.verdict, alone.uncertain.sum()) == ("no boundary", 0)
     assert alone.left_out.sum() > 2000
-    both = uncertainty_exponent(basins, region, also=(-2,), pairs=20_000)
+    both = uncertainty_exponent(basins, region, include=(-2,), max_pairs=20_000)
     assert both.left_out.sum() == 0
     assert both.uncertain[0] > 20
 
@@ -250,16 +250,16 @@ def test_same_bits_for_any_number_of_threads():
     tables = []
     for threads in (1, 3):
         set_threads(threads)
-        found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, pairs=60_000, seed=4)
+        found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, max_pairs=60_000, rng=4)
         tables.append((found.pairs.tolist(), found.uncertain.tolist(), found.exponent))
     assert tables[0] == tables[1]
-    other = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, pairs=60_000, seed=5)
+    other = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, max_pairs=60_000, rng=5)
     assert other.uncertain.tolist() != tables[0][1]
 
 
 def test_intervals_are_wilsons():
     """0 of 10: 0 to 0.2775 (Wilson 1927)."""
-    found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, pairs=20_000)
+    found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, max_pairs=20_000)
     low, high = replace(found, uncertain=np.array([0]), pairs=np.array([10])).intervals[0]
     assert (low, high) == (0.0, pytest.approx(0.2775, abs=1e-4))
 
@@ -272,8 +272,8 @@ def test_intervals_are_wilsons():
         ({"region": CellGrid((0, -2), (1, 2), (1, 1))}, "one cell"),
         ({"outcome": 3}, "outcome=3: give a function"),
         ({"outcome": lambda x: x}, "return one whole number for each"),
-        ({"also": (3,)}, "also=3: give a whole number|also=3: give negative labels"),
-        ({"pairs": 10}, "pairs=10"),
+        ({"include": (3,)}, "include=3: give a whole number|include=3: give negative labels"),
+        ({"max_pairs": 10}, "max_pairs=10"),
         ({"distances": [0.1, 0.2]}, "decreasing list"),
     ],
 )
@@ -328,22 +328,22 @@ def test_picture_of_grebogi_ott_and_yorke():
 def test_pairs_reach_round_circles():
     """On a circle of 12 cells a half has two ends, on a line one."""
     labels = np.arange(12) // 6
-    line = image_uncertainty_exponent(labels, steps=[1])
-    circle = image_uncertainty_exponent(labels, steps=[1], wraps=(True,))
+    line = image_uncertainty_exponent(labels, distances=[1])
+    circle = image_uncertainty_exponent(labels, distances=[1], wraps=(True,))
     assert (line.uncertain.tolist(), line.pairs.tolist()) == ([1], [11])
     assert (circle.uncertain.tolist(), circle.pairs.tolist()) == ([2], [12])
 
 
 def test_labels_without_a_basin_are_left_out():
     labels = np.array([[0, 0, -1, 1], [0, -2, 1, 1]])
-    found = image_uncertainty_exponent(labels, steps=[1])
+    found = image_uncertainty_exponent(labels, distances=[1])
     # Along columns 0 1 | -1 1, ...: pairs 0-0, 0|-1, -1|1; 0|-2, -2|1, 1-1; and 0-0, 0|-2, -1|1, 1-1 across.
     assert (found.pairs.sum(), found.uncertain.sum(), found.left_out.sum()) == (4, 0, 6)
-    both = image_uncertainty_exponent(labels, steps=[1], also=(-2,))
+    both = image_uncertainty_exponent(labels, distances=[1], include=(-2,))
     assert (both.pairs.sum(), both.uncertain.sum()) == (7, 3)
-    missing = image_uncertainty_exponent(np.where(labels < 0, np.nan, labels), steps=[1])
+    missing = image_uncertainty_exponent(np.where(labels < 0, np.nan, labels), distances=[1])
     assert missing.pairs.sum() == 4
-    masked = image_uncertainty_exponent(np.ma.masked_less(labels, 0), steps=[1])
+    masked = image_uncertainty_exponent(np.ma.masked_less(labels, 0), distances=[1])
     assert masked.pairs.sum() == 4
 
 
@@ -373,7 +373,7 @@ def test_basins_of_single_starts_are_no_picture():
 
 
 def test_plot():
-    found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, pairs=100_000)
+    found = uncertainty_exponent(systems.mcdonald_map(), UNIT, outcome=side, max_pairs=100_000)
     ax = plot.uncertainty_exponent(found)
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     assert ax.get_title() == f"McDonald: {found.verdict}"

@@ -105,7 +105,7 @@ def test_labels_without_a_basin():
     gaps = np.where(labels == 2, -1, labels)
     assert wada_merging(gaps).basins == (0, 1)
     assert wada_merging(np.where(labels == 1, -3, labels)).cells == 2 * 40  # 2 | 0 alone
-    assert wada_merging(np.where(labels == 2, -2, labels), also=(-2,)).basins == (-2, 0, 1)
+    assert wada_merging(np.where(labels == 2, -2, labels), include=(-2,)).basins == (-2, 0, 1)
     fine = stripes(1).astype(float)
     fine[:40, :40] = np.nan
     assert wada_merging(fine).verdict == "Wada"
@@ -146,7 +146,7 @@ def test_merging_basins_of_pendulums(wada_pendulum, partial_pendulum):
 
 def test_wada_pendulum(wada_pendulum):
     """th'' + 0.2 th' + sin th = 1.66 cos t has three Wada basins (Nusse, Ott, Yorke 1995; Daza et al. 2015)."""
-    found = wada_grid(find_basins(wada_pendulum, window(100)), steps=12)
+    found = wada_grid(find_basins(wada_pendulum, window(100)), refinements=12)
     assert len(found.basins) == 3
     assert found.verdict == "Wada"
     assert found.shares[0, 3] < 0.8  # the centres alone do not tell
@@ -158,7 +158,7 @@ def test_wada_pendulum(wada_pendulum):
 
 def test_partially_wada_pendulum(partial_pendulum):
     """At a forcing of 1.71 there are four basins, and some boundary has two of them only (Wagemakers et al. 2021)."""
-    found = wada_grid(find_basins(partial_pendulum, window(100)), points=500_000)
+    found = wada_grid(find_basins(partial_pendulum, window(100)), max_points=500_000)
     assert len(found.basins) == 4
     assert found.verdict == "partially"
     # Boxes that lack a basin become half as many from step to step where the boundary is Wada; here they stay.
@@ -181,7 +181,7 @@ def test_smooth_basins_are_not_wada_on_the_grid():
     def sector(points):
         return np.floor((np.arctan2(points[:, 1], points[:, 0]) + pi) / (2.001 * pi / 3)).astype(int)
 
-    found = wada_grid(still, CellGrid((-1, -1), (1, 1), (80, 60)), outcome=sector, steps=8)
+    found = wada_grid(still, CellGrid((-1, -1), (1, 1), (80, 60)), outcome=sector, refinements=8)
     assert found.basins == (0, 1, 2)
     assert found.verdict == "not"
     assert found.shares[-1, 3] < 0.1
@@ -214,7 +214,7 @@ def test_newtons_method_for_three_roots_is_wada():
     found = wada_grid(basins)
     assert found.verdict == "Wada"
     assert found.closer[3] > 0.98 * found.closer.sum() > 350
-    for unresolved in (wada_grid(basins, steps=0), wada_grid(basins, points=100)):
+    for unresolved in (wada_grid(basins, refinements=0), wada_grid(basins, max_points=100)):
         assert unresolved.verdict == "not"
 
 
@@ -229,7 +229,7 @@ def test_starts_without_a_basin_have_no_colour():
     apart = wada_grid(cubic, region, outcome=rule)
     assert apart.basins == (0,)
     assert apart.boundary == 0
-    both = wada_grid(cubic, region, outcome=rule, also=(-2,))
+    both = wada_grid(cubic, region, outcome=rule, include=(-2,))
     assert both.basins == (-2, 0)
     assert both.verdict == "not"
     assert both.boundary == 4 * 30
@@ -237,11 +237,11 @@ def test_starts_without_a_basin_have_no_colour():
 
 def test_maps_and_slices(wada_pendulum, small):
     """Without basins these are found first; an axis of one cell is held."""
-    line = wada_grid(wada_pendulum, CellGrid((-pi, 0.4), (pi, 0.6), (300, 1)), steps=6)
+    line = wada_grid(wada_pendulum, CellGrid((-pi, 0.4), (pi, 0.6), (300, 1)), refinements=6)
     assert line.colours.shape == (300, 1)
     assert len(line.basins) == 3
-    same = wada_grid(wada_pendulum, window(40), steps=3)
-    again = wada_grid(small, steps=3)
+    same = wada_grid(wada_pendulum, window(40), refinements=3)
+    again = wada_grid(small, refinements=3)
     assert np.array_equal(same.boxes, again.boxes)
 
 
@@ -249,18 +249,18 @@ def test_same_counts_for_any_number_of_threads(small):
     counts = []
     for threads in (1, 3):
         set_threads(threads)
-        counts.append(wada_grid(small, steps=6).boxes)
+        counts.append(wada_grid(small, refinements=6).boxes)
     assert np.array_equal(*counts)
 
 
 def test_budget(small):
-    found = wada_grid(small, points=1000)
+    found = wada_grid(small, max_points=1000)
     assert found.points[1:].sum() <= 1000
-    assert wada_grid(small, steps=0).boxes.shape == (1, 4)
+    assert wada_grid(small, refinements=0).boxes.shape == (1, 4)
 
 
 def test_plots(small):
-    found = wada_grid(small, steps=5)
+    found = wada_grid(small, refinements=5)
     assert plot.wada(found).get_xlabel() == "step"
     assert plot.wada(wada_merging(stripes(1))).get_title() == "Wada"
     with pytest.raises(TypeError, match="give a WadaGrid"):

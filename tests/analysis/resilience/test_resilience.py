@@ -77,7 +77,7 @@ def pendulum() -> Basins:
 @pytest.fixture(scope="module")
 def shocks(pendulum: Basins) -> list[FatalShock]:
     """Out of the hanging and out of the inverted pendulum."""
-    return [minimal_fatal_shock(pendulum, k, trials=1024) for k in (0, 1)]
+    return [minimal_fatal_shock(pendulum, k, n_trials=1024) for k in (0, 1)]
 
 
 # --- binomial intervals
@@ -113,12 +113,12 @@ def test_intervals_cover_a_known_share_as_often_as_they_say(cubic: PointMap, lin
     window = CellGrid((-0.5,), (1.5,), (1,))
     hits = 0
     for seed in range(200):
-        right = basin_stability(line, window, n=100, seed=seed).shares[0]
+        right = basin_stability(line, window, n_samples=100, rng=seed).shares[0]
         hits += right.low <= 0.75 <= right.high
     assert hits >= 184
     assert (
-        basin_stability(line, window, n=100, seed=5).labels.tolist()
-        != basin_stability(line, window, n=100, seed=6).labels.tolist()
+        basin_stability(line, window, n_samples=100, rng=5).labels.tolist()
+        != basin_stability(line, window, n_samples=100, rng=6).labels.tolist()
     )
 
 
@@ -130,19 +130,19 @@ def test_normal_distribution_of_perturbations(line: Basins) -> None:
 
     back = float(np.roots([-0.5, 0.0, 1.5, sqrt(3.0)]).real.max())  # its image is -sqrt 3
     known = below(sqrt(3.0)) - below(0.0) + below(sqrt(5.0)) - below(back)
-    found = basin_stability(line, lambda rng, n: rng.normal(1.0, 0.4, (n, 1)), n=40_000, confidence=0.999)
+    found = basin_stability(line, lambda rng, n: rng.normal(1.0, 0.4, (n, 1)), n_samples=40_000, confidence=0.999)
     assert found.shares[0].low < known < found.shares[0].high
     assert found.shares[0].standard_error == pytest.approx(sqrt(known * (1 - known) / 40_000), rel=0.02)
 
 
 def test_undecided_states_belong_to_no_basin_and_widen_the_intervals(line: Basins) -> None:
     window = CellGrid((-0.5,), (1.5,), (1,))
-    hasty = basin_stability(line, window, n=4000, max_periods=6)
+    hasty = basin_stability(line, window, n_samples=4000, max_periods=6)
     assert hasty.undecided > 50
     assert sum(s.count for s in hasty.shares.values()) == 4000
     assert hasty.shares[-3].count == hasty.undecided
     assert hasty.shares[0].low < 0.75 < hasty.shares[0].high
-    patient = basin_stability(line, window, n=4000)
+    patient = basin_stability(line, window, n_samples=4000)
     assert patient.undecided == 0
     assert -3 not in patient.shares
     width = [b.shares[0].high - b.shares[0].low for b in (hasty, patient)]
@@ -151,13 +151,13 @@ def test_undecided_states_belong_to_no_basin_and_widen_the_intervals(line: Basin
 
 def test_a_map_with_attractors_will_do(cubic: PointMap, line: Basins) -> None:
     window = CellGrid((-0.5,), (1.5,), (1,))
-    a = basin_stability(cubic, window, n=500, attractors=line.attractors, seed=3)
-    b = basin_stability(line, window, n=500, seed=3)
+    a = basin_stability(cubic, window, n_samples=500, attractors=line.attractors, rng=3)
+    b = basin_stability(line, window, n_samples=500, rng=3)
     assert np.array_equal(a.labels, b.labels)
 
 
 def test_states_that_diverge_have_a_share_of_their_own(disc: Basins) -> None:
-    found = basin_stability(disc, n=20_000, seed=1)
+    found = basin_stability(disc, n_samples=20_000, rng=1)
     assert found.shares[0].low < pi / 9.0 < found.shares[0].high
     assert found.shares[-2].count + found.shares[0].count == 20_000
 
@@ -166,7 +166,7 @@ def test_same_bits_for_any_number_of_threads(pendulum: Basins) -> None:
     results = []
     for threads in (1, 2):
         set_threads(threads)
-        results.append(basin_stability(pendulum, n=20_000, point_map=pendulum.point_map))
+        results.append(basin_stability(pendulum, n_samples=20_000, point_map=pendulum.point_map))
     assert np.array_equal(results[0].labels, results[1].labels)
     assert np.array_equal(results[0].settling_time, results[1].settling_time)
 
@@ -174,7 +174,7 @@ def test_same_bits_for_any_number_of_threads(pendulum: Basins) -> None:
 @pytest.mark.parametrize(
     ("change", "error", "match"),
     [
-        ({"n": 0}, ValueError, "n=0"),
+        ({"n_samples": 0}, ValueError, "n_samples=0"),
         ({"distribution": 3}, TypeError, "distribution=3"),
         ({"distribution": lambda rng, n: np.zeros((n, 2))}, ValueError, "last axis"),
         ({"distribution": lambda rng, n: np.zeros((n - 1, 1))}, ValueError, "return 10000 states"),
@@ -303,7 +303,7 @@ def test_shocks_do_not_depend_on_where_a_circle_is_cut(cut: float) -> None:
     halves = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=cut), "y"))
     basins = find_basins(halves, CellGrid((cut, -1.0), (cut + 2 * pi, 1.0), (64, 20)))
     for k in (0, 1):
-        assert minimal_fatal_shock(basins, k, scale=1.0, trials=256).size == pytest.approx(pi / 2, abs=1e-9)
+        assert minimal_fatal_shock(basins, k, scale=1.0, n_trials=256).size == pytest.approx(pi / 2, abs=1e-9)
 
 
 def test_shock_out_of_the_inverted_pendulum_ends_on_the_saddles_stable_manifold(shocks: list[FatalShock]) -> None:
@@ -330,7 +330,7 @@ def test_shock_out_of_the_inverted_pendulum_ends_on_the_saddles_stable_manifold(
 
 def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
     """The two rotations, labels 2 and 3, are mirror images."""
-    sizes = [minimal_fatal_shock(pendulum, k, scale=(1.0, 300.0), trials=512).size for k in (2, 3)]
+    sizes = [minimal_fatal_shock(pendulum, k, scale=(1.0, 300.0), n_trials=512).size for k in (2, 3)]
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-7)
 
 
@@ -345,7 +345,7 @@ def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
         (0, {"point": (2.0,)}, "point has shape"),
         (0, {"along": ["z"]}, "along='z'"),
         (0, {"along": []}, "along is empty"),
-        (0, {"trials": 0}, "trials=0"),
+        (0, {"n_trials": 0}, "n_trials=0"),
     ],
 )
 def test_what_a_shock_refuses(disc: Basins, label: int, change: Any, match: str) -> None:
@@ -374,8 +374,8 @@ def test_undecided_cells_are_not_fatal(disc: Basins) -> None:
 
 
 def test_starts_without_a_grid_serve_as_well() -> None:
-    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (3000, 2))
-    basins = find_basins(discrete_map(_disc, {}, ("x", "y")), starts)
+    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (3000, 2))
+    basins = find_basins(discrete_map(_disc, {}, ("x", "y")), initial_conditions)
     with pytest.raises(ValueError, match="scale is missing"):
         minimal_fatal_shock(basins, 0)
     assert minimal_fatal_shock(basins, 0, scale=1.0).size == pytest.approx(1.0, abs=1e-9)
@@ -512,7 +512,7 @@ def test_attractors_are_matched_between_turned_bases(match: str) -> None:
 
 def test_attractors_far_away_or_without_overlap_do_not_continue(cubic: PointMap, line: Basins) -> None:
     moved = find_basins(cubic.with_params(c=1.2), line.grid)
-    assert tipping_probabilities(line, moved, farthest=0.1).continuation == (None, None)
+    assert tipping_probabilities(line, moved, threshold=0.1).continuation == (None, None)
     lost = tipping_probabilities(line, replace(moved, attractors=moved.attractors[:1], labels=0 * moved.labels))
     assert sorted(k is None for k in lost.continuation) == [False, True]
     assert lost.tipping[lost.continuation.index(None), 0] == 1.0
@@ -547,8 +547,8 @@ def test_what_matching_refuses(line: Basins) -> None:
         tipping_probabilities([0, 1], [0, 1], match="distance")
     with pytest.raises(ValueError, match="match='name'"):
         tipping_probabilities(line, line, match="name")
-    with pytest.raises(ValueError, match="farthest=0"):
-        tipping_probabilities(line, line, farthest=0.0)
+    with pytest.raises(ValueError, match="threshold=0"):
+        tipping_probabilities(line, line, threshold=0.0)
 
 
 def test_labels_alone_and_codes() -> None:
@@ -583,7 +583,7 @@ def test_tipping_refuses_other_windows(cubic: PointMap, line: Basins) -> None:
 
 
 def test_pictures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[FatalShock]) -> None:
-    assert len(plot.basin_stability(basin_stability(disc, n=50)).patches) == 2
+    assert len(plot.basin_stability(basin_stability(disc, n_samples=50)).patches) == 2
     assert len(plot.settling_times(settling_statistics(pendulum)).get_lines()) == 4
     for picture in (
         plot.fatal_shock(shocks[1], basins=pendulum),
@@ -602,7 +602,7 @@ def test_pictures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[Fat
 
 def test_pictures_of_one_coordinate(line: Basins) -> None:
     """A strip in the colours of the basins: the shock ends where they change, the ball within one of them."""
-    shock = minimal_fatal_shock(line, 0, scale=1.0, trials=64)
+    shock = minimal_fatal_shock(line, 0, scale=1.0, n_trials=64)
     ax = plot.fatal_shock(shock, basins=line)
     assert len(ax.patches) == 2
     arrow = ax.get_lines()[1].get_xydata()
@@ -620,10 +620,10 @@ def test_pictures_of_one_coordinate(line: Basins) -> None:
 
 def test_records_say_what_they_are_in_one_line(disc: Basins, line: Basins) -> None:
     records = [
-        basin_stability(disc, n=50),
+        basin_stability(disc, n_samples=50),
         settling_statistics(disc),
         settling_statistics(disc).basins[0],
-        minimal_fatal_shock(disc, 0, trials=64),
+        minimal_fatal_shock(disc, 0, n_trials=64),
         local_integrity(disc, 0, refine=False),
         tipping_probabilities(line, line),
     ]

@@ -79,9 +79,9 @@ def test_faults_of_a_record() -> None:
     np.testing.assert_allclose(record_acceleration(SINE, TIMES, offset=9.8, drift=2.0), clean + 9.8 + 2.0 * TIMES)
     volts = record_acceleration(SINE, TIMES, volts_per_g=0.1)
     np.testing.assert_allclose(volts, clean / 98.0)
-    noisy = record_acceleration(SINE, TIMES, noise=3.0, seed=1)
+    noisy = record_acceleration(SINE, TIMES, noise=3.0, rng=1)
     assert np.std(noisy - clean) == pytest.approx(3.0, rel=0.05)  # 2,000 samples tell it to 1.6 %
-    assert (noisy == record_acceleration(SINE, TIMES, noise=3.0, seed=1)).all()
+    assert (noisy == record_acceleration(SINE, TIMES, noise=3.0, rng=1)).all()
     coloured = record_acceleration(SINE, TIMES, noise=3.0, noise_time=2e-3) - clean
     neighbours = np.corrcoef(coloured[:-1], coloured[1:])[0, 1]
     assert neighbours == pytest.approx(np.exp(-0.25), abs=0.06)  # 5e-4 s apart; (1 - r^2)/n is 0.014
@@ -89,7 +89,7 @@ def test_faults_of_a_record() -> None:
     assert np.abs(stepped - clean).max() <= 0.5 * 400.0 / 128 + 1e-9
     np.testing.assert_allclose(stepped / (400.0 / 128), np.rint(stepped / (400.0 / 128)), atol=1e-9)
     assert np.abs(record_acceleration(SINE, TIMES, full_scale=200.0)).max() == 200.0
-    lost = np.isnan(record_acceleration(SINE, TIMES, missing=0.3, seed=2)).mean()
+    lost = np.isnan(record_acceleration(SINE, TIMES, missing=0.3, rng=2)).mean()
     assert lost == pytest.approx(0.3, abs=0.04)  # 0.01 of standard error
 
 
@@ -120,7 +120,7 @@ def test_a_clean_record_gives_the_drive_back(drive: Effect, offset: float) -> No
 
 def test_the_least_squares_are_those_of_scipy() -> None:
     """All parameters at once by SciPy; its Jacobian and the residuals give the same errors for white noise."""
-    record = record_acceleration(TWO, SHORT, noise=10.0, offset=9.8, drift=5.0, seed=4)
+    record = record_acceleration(TWO, SHORT, noise=10.0, offset=9.8, drift=5.0, rng=4)
     found = recover_drive(SHORT, record, harmonics=2, noise="white")
 
     def residual(p: Array) -> Array:
@@ -147,7 +147,7 @@ def test_the_least_squares_are_those_of_scipy() -> None:
 
 def test_errors_of_a_sine_are_the_least_possible() -> None:
     """Cramer and Rao: amplitude sqrt(2/n) s, frequency sqrt(6/n)/(pi T R) s, for n samples of white noise s."""
-    record = record_acceleration(SINE, TIMES, noise=3.0, seed=8)
+    record = record_acceleration(SINE, TIMES, noise=3.0, rng=8)
     found = recover_drive(TIMES, record, noise="white", drift=False)
     peak = 0.003 * (2.0 * pi * 47.37) ** 2
     assert found.frequency_error == pytest.approx(3.0 * np.sqrt(6.0 / 2000) / (pi * peak), rel=0.05)
@@ -159,17 +159,17 @@ def test_errors_of_a_sine_are_the_least_possible() -> None:
 
 def uneven(seed: int) -> tuple[Array, Array]:
     times = np.sort(np.random.default_rng(seed).uniform(0.0, 0.5, 500))
-    return times, record_acceleration(SINE, times, 30.0, seed=seed)
+    return times, record_acceleration(SINE, times, 30.0, rng=seed)
 
 
 RECORDS: dict[str, tuple[Effect, Callable[[int], tuple[Array, Array]]]] = {
-    "white": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, offset=9.8, seed=s))),
-    "two harmonics": (TWO, lambda s: (SHORT, record_acceleration(TWO, SHORT, 10.0, seed=s))),
-    "coloured": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, 0.005, seed=s))),
+    "white": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, offset=9.8, rng=s))),
+    "two harmonics": (TWO, lambda s: (SHORT, record_acceleration(TWO, SHORT, 10.0, rng=s))),
+    "coloured": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, 0.005, rng=s))),
     "uneven": (SINE, uneven),
-    "lost": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, missing=0.5, seed=s))),
-    "8 bits": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 2.0, full_scale=400.0, bits=8, seed=s))),
-    "saturated": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 10.0, full_scale=200.0, seed=s))),
+    "lost": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, missing=0.5, rng=s))),
+    "8 bits": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 2.0, full_scale=400.0, bits=8, rng=s))),
+    "saturated": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 10.0, full_scale=200.0, rng=s))),
 }
 
 
@@ -223,7 +223,7 @@ def test_noise_is_no_drive() -> None:
     for seed in range(60):
         memory = 0.02 * (seed % 2)
         try:
-            recover_drive(SHORT, record_acceleration(VerticalDrive(1e-15, 50.0), SHORT, 1.0, memory, seed=seed))
+            recover_drive(SHORT, record_acceleration(VerticalDrive(1e-15, 50.0), SHORT, 1.0, memory, rng=seed))
             found += 1
         except ValueError as error:
             assert "no drive found" in str(error)
@@ -246,7 +246,7 @@ def test_triangles_have_their_harmonics() -> None:
 def test_a_fundamental_below_a_stronger_harmonic_is_found() -> None:
     """The second and third harmonic accelerate 5 and 4 times as much."""
     drive = HarmonicDrive((0.001, 0.00125, 0.00045), (1.0, 2.0, 3.0), 20.3)
-    found = recover_drive(TIMES, record_acceleration(drive, TIMES, noise=1.0, seed=2))
+    found = recover_drive(TIMES, record_acceleration(drive, TIMES, noise=1.0, rng=2))
     assert len(found.amplitudes) == 3
     assert np.abs(deviations(drive, found)).max() < 4.0
 
@@ -289,7 +289,7 @@ def test_slow_noise_is_no_far_fundamental() -> None:
     for seed in range(40):
         rate = rng.uniform(17.0, 24.0)
         drive = HarmonicDrive((0.003, 0.0003, 0.0001), (rng.uniform(-3.0, 3.0), 1.0, 2.0), rate)
-        found = recover_drive(times, record_acceleration(drive, times, noise=3.0, noise_time=0.05, seed=seed))
+        found = recover_drive(times, record_acceleration(drive, times, noise=3.0, noise_time=0.05, rng=seed))
         assert found.frequency == pytest.approx(rate, abs=0.1)
 
 
@@ -305,7 +305,7 @@ def test_a_long_list_of_harmonics_is_shortened() -> None:
 
 def test_phases_about_pi_agree_round_the_circle() -> None:
     drive = VerticalDrive(0.003, 47.37, pi)
-    found = [recover_drive(SHORT, record_acceleration(drive, SHORT, 10.0, seed=s)) for s in range(20)]
+    found = [recover_drive(SHORT, record_acceleration(drive, SHORT, 10.0, rng=s)) for s in range(20)]
     phases = np.array([f.phases[0] for f in found])
     assert (phases > 3.0).any() and (phases < -3.0).any()
     assert np.abs([wrapped(f.phases[0] - pi) / f.phase_errors[0] for f in found]).max() < 3.5
@@ -314,7 +314,7 @@ def test_phases_about_pi_agree_round_the_circle() -> None:
 @pytest.mark.parametrize("drift", [0.0, 1e4])
 def test_three_periods_are_enough(drift: float) -> None:
     times = np.arange(64) / 1000.0
-    found = recover_drive(times, record_acceleration(SINE, times, 5.0, drift=drift, seed=1))
+    found = recover_drive(times, record_acceleration(SINE, times, 5.0, drift=drift, rng=1))
     assert np.abs(deviations(SINE, found)).max() < 3.5
     assert found.drift == pytest.approx(drift, abs=4 * found.drift_error)
 
@@ -364,7 +364,7 @@ def test_a_dead_time_is_a_gap(value: float | None) -> None:
     """For a seventh of the record the sensor repeats one reading; taken for data, 0.003 m come out 15 % too small."""
     dead = slice(600, 900)
     for limits in (inf, 600.0):
-        record = np.clip(record_acceleration(SINE, TIMES, noise=1.0, seed=4), -limits, limits)
+        record = np.clip(record_acceleration(SINE, TIMES, noise=1.0, rng=4), -limits, limits)
         record[dead] = record[600] if value is None else value
         found = recover_drive(TIMES, record)
         assert found.missing in (300, 301)
@@ -373,8 +373,8 @@ def test_a_dead_time_is_a_gap(value: float | None) -> None:
 
 def test_a_wave_that_rests_in_every_period_is_not_dead() -> None:
     """Two of five parts of each period are even: they belong to the wave, and nothing is left out."""
-    turns = 20.0 * TIMES
-    shape = np.where(np.mod(turns, 1.0) < 0.6, np.sin(2.0 * pi * np.mod(turns, 1.0) / 0.6), 0.0)
+    rotations = 20.0 * TIMES
+    shape = np.where(np.mod(rotations, 1.0) < 0.6, np.sin(2.0 * pi * np.mod(rotations, 1.0) / 0.6), 0.0)
     found = recover_drive(TIMES, 300.0 * shape)
     assert found.missing == 0
     assert found.frequency == pytest.approx(20.0, rel=1e-3)
@@ -415,7 +415,7 @@ def test_noise_does_not_widen_the_fit() -> None:
     true = 2.0 * 0.003 * (2.0 * pi * 47.37) ** 2
     found, extremes = [], []
     for seed in range(10):
-        record = record_acceleration(SINE, TIMES, 30.0, seed=seed)
+        record = record_acceleration(SINE, TIMES, 30.0, rng=seed)
         one = recover_drive(TIMES, record)
         found.append((one.peak_to_peak - true) / one.peak_to_peak_error)
         extremes.append(np.ptp(record) / true)
@@ -431,7 +431,7 @@ def test_peak_to_peak_of_harmonics() -> None:
     assert found.peak_to_peak == pytest.approx(np.ptp(found.acceleration(fine)), rel=1e-8)
     errors = []
     for seed in range(40):
-        one = recover_drive(SHORT, record_acceleration(TWO, SHORT, 10.0, seed=seed), harmonics=2)
+        one = recover_drive(SHORT, record_acceleration(TWO, SHORT, 10.0, rng=seed), harmonics=2)
         errors.append((one.peak_to_peak - np.ptp(pivot_acceleration(TWO, fine))) / one.peak_to_peak_error)
     assert np.std(errors) == pytest.approx(1.0, abs=0.35)  # three standard errors of 40
 

@@ -39,7 +39,7 @@ TIMES = np.arange(200) / 200.0
 def test_angles_from_below_counter_clockwise() -> None:
     """Down, right, up and left in a picture whose rows go down: 0, pi/2, pi, 3 pi/2, and on."""
     turn = np.arange(9) * pi / 4
-    found = joint_angles(tracks_of(np.arange(9.0), turn), [PIVOT], window=5)
+    found = joint_angles(tracks_of(np.arange(9.0), turn), [PIVOT], window_length=5)
     assert found.angles[:, 0] == pytest.approx(turn)
     assert repr(found) == "JointAngles(9 frames, angles in 9, stretches: 1)"
 
@@ -89,7 +89,7 @@ def test_standard_errors_cover() -> None:
     rates = np.stack([7.2 * np.cos(6.0 * TIMES), np.full(200, 5.0)], axis=-1)
     off, slopes = [], []
     for seed in range(40):
-        found = joint_angles(tracks_of(TIMES, angles, noise=0.05, seed=seed), [PIVOT, 0], window=9)
+        found = joint_angles(tracks_of(TIMES, angles, noise=0.05, seed=seed), [PIVOT, 0], window_length=9)
         apart = found.angles - angles
         off.append(apart / found.errors)
         slopes.append((found.rates - rates) / found.rate_errors)
@@ -138,8 +138,8 @@ def test_turns_across_a_long_gap_are_not_known() -> None:
         ([0], {}, "a marker is not its own pivot"),
         ([3], {}, r"pivots\[0\]=3"),
         ([(1.0, np.nan)], {}, r"pivots\[0\]\[1\]=nan"),
-        ([PIVOT], {"window": 6}, "window=6: give an odd number"),
-        ([PIVOT], {"window": 3}, "window=3: give a whole number of at least 5"),
+        ([PIVOT], {"window_length": 6}, "window_length=6: give an odd number"),
+        ([PIVOT], {"window_length": 3}, "window_length=3: give a whole number of at least 5"),
         ([PIVOT], {"turn_limit": 1.0}, "turn_limit=1.0"),
     ],
 )

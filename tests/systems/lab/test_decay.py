@@ -41,7 +41,7 @@ def film(amplitude: float, coefficients: dict[str, float], noise: float = 0.0, s
 
 def test_a_parabola_is_found_exactly() -> None:
     times = 0.27 * np.arange(1, 21)
-    found = quadratic_decay(envelope(0.0082 * times**2 - 0.1979 * times + 1.28, times), start=0.0)
+    found = quadratic_decay(envelope(0.0082 * times**2 - 0.1979 * times + 1.28, times), start_time=0.0)
     np.testing.assert_allclose(found.coefficients, [0.0082, -0.1979, 1.28], rtol=1e-10)
     assert found.rmse < 1e-12
     # paper.md: the report's own fit has 54 % of the curvature of an exponential.
@@ -55,7 +55,7 @@ def test_intervals_of_the_parabola_cover_as_often_as_they_say() -> None:
     exact, inside = np.array([0.0082, -0.1979, 1.28]), []
     for seed in range(400):
         noise = np.random.default_rng(seed).normal(0.0, 0.006664, times.size)
-        found = quadratic_decay(envelope(np.polyval(exact, times) + noise, times), start=0.0)
+        found = quadratic_decay(envelope(np.polyval(exact, times) + noise, times), start_time=0.0)
         inside.append(np.abs(found.coefficients - exact) < found.half_widths())
     # Binomial standard error of 400 trials: 0.011.
     assert np.mean(inside, axis=0) == pytest.approx([0.95] * 3, abs=0.035)
@@ -119,9 +119,9 @@ def test_kinds_are_told_apart_and_measured_at_large_amplitude(kind: str, coeffic
 
 def test_a_parabola_cannot_tell_kinds_apart_at_large_amplitude() -> None:
     """Wide swings bend the profile of purely viscous damping down, to 59 % of the curvature of its exponential."""
-    viscous = quadratic_decay(swing_envelope(TIMES, film(1.3, {"damping": 0.4})), start=0.0)
+    viscous = quadratic_decay(swing_envelope(TIMES, film(1.3, {"damping": 0.4})), start_time=0.0)
     assert 0.5 < viscous.curvature < 0.75
-    narrow = quadratic_decay(swing_envelope(TIMES, film(0.05, {"damping": 0.1})), start=0.0)
+    narrow = quadratic_decay(swing_envelope(TIMES, film(0.05, {"damping": 0.1})), start_time=0.0)
     assert narrow.curvature == pytest.approx(0.87, abs=0.05)
 
 
@@ -142,8 +142,8 @@ def test_bad_arguments() -> None:
         quadratic_decay(short)
     with pytest.raises(TypeError, match="give an Envelope"):
         quadratic_decay([1.0, 0.9])  # type: ignore[arg-type]
-    with pytest.raises((TypeError, ValueError), match="start=nan"):
-        quadratic_decay(good, start=float("nan"))
+    with pytest.raises((TypeError, ValueError), match="start_time=nan"):
+        quadratic_decay(good, start_time=float("nan"))
     with pytest.raises(ValueError, match="confidence=95"):
         quadratic_decay(good).half_widths(95)
     with pytest.raises(ValueError, match="kinds has 'cubic': choose among 'viscous'"):

@@ -92,7 +92,7 @@ def test_a_marker_is_where_the_truth_is() -> None:
     look = Look(marker_radius=5.0, marker=200.0, background=0.0, shade=0.0, blur=0.0, rod_width=0.0, read_noise=0.0)
     for k in range(5):
         camera = Camera(500.0, (32.25 + 0.2 * k, 20.5 + 0.13 * k), (64, 80))
-        recording = render_film(steady(), camera, [0.5], look, seed=k)
+        recording = render_film(steady(), camera, [0.5], look, rng=k)
         light = recording.film.frames[0].astype(float)
         rows, columns = np.mgrid[:64, :80]
         centre = np.array([(columns * light).sum(), (rows * light).sum()]) / light.sum()
@@ -122,7 +122,7 @@ def test_exposure_smears() -> None:
 def test_noise_is_that_of_electrons() -> None:
     """Variance g 255 / full well + read noise^2 + 1/12 of rounding, on an even ground of grey g."""
     look = Look(background=100.0, shade=0.0, full_well=5000.0, read_noise=2.0, rod_width=0.0, marker_radius=1.0)
-    frames = render_film(steady(), CAMERA, np.linspace(0.1, 0.2, 20), look, seed=3).film.frames[:, :20].astype(float)
+    frames = render_film(steady(), CAMERA, np.linspace(0.1, 0.2, 20), look, rng=3).film.frames[:, :20].astype(float)
     expected = 100.0 * 255.0 / 5000.0 + 4.0 + 1.0 / 12.0
     assert frames.var() == pytest.approx(expected, rel=5.0 * np.sqrt(2.0 / frames.size))
     assert frames.mean() == pytest.approx(100.0, abs=5.0 * np.sqrt(expected / frames.size))
@@ -132,7 +132,7 @@ def test_bars_spots_and_dropped_frames() -> None:
     place = CAMERA.pixels([0.05 * np.sin(1.0), -0.05 * np.cos(1.0)])
     bar = Bar(left=place[0], right=79.0, top=0.0, bottom=63.0, grey=10.0, start=0.4)
     spot = Spot(column=10.0, row=50.0, radius=4.0)
-    recording = render_film(steady(), CAMERA, [0.1, 0.3, 0.5], CLEAN, bars=[bar], spots=[spot], dropped=[1], seed=1)
+    recording = render_film(steady(), CAMERA, [0.1, 0.3, 0.5], CLEAN, bars=[bar], spots=[spot], dropped=[1], rng=1)
     film = recording.film
     assert film.dropped.tolist() == [False, True, False]
     assert film.frames[:, 50, 10].tolist() == [220, 0, 220]
@@ -145,7 +145,7 @@ def test_bars_spots_and_dropped_frames() -> None:
 
 
 def test_same_seed_same_film() -> None:
-    one, two, other = (render_film(steady(), CAMERA, [0.1, 0.2], seed=s).film.frames for s in (1, 1, 2))
+    one, two, other = (render_film(steady(), CAMERA, [0.1, 0.2], rng=s).film.frames for s in (1, 1, 2))
     assert (one == two).all()
     assert (one != other).any()
 

@@ -29,7 +29,7 @@ def rod(**params: float) -> ForcedSystem:
 @pytest.fixture(scope="module")
 def film() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Eight periods of a wide swing at some 200 frames a second, without noise."""
-    motion = trajectory(rod(), [1.3, 0.0], periods=8, samples=105, rtol=1e-11, atol=1e-11)
+    motion = trajectory(rod(), [1.3, 0.0], periods=8, samples_per_period=105, rtol=1e-11, atol=1e-11)
     return motion.times, motion.states[:, 0]
 
 
@@ -104,7 +104,7 @@ def test_what_a_motion_does_not_tell_has_no_small_error(film: tuple[NDArray[np.f
 
 def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
     free = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
-    motion = trajectory(free, [0.5, 0.0], periods=8, samples=100)
+    motion = trajectory(free, [0.5, 0.0], periods=8, samples_per_period=100)
     found = fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
     low, high = found.interval("damping")
     assert 0.0 <= found.estimates["damping"] < 1e-3
@@ -117,7 +117,7 @@ def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
 def test_a_poor_guess_slips_no_turn_in_a_long_film() -> None:
     """Some 57 swings of a rod whose length is guessed 30 % too long; exact within the scatter of the noise."""
     true = rod(damping=0.08)
-    motion = trajectory(true, [0.9, 0.0], periods=57, samples=50)
+    motion = trajectory(true, [0.9, 0.0], periods=57, samples_per_period=50)
     guess = rod(length=1.3 * 0.069, damping=0.1)
     found = fit_motion(guess, motion.times, noisy(motion.states[:, 0], 5, 0.003), ["length", "damping"])
     assert found.converged
@@ -151,7 +151,7 @@ def test_the_frequency_of_a_drive(begin: float) -> None:
 def test_a_film_that_goes_on_after_the_rod_has_stopped(begin: float) -> None:
     """Half of it at rest.  The sum of squares has a minimum for each stop; the truth fits no better than the fit."""
     coefficients = {"damping": 0.3, "friction": 0.366}
-    motion = trajectory(free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples=60)
+    motion = trajectory(free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples_per_period=60)
     exact = motion.states[:, 0]
     assert (exact[-100:] == exact[-1]).all()
     for seed in range(4):
@@ -196,7 +196,7 @@ def test_dense_samples_of_a_small_swing() -> None:
 @pytest.mark.slow
 def test_two_links_and_unknown_start() -> None:
     true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)
-    motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=4, samples=200)
+    motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=4, samples_per_period=200)
     angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
     names = [n for n in true.params if n.startswith(("length", "damping"))]
     guess = true.with_params(**{n: 1.04 * true.params[n] for n in names})
@@ -209,7 +209,7 @@ def test_two_links_and_unknown_start() -> None:
 def test_a_driven_rod_filmed_from_some_moment() -> None:
     """The forcing counts from 0, so the first time tells its phase."""
     true = driven_pendulum(damping=5.0)
-    motion = trajectory(true, [pi + 0.3, 0.0], periods=60, samples=16, phase=0.37)
+    motion = trajectory(true, [pi + 0.3, 0.0], periods=60, samples_per_period=16, phase=0.37)
     assert motion.times[0] == pytest.approx(0.37 * 0.02)
     angles = noisy(motion.states[:, 0], 2, 0.002)
     found = fit_motion(true.with_params(damping=4.0, amplitude=0.0031), motion.times, angles, ["damping", "amplitude"])
@@ -271,7 +271,7 @@ def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArra
 )
 def test_dry_friction_and_mixtures(kind: str, coefficients: dict[str, float]) -> None:
     true = free_pendulum(0.069, coefficients)
-    motion = trajectory(true, [1.28, 0.0], periods=12, samples=105)
+    motion = trajectory(true, [1.28, 0.0], periods=12, samples_per_period=105)
     found = fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067))
     assert found.kind == kind
     for name, value in {**coefficients, "length": 0.069}.items():

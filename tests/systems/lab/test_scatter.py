@@ -151,7 +151,7 @@ def test_compressed_frames(tmp_path: Path) -> None:
 def test_a_motion_that_frames_hardly_show_is_no_noise() -> None:
     """Fourteen frames a swing, with harmonics: differences of thirteen neighbours still hold the motion."""
     truth = swinging(90.0)
-    found = track_markers(filmed(disc, truth, 0.8), truth[:1], window=40.0)
+    found = track_markers(filmed(disc, truth, 0.8), truth[:1], search_radius=40.0)
     assert (found.errors < 0.01).all()
     assert (ratio(found, truth) < 1.3).all()
 

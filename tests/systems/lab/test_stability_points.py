@@ -33,7 +33,7 @@ def limits(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
     scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
     found = [
-        critical_values(system.with_params(frequency=f), (pi, 0.0), "amplitude", 0.9 * a, 1.5 * a, points=64)
+        critical_values(system.with_params(frequency=f), (pi, 0.0), "amplitude", 0.9 * a, 1.5 * a, n_points=64)
         for f, a in zip(frequencies, scale, strict=True)
     ]
     return np.array([next(c.value for c in each if c.gains) for each in found])
@@ -147,7 +147,7 @@ def test_measured_points_lie_on_the_curve() -> None:
     scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
     points = measure_least_amplitudes(
-        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, seed=3, rod="short"
+        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, rng=3, rod="short"
     )
     found = compare_with_boundary(points, frequencies, limits(frequencies))
     assert points.amplitude_errors is not None
@@ -156,7 +156,7 @@ def test_measured_points_lie_on_the_curve() -> None:
     np.testing.assert_allclose(points.amplitude_errors / points.amplitudes, 0.02 / np.sqrt(12.0), rtol=0.05)
     assert found.p_value > 0.01
     again = measure_least_amplitudes(
-        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, seed=3, rod="short"
+        system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, rng=3, rod="short"
     )
     assert (again.table == points.table).all()
 
@@ -166,7 +166,7 @@ def test_many_measured_points_have_no_bias() -> None:
     frequencies = np.linspace(15.0, 35.0, 81)
     scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
-    points = measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, seed=1)
+    points = measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, rng=1)
     found = compare_with_boundary(points, frequencies, limits(frequencies))
     assert points.amplitude_errors is not None
     deviations = found.residuals / points.amplitude_errors

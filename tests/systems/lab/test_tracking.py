@@ -51,9 +51,7 @@ def errors(recording: Recording, found: Any) -> Any:
 
 def test_weighted_centres_are_better_than_plain_ones() -> None:
     """The centre of a disc over many places on the pixels: the plain centroid of the report errs several times more."""
-    recording = render_film(
-        turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), Look(rod_width=0.0), seed=2
-    )
+    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), Look(rod_width=0.0), rng=2)
     rms = {}
     for weighted in (True, False):
         found = track_markers(recording.film, recording.truth[0], weighted=weighted)
@@ -70,7 +68,7 @@ def test_standard_errors_cover_the_truth(radius: float, blur: float, read_noise:
     (320 numbers give the standard deviation to 4 %; the part of the pixels is a rule of thumb, good to 30 %.)
     """
     look = Look(marker_radius=radius, blur=blur, read_noise=read_noise, rod_width=0.0)
-    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), look, seed=4)
+    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), look, rng=4)
     found = track_markers(recording.film, recording.truth[0])
     ratio = ((found.positions - recording.truth) / found.errors)[found.status[..., 0:1].repeat(2, axis=1)[:, None] == 0]
     assert 0.7 < ratio.std() < 1.3
@@ -80,7 +78,7 @@ def test_rods_do_not_pull() -> None:
     """Rods that meet a marker, one or two at an angle, shift its centre by less than a fiftieth of a pixel."""
     for lengths, starts, rates in (((0.055,), (0.5,), (6.0,)), ((0.035, 0.034), (0.5, 1.8), (4.0, 4.0))):
         look = Look(marker_radius=4.5)
-        recording = render_film(turning(lengths, starts, rates), CAMERA, times_at(200.0, 160), look, seed=2)
+        recording = render_film(turning(lengths, starts, rates), CAMERA, times_at(200.0, 160), look, rng=2)
         found = track_markers(recording.film, recording.truth[0])
         apart = found.positions[:, 0] - recording.truth[:, 0]
         out = (recording.truth[:, 0] - CENTRE) / (1000.0 * lengths[0])
@@ -93,7 +91,7 @@ def test_rods_do_not_pull() -> None:
 def test_noise_of_the_pixels() -> None:
     """On films of known noise: 100 000 pixels give the variance to half a per cent, classes and moving things less."""
     look = Look(read_noise=3.0, full_well=4000.0)
-    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 20), look, seed=2)
+    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 20), look, rng=2)
     noise = pixel_noise(recording.film)
     for grey in (30.0, 100.0, 200.0):
         expected = 9.0 + 1.0 / 12.0 + grey * 255.0 / 4000.0
@@ -160,7 +158,7 @@ def test_a_bar_a_bright_object_and_dropped_frames() -> None:
             bars=[Bar(40.0, 58.0, 0.0, 160.0)],
             spots=[Spot(68.0, 46.0, 5.0)],
             dropped=[7, 30, 31, 32, 90],
-            seed=seed,
+            rng=seed,
         )
         found = track_markers(recording.film, recording.truth[0], rods)
         seen = found.status[:, 0] == SEEN
@@ -195,7 +193,7 @@ def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
     """A disc put on the circle of the rod while the marker is hidden: for good, or until after that comes back."""
     motion = turning((0.055,), (0.5,), (9.0,))
     hidden = [Bar(0.0, 159.0, 0.0, 159.0, grey=40.0, start=0.2, end=0.6)]
-    plain = render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, seed=1)
+    plain = render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, rng=1)
     other = CENTRE[0] + 55.0 * np.sin(2.4), CENTRE[1] + 55.0 * np.cos(2.4)
     there = (plain.film.times > 0.4) & (stays | (plain.film.times < 0.65))
     disc = picture(other, shape=(160, 160)).astype(np.uint8)
@@ -227,7 +225,7 @@ def test_markers_that_cross() -> None:
     assert apart.min() > 30.0
     pivoted = Look(pivot_marker=True, marker_radius=4.0)
     motion = turning((0.035, 0.034), (0.3, 0.3), (2.0, 11.0))
-    crossing = render_film(motion, CAMERA, times_at(200.0, 190), pivoted, seed=1)
+    crossing = render_film(motion, CAMERA, times_at(200.0, 190), pivoted, rng=1)
     close = np.linalg.norm(crossing.truth[:, 0] - crossing.truth[:, 2], axis=1)
     assert close.min() < 4.0
     held = (Rod(1, 0, 35.0), Rod(2, 1, 34.0))
@@ -268,7 +266,7 @@ def test_a_hidden_pivot_that_moves_vertically() -> None:
     motion = turning((0.055,), (0.4,), (0.5,), swing=0.006)
     look = Look(pivot_marker=True, rod_width=0.0)
     bars = [Bar(60.0, 100.0, 60.0, 100.0, start=0.3, end=0.7)]
-    recording = render_film(motion, CAMERA, times_at(200.0, 190), look, bars=bars, seed=2)
+    recording = render_film(motion, CAMERA, times_at(200.0, 190), look, bars=bars, rng=2)
     rods, rails = (Rod(1, 0, 55.0),), (Rail(0, 80.0),)
     found = track_markers(recording.film, recording.truth[0], rods, rails)
     hidden = found.status[:, 0] == LOST
@@ -328,13 +326,17 @@ def filmed(*frames: Any) -> Film:
         ([(70, 60)], {"threshold": 35.0}, "all pixels at the starts exceed it"),
         ([(30, 30)], {"threshold": 250.0}, "no pixel at the starts exceeds it"),
         ([(41, 30)], {}, "no marker is above the grey value"),
-        ([(30, 300)], {}, r"starts\[0\]=\(30, 300\): give a pixel \(column, row\) in the picture of 100 x 80"),
+        (
+            [(30, 300)],
+            {},
+            r"positions\[0\]=\(30, 300\): give a pixel \(column, row\) in the picture of 100 x 80",
+        ),
         ([(np.nan, 30)], {}, "give a pixel"),
         ([30, 30], {}, "give a pixel .* for each marker"),
         ([(30, 30), (31, 30)], {}, "are at the same marker"),
-        ([(30, 30)], {"window": 4.0}, "not whole in the window"),
+        ([(30, 30)], {"search_radius": 4.0}, "cut off 4 pixels away"),
         ([(98, 30)], {}, "touches the border of the picture"),
-        ([(30, 30)], {"window": np.inf}, "window=inf: give a finite number"),
+        ([(30, 30)], {"search_radius": np.inf}, "search_radius=inf: give a finite number"),
         ([(30, 30)], {"rods": [Rod(1, CENTRE, 5.0)]}, "rod.marker=1: give a whole number of at most 0"),
         ([(30, 30)], {"rods": [Rod(0, CENTRE, 5.0), Rod(0, CENTRE, 6.0)]}, "hangs on two of them"),
         ([(30, 30)], {"rods": [Rod(0, (30.0, 10.0), 25.0)]}, "begins 20.0 pixels from its pivot, and its rod has 25"),
@@ -360,11 +362,11 @@ def test_films_without_light_or_frames() -> None:
     dark = 255.0 - picture((50.0, 40.0), radius=8.0)
     for frame, message in ((dark, "no marker is above"), (dark + 0.4 * (noise[0] - 100.0), "it is dark there")):
         with pytest.raises(ValueError, match=rf"{message}.*of dark markers,? the negative of the film"):
-            track_markers(filmed(frame), [(50, 40)], window=25.0)
+            track_markers(filmed(frame), [(50, 40)], search_radius=25.0)
     faint = np.where(picture((50.0, 40.0)) > 120.0, 86.0, 85.0)
     with pytest.raises(ValueError, match=r"nothing bright stands out there \(by 3.5 deviations"):
         track_markers(filmed(faint), [(50, 40)])
-    with pytest.raises(ValueError, match="for markers that fill the surroundings, a larger window="):
+    with pytest.raises(ValueError, match="for markers filling the surroundings, a larger search_radius="):
         track_markers(filmed(picture((50.0, 40.0), radius=14.0)), [(50, 40)])
     with pytest.raises(ValueError, match="all frames are missing"):
         track_markers(film_at_rate(np.full((2, 80, 100), np.nan), 10.0), [(30, 30)])

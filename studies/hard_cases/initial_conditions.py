@@ -139,11 +139,11 @@ def not_finite() -> Iterator[Finding]:
         return 0.01 * sqrt(1.0 - x[0] ** 2) - 0.1 * x[0], -x[1] + cos(t)
 
     exact = stroboscopic_map(ForcedSystem(rhs, {}, 2.0 * pi, ("x", "v")))
-    starts = np.random.default_rng(2).uniform(-0.9, 0.9, (1000, 2))
+    initial_conditions = np.random.default_rng(2).uniform(-0.9, 0.9, (1000, 2))
     bad = [3, 4, 500, 998, 999]
-    mixed = starts.copy()
+    mixed = initial_conditions.copy()
     mixed[bad, 0] = [1.5, -2.0, 1e300, 7.0, 1.0000001]
-    alone, among = exact.iterate(starts, 1), exact.iterate(mixed, 1)
+    alone, among = exact.iterate(initial_conditions, 1), exact.iterate(mixed, 1)
     good = np.setdiff1d(np.arange(1000), bad)
     yield is_so(
         "5 of 1,000 have the status DIVERGED", bool(np.flatnonzero(among.status == Status.DIVERGED).tolist() == bad)
@@ -165,10 +165,10 @@ def not_finite() -> Iterator[Finding]:
 )
 def beyond_bounds() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum())
-    starts = [[0.1, 1.0], [0.0, 1e20], [0.0, 1e100], [0.0, -1e200], [0.0, 1e308]]
+    initial_conditions = [[0.1, 1.0], [0.0, 1e20], [0.0, 1e100], [0.0, -1e200], [0.0, 1e308]]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)
-        labels = find_basins(exact, starts, max_periods=60).labels.tolist()
+        labels = find_basins(exact, initial_conditions, max_periods=60).labels.tolist()
     yield is_so(f"labels {labels}", labels == [0, -2, -2, -2, -2])
     for bad in (np.nan, np.inf):
         yield refused(str(bad), lambda bad=bad: find_basins(exact, [[bad, 0.0]]), ValueError, "remove points")  # type: ignore[misc]
@@ -187,19 +187,21 @@ def double_pendulum_in_line() -> Iterator[Finding]:
     first = np.array([0.3, 1.0, 2.0, 3.0])
     offsets = np.array([0.0, 1e-12, 1e-3, pi - 1e-3, pi - 1e-12, pi])
     angles = np.stack(np.meshgrid(first, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
-    starts = np.concatenate([angles[:, :1], angles.sum(axis=-1, keepdims=True), np.full((24, 2), [1.0, -2.0])], axis=-1)
+    initial_conditions = np.concatenate(
+        [angles[:, :1], angles.sum(axis=-1, keepdims=True), np.full((24, 2), [1.0, -2.0])], axis=-1
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)
-        ends = exact.iterate(starts, 1)
+        ends = exact.iterate(initial_conditions, 1)
     good = ends.status == Status.OK
     yield is_so(
         f"{np.count_nonzero(good)} of 24 starts have the status OK",
         bool(good.all()),
     )
-    energies = [system.output("energy", 0.0, x).sum(axis=-1) for x in (starts[good], ends.points[good])]
+    energies = [system.output("energy", 0.0, x).sum(axis=-1) for x in (initial_conditions[good], ends.points[good])]
     yield at_most("relative change of the energy where OK", float(np.abs(energies[1] / energies[0] - 1.0).max()), 1e-9)
-    inertia, later = (0.001 + np.sin(x[good, 0] - x[good, 1]) ** 2 for x in (starts, ends.unwrapped))
-    matrices = jacobian(exact, starts[good])
+    inertia, later = (0.001 + np.sin(x[good, 0] - x[good, 1]) ** 2 for x in (initial_conditions, ends.unwrapped))
+    matrices = jacobian(exact, initial_conditions[good])
     terms = np.prod(np.linalg.norm(matrices, axis=-1), axis=-1)
     error = np.abs(np.linalg.det(matrices) - inertia / later) / terms
     yield at_most("error of the determinant, by the size of its terms", float(error.max()), 1e-9)
