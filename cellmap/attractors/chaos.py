@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..maps.coordinates import difference, turns_of
+from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
-from ..orbits.lyapunov_qr import BLOCKS, is_positive, stretching
+from ..orbits.lyapunov import stretched
+from ..orbits.lyapunov_qr import BLOCKS, is_positive
 from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, moved_boxes
 from .transients import Reason, follow_on
@@ -160,19 +160,15 @@ def lyapunov_exponents(
     where the map keeps the axes.
     """
     exact = point_map.without_table
-    place = np.array(initial_conditions, dtype=float)
-    matrices = np.full((len(place), periods, exact.dimension, exact.dimension), np.nan)
-    alive = np.arange(len(place))
-    for k in range(periods):
-        images, derivatives = tangent(exact, place[alive])
-        lasting = np.isfinite(images).all(axis=-1)
-        alive, images = alive[lasting], images[lasting]
-        matrices[alive, k], place[alive] = derivatives[lasting], images
-    logs = stretching(matrices)
+    orbits = Orbits.starting(wrap(initial_conditions, exact.coordinates))
+    frames = np.broadcast_to(np.eye(exact.dimension), (*initial_conditions.shape, exact.dimension)).copy()
+    length = periods // BLOCKS
+    growth = np.array([stretched(exact, orbits, frames, length) for _ in range(BLOCKS)])
+    total = growth.sum(axis=0) + stretched(exact, orbits, frames, periods - BLOCKS * length)
     with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
-        blocks = logs[: periods - periods % BLOCKS].reshape(BLOCKS, -1, *place.shape).mean(axis=1)
-        errors = blocks.std(axis=0, ddof=1) / np.sqrt(BLOCKS)
-    exponents = logs.mean(axis=0)
+        errors = (growth / length).std(axis=0, ddof=1) / np.sqrt(BLOCKS)
+    total[~orbits.alive] = errors[~orbits.alive] = np.nan
+    exponents = total / periods
     largest = np.argmax(np.where(np.isnan(exponents), -np.inf, exponents), axis=-1)
     return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 

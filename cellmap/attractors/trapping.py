@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -239,7 +241,7 @@ def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np
 
 def _product(steps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the derivative of a round from those of its steps."""
-    return np.linalg.multi_dot(steps[::-1]) if len(steps) > 1 else steps[0]
+    return functools.reduce(np.matmul, steps[::-1])
 
 
 def _slowest(steps: NDArray[np.float64]) -> list[NDArray[np.complex128]]:

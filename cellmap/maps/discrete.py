@@ -14,6 +14,7 @@ from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untrac
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
+from .._compiled.machine_code import MachineCode
 from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
@@ -108,12 +109,20 @@ class Discrete(MapSpec[PointMap]):
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
 
-        def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        @functools.cache
+        def tangent_advance() -> DiscreteAdvance:
             compiled = derivatives_of(name, self._kernel(True))
-            return tangent_by_lanes(DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere), points, d)
+            return DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere)
+
+        def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            return tangent_by_lanes(tangent_advance(), points, d)
+
+        @functools.cache
+        def step_of_frames() -> MachineCode:
+            return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-            step = derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params))).address("step")
+            step = step_of_frames().address("step")
             growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
             state = (orbits.points, orbits.rotations, frames, ended)
             carrying(d)(step, parameters, lower, turn, _BOUND, *state, periods, growth)

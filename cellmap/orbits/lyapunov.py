@@ -254,16 +254,16 @@ def _along(
     if exact.stretch is None:  # derivatives cost much more than the orbit
         exact.advance(orbits, transient - aligning)
     else:
-        _stretched(exact, orbits, frames, transient - aligning)
+        stretched(exact, orbits, frames, transient - aligning)
         frames[:] = np.eye(d)
-    _stretched(exact, orbits, frames, aligning)
+    stretched(exact, orbits, frames, aligning)
     for number, count in enumerate(np.diff(steps, prepend=0).tolist()):
-        growth[number, part] = _stretched(exact, orbits, frames, count)
+        growth[number, part] = stretched(exact, orbits, frames, count)
         tick(1)
     return orbits.points, frames, orbits.status
 
 
-def _stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+def stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
     """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by."""
     if exact.stretch is not None:
         try:

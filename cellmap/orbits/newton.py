@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,7 +152,7 @@ def closed_orbit(
     rounded = np.round(points / scale, 6)
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
-    matrix = np.linalg.multi_dot(matrices[::-1]) if period > 1 else matrices[0]
+    matrix = functools.reduce(np.matmul, matrices[::-1])
     return PeriodicOrbit(period, points, rotations, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
 
 
