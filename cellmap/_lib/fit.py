@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .checks import finite_number, real_array, whole_number
 from .signatures import checked
+from .student import student_factor
 
 _FEWEST = 3
 _SWING = (
@@ -59,11 +60,9 @@ class Fit:
     @checked
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return an interval for the slope (Student's distribution), NaN for two points without errors."""
-        from scipy.special import stdtrit
-
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         freedom = self.window[1] - self.window[0] - 1
-        reach = float(stdtrit(max(freedom, 1), 0.5 + 0.5 * confidence)) * self.standard_error
+        reach = student_factor(confidence, max(freedom, 1)) * self.standard_error
         return self.slope - reach, self.slope + reach
 
     def __call__(self, x: ArrayLike) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 """Returns residuals (n,) and their derivatives (n, n + 1) at unknowns (n + 1,), all scaled to be of order 1."""
@@ -96,6 +95,7 @@ class Stride:
 
     def located(self, test: Callable[[Place], float]) -> Place | None:
         """Return the place between the ends at which a function of places changes its sign."""
+        from scipy.optimize import brentq
 
         def value(length: float) -> float:
             place = self.at(length)

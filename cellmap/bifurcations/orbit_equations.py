@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 
 from .._lib.checks import known_parameter
 from ..maps.coordinates import difference, turns_of
@@ -102,6 +101,8 @@ def orbit_problem(
     sizes: NDArray[np.float64] | None = None,
 ) -> OrbitProblem:
     """Return the equations of a periodic orbit near a state, scaled by coordinates' natural sizes and by the spans."""
+    from scipy.linalg import matrix_balance
+
     swept = swept_map(exact, *names)
     d = exact.dimension
     values = [exact.params[name] for name in names]

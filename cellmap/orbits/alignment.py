@@ -6,11 +6,11 @@ from math import log
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
 
 from .._lib.checks import finite_number, whole_number
 from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
+from .._lib.student import student_factor
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points, wrap
 from ..maps.orbit_batch import CHUNK, Orbits, Status
@@ -108,7 +108,7 @@ def alignment_test(
     rates = -np.diff(logs[_PARTS // 2 :], axis=0) / length
     value = rates.mean(axis=0)
     error = rates.std(axis=0, ddof=1) / np.sqrt(len(rates))
-    reach = float(student.ppf(0.5 + 0.5 * confidence, len(rates) - 1)) * error
+    reach = student_factor(confidence, len(rates) - 1) * error
     half = length * len(rates)
     below, above = FOLDS / half, (d + 1.0) * log(2.0) / half
     ends = np.where(ended[:, None], np.nan, states)

@@ -7,10 +7,10 @@ from math import log
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
 
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
+from .._lib.student import student_factor
 from ..maps.coordinates import difference, turns_of
 from ..maps.point_map import PointMap
 from .lyapunov import GROUPS, lyapunov_spectrum
@@ -148,7 +148,7 @@ def exponent_test(
     value = found.growth[late][..., 0].sum(axis=0) / length
     with np.errstate(invalid="ignore"):  # a direction that vanishes is known without an error
         error = np.nan_to_num(rates.std(axis=0, ddof=1) / np.sqrt(len(first)))
-        reach = float(student.ppf(0.5 + 0.5 * confidence, len(first) - 1)) * error
+        reach = student_factor(confidence, len(first) - 1) * error
     below, above = FOLDS / length, _POWER * log(2.0) / length
     low, high = value - reach, value + reach
     verdict = settle_verdicts(point_map.without_table, found.ends, found.ended, low, high, below, above)

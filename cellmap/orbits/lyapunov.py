@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
 
 from .._compiled.kernels.frames import ROUNDING
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.signatures import checked
+from .._lib.student import student_factor
 from .._lib.threads import progress_bar, run_over, slices
 from ..maps.coordinates import Coordinate, state_points, wrap
 from ..maps.orbit_batch import CHUNK, Orbits, Status
@@ -135,7 +135,7 @@ class LyapunovSpectrum:
     def interval(self, confidence: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return confidence intervals of the exponents per step (Student's distribution), shape (..., d) each."""
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
-        reach = float(student.ppf(0.5 + 0.5 * confidence, GROUPS - 1)) * self.standard_errors
+        reach = student_factor(confidence, GROUPS - 1) * self.standard_errors
         return self.exponents - reach, self.exponents + reach
 
 

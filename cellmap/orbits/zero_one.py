@@ -7,7 +7,6 @@ from math import pi
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import binom
 
 from .._lib.checks import affordable_number, finite_number, of_the_user, real_array, shown, whole_number
 from .._lib.randomness import Rng, random_numbers
@@ -154,6 +153,8 @@ def zero_one_test_of_series(
         growth[:, k] = np.sort(_correlations(columns[:, k], chosen))
 
     run_over(range(columns.shape[1]), work)
+    from scipy.stats import binom
+
     rank = int(binom.ppf(0.5 * (1.0 - confidence), count, 0.5))
     value = np.median(growth, axis=0).reshape(shape)
     low, high = (growth[r].reshape(shape).copy() for r in (max(rank - 1, 0), min(count - rank, count - 1)))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from ..._lib.binomial import binomial_interval
 from ..._lib.fit import Fit, fit_line
@@ -230,10 +229,12 @@ def _is_straight(
     x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], begin: int, last: int
 ) -> bool:
     """Return whether a window holds no more than scatter, and its two largest distances follow the others."""
+    from scipy.special import chdtrc
+
     inside = slice(begin, last + 1)
     line = fit_line(x, y, (begin, last), errors)
     chi = float((((y - line(x)) / errors)[inside] ** 2).sum())
-    if chi2.sf(chi, last - begin - 1) < _REJECTED:
+    if chdtrc(last - begin - 1, chi) < _REJECTED:
         return False
     return all(_agrees(x, y, errors, k, last) for k in range(begin, min(begin + 2, last - 2)))
 
