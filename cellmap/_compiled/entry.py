@@ -80,7 +80,7 @@ def key_of(argument: Any) -> Any:
         layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
         return argument.dtype.str, argument.ndim, layout, flags.writeable
     if isinstance(argument, tuple):
-        return type(argument).__name__, *(key_of(item) for item in argument)
+        return type(argument).__name__, getattr(argument, "_fields", ()), *(key_of(item) for item in argument)
     return type(argument).__name__
 
 

@@ -192,15 +192,31 @@ define void @{NAME}({given}) {{
 
 
 def _source_of(function: Callable[..., Any]) -> str:
-    """Return what tells a function from others, and from itself before its source was changed."""
-    around = [cell.cell_contents for cell in function.__closure__ or ()]
-    values = [getattr(value, "__qualname__", value) for value in around]
-    return f"{_digest(function.__code__.co_filename)} {function.__module__} {function.__qualname__} {values}"
+    """Return what tells a function from others, and from itself before anything was changed that it is compiled from.
+
+    These are the files of the functions that it calls, and the numbers that they find around them.
+    """
+    values, known, left = [], set(), [function]
+    while left:
+        one = left.pop()
+        if one in known:
+            continue
+        known.add(one)
+        seen = {name: one.__globals__[name] for name in one.__code__.co_names if name in one.__globals__}
+        around = [cell.cell_contents for cell in one.__closure__ or ()]
+        seen |= dict(zip(one.__code__.co_freevars, around, strict=True))
+        for name, value in seen.items():
+            if isinstance(value, Deferred):
+                left.append(value.function)
+            elif isinstance(value, int | float | tuple):
+                values.append(f"{one.__qualname__} {name} {value!r}")
+    files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in known} | set(_OWN)))
+    return "\n".join([function.__module__, function.__qualname__, *sorted(values), files])
+
+
+_OWN = tuple(str(Path(__file__).with_name(f"{name}.py")) for name in ("loops", "entry"))
 
 
 @functools.cache
-def _digest(filename: str) -> str:
-    """Return a digest of the source of all loops, and of the file that a function is in."""
-    here = Path(__file__).parent
-    paths = {*here.glob("*.py"), *(here / "kernels").glob("*.py"), Path(filename)}
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths))).hexdigest()
+def _digest(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()

@@ -141,6 +141,48 @@ def test_values_around_a_loop_belong_to_it(fresh: Path) -> None:
     assert len(list(fresh.glob("*.object"))) == 2
 
 
+LIBRARY = """
+from cellmap._compiled.loops import inlined, loop
+from numbers_beside import OFFSET
+
+@inlined
+def shifted(x):
+    return x + OFFSET
+
+@loop
+def answer(x):
+    return 2.0 * shifted(x)
+
+@loop
+def other(x):
+    return 3.0 * x
+"""
+
+
+def test_a_loop_is_compiled_anew_after_a_change_of_what_it_is_compiled_from(tmp_path: Path) -> None:
+    environment = {
+        **os.environ,
+        "CELLMAP_CACHE_DIR": str(tmp_path / "kept"),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path]),
+    }
+    (tmp_path / "library.py").write_text(LIBRARY)
+
+    def run(offset: float) -> str:
+        (tmp_path / "numbers_beside.py").write_text(f"OFFSET = {offset}")
+        command = [
+            sys.executable,
+            "-B",
+            "-c",
+            "import sys, library; print(library.answer(1.0), library.other(1.0), 'numba' in sys.modules)",
+        ]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert run(1.0) == "4.0 3.0 True\n"
+    assert run(1.0) == "4.0 3.0 False\n"
+    assert run(25.0) == "52.0 3.0 True\n"
+    assert len(list((tmp_path / "kept").glob("*.object"))) == 3
+
+
 PROGRAM = """
 import sys
 import numpy as np
