@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.checks import real_array, shown
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
@@ -58,6 +59,11 @@ def continue_attractors(
         return ()
     if extent is None:
         extent = region_extent(point_map, np.concatenate([a.points for a in attractors]))
+    else:
+        lengths = real_array("extent", extent)
+        if lengths.shape != (point_map.dimension,) or not ((lengths > 0.0) & np.isfinite(lengths)).all():
+            raise ValueError(f"extent={shown(extent)}: give {point_map.dimension} positive lengths")
+        extent = lengths
     periods = np.array([a.period for a in orbits])
     guesses = np.array([a.points[0] for a in orbits])
     points, settled = newton(point_map, guesses, periods, extent, _REACH, attracting=True)

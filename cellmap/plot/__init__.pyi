@@ -15,6 +15,7 @@ from ._certificate import certificate as certificate
 from ._diagram import bifurcation_diagram as bifurcation_diagram
 from ._dimensions import generalized_dimensions as generalized_dimensions
 from ._dimensions import kaplan_yorke as kaplan_yorke
+from ._draw import draw as draw
 from ._fields import chaos_test as chaos_test
 from ._fields import covariant_vectors as covariant_vectors
 from ._fields import exponent_field as exponent_field

@@ -147,7 +147,7 @@ def test_the_period_4_pair_at_10_mm() -> None:
 
 
 @pytest.mark.parametrize(
-    ("alpha", "beta", "gamma", "point", "period", "turns"),
+    ("alpha", "beta", "gamma", "point", "period", "rotations"),
     [
         (0.5, 0.1, 0.03, (2.65934, 0.67711), 1, 1),
         (0.5, 0.1, 0.03, (0.67083, 1.15836), 2, 0),

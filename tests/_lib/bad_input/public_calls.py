@@ -103,6 +103,7 @@ WITH_METHODS = ("PointMap", "SectionMap", "Option", "Fit")
 GIVEN: dict[str, Callable[[], Any]] = {
     "coordinates": lambda: ("x", "y"),
     "params": lambda: {"r": 1.5, "s": 0.5},
+    "attractors": lambda: sample("Basins").attractors,
     "parameter": lambda: "r",
     "initial_conditions": lambda: POINTS,
     "points": lambda: POINTS,
@@ -215,6 +216,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "smooth_boundary_entropy": lambda: {"dimension": 2},
     "inverse_stroboscopic_map": lambda: {"system": rotating()},
     "plot_eigenvector": lambda: {"index": 1},
+    "plot_draw": lambda: {"result": sample("Basins")},
     "plot_fit": lambda: {"result": sample("Fit")},
     "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
     "load_basins": lambda: {"path": saved_basins()},

@@ -191,6 +191,8 @@ FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("section_map", {"section": np.full((3, 2, 1), 3.7e192)}),
     ("section_map", {"section": ("q", 0.0, np.array([1, 2]))}),
     ("section_map", {"section": ("q", "x", 1)}),
+    ("continue_attractors", {"extent": 10**400}),
+    ("continue_attractors", {"extent": [0.0, 1.0]}),
     ("find_basins", {"initial_conditions": [1e-320, 1.0]}),
     ("find_basins", {"initial_conditions": CellGrid((-1.5, -1e-320), (1.5, 1e-320), (12, 8))}),
     ("find_basins", {"initial_conditions": CellGrid((1e-320, 1e-320), (2e-320, 2e-320), (2, 2))}),

@@ -1,0 +1,127 @@
+"""One function for the figures of all results, and one contract for what they return."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from typing import get_type_hints
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    bifurcation_diagram,
+    discrete_map,
+    find_basins,
+    lyapunov_spectrum,
+    plot,
+    trajectory,
+)
+from cellmap._lib.fit import fit_line
+from cellmap._lib.signatures import MADE_BY
+from cellmap.analysis.resilience import largest_ball, minimal_fatal_shock
+from cellmap.basins import continue_basins
+from cellmap.plot._draw import FIGURES, WITH_BASINS
+
+PANELS = {"time_series", "bifurcation_diagram", "basin_continuation"}
+NO_FIGURE = {"Axes", "Attractor", "Bifurcation", "PeriodicOrbit", "PointMap"}
+"""Classes that errors know how to make, and that have no figure."""
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def results():
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.2}, ("x",))
+    wells = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": 1.5}, ("x", "y"))
+    grid = CellGrid((-1.2, -1.0), (1.2, 1.0), (24, 20))
+    decay = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 0.2 * x[1]), {}, 6.0, ("q", "v"))
+    basins = find_basins(wells, grid)
+    return {
+        "Basins": basins,
+        "BifurcationDiagram": bifurcation_diagram(logistic, "r", [3.2, 3.5], [0.3]),
+        "BasinContinuation": continue_basins(wells, "r", [1.4, 1.5], grid),
+        "LyapunovSpectrum": lyapunov_spectrum(logistic, [0.3], 40),
+        "Trajectory": trajectory(decay, [1.0, 0.0], 2),
+        "Fit": fit_line(np.arange(5.0), 2 * np.arange(5.0)),
+        "Ball": largest_ball(basins, 0),
+        "FatalShock": minimal_fatal_shock(basins, 0),
+    }
+
+
+def test_every_record_with_a_figure_is_drawn_by_it():
+    """Each function of `plot` but `draw` and `animate` draws what `draw` hands to it, and no record is forgotten."""
+    figures = set(plot.__all__) - {"draw", "animate"}
+    second = {"phase_portrait", "invariant_measure", "eigenvector"}  # of records that have another figure
+    assert set(FIGURES.values()) | set(WITH_BASINS.values()) | second == figures
+    assert set(MADE_BY) - NO_FIGURE <= {*FIGURES, *WITH_BASINS}
+    for record, name in {**FIGURES, **WITH_BASINS}.items():
+        function = inspect.unwrap(getattr(plot, name))
+        first = next(iter(inspect.signature(function).parameters.values()))
+        assert record in str(first.annotation) or name == "fit", record
+
+
+@pytest.mark.parametrize("record", ["Basins", "LyapunovSpectrum", "Fit"])
+def test_it_draws_on_given_axes_what_the_function_draws(results, record):
+    ax = plt.figure().add_subplot()
+    assert plot.draw(results[record], ax=ax) is ax
+    other = getattr(plot, FIGURES[record])(results[record])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (other.get_xlabel(), other.get_ylabel())
+    assert len(ax.get_lines()) == len(other.get_lines())
+
+
+@pytest.mark.parametrize("record", ["Trajectory", "BifurcationDiagram", "BasinContinuation"])
+def test_panels_are_a_tuple(results, record):
+    panels = plot.draw(results[record])
+    assert isinstance(panels, tuple)
+    assert len(panels) == 2
+    assert all(isinstance(panel, Axes) for panel in panels)
+
+
+def test_what_a_figure_returns_is_what_its_signature_says():
+    for name in set(plot.__all__) - {"draw", "animate"}:
+        parameters = inspect.signature(getattr(plot, name)).parameters
+        first, *rest = parameters.values()
+        assert first.kind is first.POSITIONAL_OR_KEYWORD
+        assert all(p.kind in (p.KEYWORD_ONLY, p.VAR_KEYWORD) for p in rest), name
+        assert parameters["ax"].default is None
+        hint = get_type_hints(inspect.unwrap(getattr(plot, name)))["return"]
+        assert hint == (tuple[Axes, ...] if name in PANELS else Axes), name
+
+
+@pytest.mark.parametrize("record", WITH_BASINS)
+def test_what_is_drawn_on_basins_asks_for_them(results, record):
+    with pytest.raises(TypeError, match=f"basins is missing: a {record} is drawn on basins"):
+        plot.draw(results[record])
+    assert isinstance(plot.draw(results[record], basins=results["Basins"]), Axes)
+
+
+@pytest.mark.parametrize("result", [3, None, [1.0], CellGrid((0,), (1,), (4,))])
+def test_what_has_no_figure_is_refused(result):
+    with pytest.raises(
+        TypeError, match=r"result=.*: there is no figure of it; give one of Ball, BasinContinuation, .*Wada"
+    ):
+        plot.draw(result)
+    assert plt.get_fignums() == []
+
+
+def test_a_foreign_class_of_the_same_name_is_no_record():
+    with pytest.raises(TypeError, match="there is no figure of it"):
+        plot.draw(type("Basins", (), {})())
+
+
+def test_nothing_is_loaded_for_it():
+    code = (
+        "import sys, matplotlib; matplotlib.use('Agg'); from cellmap.plot import draw; "
+        "print([m for m in sys.modules if m.startswith('cellmap.analysis.') or m == 'numba'])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
