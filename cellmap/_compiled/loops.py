@@ -82,9 +82,10 @@ class Loop(Deferred):
                 return _compiled(self, signature, lambda function, result: (text.text(function, result), MEMORY))
 
             with COMPILING:
-                code = compiled_once(f"{_source_of(self.function)}\n{key}", compiled)
-            function, method = python_function(code.address(NAME), text.expected)
-            self._entries[key] = function, (code, method)
+                if key not in self._entries:  # machine code that another thread may be running is never replaced
+                    code = compiled_once(f"{_source_of(self.function)}\n{key}", compiled)
+                    function, method = python_function(code.address(NAME), text.expected)
+                    self._entries[key] = function, (code, method)
         self._entry = entry = self._entries[key][0]
         return entry(*arguments)
 

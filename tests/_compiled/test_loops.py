@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 from collections import namedtuple
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -185,6 +186,7 @@ def test_a_loop_is_compiled_anew_after_a_change_of_what_it_is_compiled_from(tmp_
 
 PROGRAM = """
 import sys
+import threading
 import numpy as np
 from cellmap._compiled.kernels.blocks import wrap_rows
 points, turns = np.array([[7.0, -1.0]]), np.zeros((1, 2), np.int64)
@@ -202,3 +204,26 @@ def test_a_second_process_needs_no_numba(tmp_path: Path) -> None:
 
     assert run() == "[[2.0, -1.0]] [[1, 0]] True\n"
     assert run() == "[[2.0, -1.0]] [[1, 0]] False\n"
+
+
+def test_threads_that_come_first_together_share_one_machine_code(fresh):
+    """Code that a thread is running stays where it is, whoever else has compiled the same."""
+
+    @loop
+    def tripled(values):
+        return values[0] * 3
+
+    entries, together = [], threading.Barrier(4)
+
+    def work():
+        together.wait()
+        assert tripled(np.array([2.0])) == 6.0
+        entries.append(tripled._entry)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(entries) == 4
+    assert len(set(map(id, entries))) == 1
