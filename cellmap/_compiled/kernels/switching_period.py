@@ -23,7 +23,8 @@ from ..loops import inlined, loop_by_address
 from .blocks import LANES
 from .borrow import borrowed
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
-from .switching import NO_EVENT, begin_on_surface, follow, land, pass_event, project, switch
+from .events import NO_EVENT, land
+from .switching import begin_on_surface, follow, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""

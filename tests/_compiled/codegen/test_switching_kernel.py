@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cellmap._compiled.codegen.kernel import traced_switching
 from cellmap._compiled.codegen.switching import compiled_switching
-from cellmap._compiled.kernels.switching import NEVER, first_root
+from cellmap._compiled.kernels.events import NEVER, first_root
 from cellmap._compiled.loops import loop
 from systems import driven_pendulum
 
