@@ -55,6 +55,7 @@ _OWN_STEPS = 16.0  # for each equal step that is allowed
 _SAMPLES = 32
 _FEW_STEPS = 32
 _MANY_STEPS = 256
+_TRIAL_STEPS = 1024
 _ROSENBROCK_WORK = 3.0  # of a step, in steps of the explicit methods, at least
 
 
@@ -70,8 +71,11 @@ def _fitting(explicit: Flow, known: Formulas) -> Flow:
         stiff = replace(explicit, kernel=_kernel(known, "Rosenbrock", explicit.rtol))
     except (UntraceableError, ValueError):
         return explicit
-    missed, work = _trial(explicit, points)
-    missed_stiff, work_stiff = _trial(stiff, points)
+    missed_stiff, work_stiff = _trial(replace(stiff, max_steps=min(stiff.max_steps, _TRIAL_STEPS)), points)
+    # More than four times as many steps as would be worth it need not be tried.
+    enough = int(4.0 * _ROSENBROCK_WORK * work_stiff / _SAMPLES)
+    bound = explicit.max_steps if missed_stiff else min(explicit.max_steps, max(enough, _FEW_STEPS))
+    missed, work = _trial(replace(explicit, max_steps=bound), points)
     return stiff if (missed_stiff, _ROSENBROCK_WORK * work_stiff) < (missed, work) else explicit
 
 
