@@ -195,7 +195,7 @@ define void @{NAME}({given}) {{
 def _source_of(function: Callable[..., Any]) -> str:
     """Return what tells a function from others, and from itself before anything was changed that it is compiled from.
 
-    These are the files of the functions that it calls, and the numbers that they find around them.
+    These are the files of the functions that it calls, which ones they are, and the numbers that they find around them.
     """
     values, known, left = [], set(), [function]
     while left:
@@ -209,6 +209,7 @@ def _source_of(function: Callable[..., Any]) -> str:
         for name, value in seen.items():
             if isinstance(value, Deferred):
                 left.append(value.function)
+                values.append(f"{one.__qualname__} {name} {value.function.__module__}.{value.function.__qualname__}")
             elif isinstance(value, int | float | tuple):
                 values.append(f"{one.__qualname__} {name} {value!r}")
     files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in known} | set(_OWN)))

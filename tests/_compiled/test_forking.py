@@ -30,7 +30,7 @@ for i in range(5):
     time.sleep(0.005 * i)
     child = os.fork()
     if not child:
-        signal.alarm(20)
+        signal.alarm(120)
         basins = find_basins(halved(-float(i)), CellGrid((-30, -400), (30, 400), (5, 5)), max_periods=200)
         fixed = basins.attractors[0].points[0, 0]
         os._exit(0 if (basins.labels == 0).all() and abs(fixed + 2 * i) < 1e-9 else 1)

@@ -40,8 +40,8 @@ def line_memory(cells: int, lines: int, order: int, wraps: bool) -> int:
     numbers = 6
     if order > 1 and not wraps:
         reach = order + 1
-        # The band, and two copies with room for its factors.
-        numbers += ((2 * reach + 1) + 2 * (3 * reach + 1) + 6) * min(thread_count(), max(1, lines))
+        # The band with room for its factors, and the lines of a slab.
+        numbers += ((3 * reach + 1) + 3) * min(thread_count(), max(1, lines))
     return 8 * numbers * (cells + 2 * PADDING[order] + 1)
 
 
