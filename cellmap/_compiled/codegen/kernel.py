@@ -1,8 +1,7 @@
 """From plain functions to compiled lanes.
 
 Every kernel made here has the signature that :mod:`cellmap._compiled.codegen.lanes` describes.  Kernels depend on the
-text of
-what they compute and not on parameter values: sweeping a parameter compiles nothing.
+text of what they compute and not on parameter values: sweeping a parameter compiles nothing.
 """
 
 from __future__ import annotations

@@ -5,10 +5,9 @@ The function is
     advance(context, x, steps, start, period, p, error, blocks)
 
 with the arrays that :mod:`cellmap._compiled.codegen.lanes` describes, by address, and the number of blocks.  The
-context is for
-functions that serve several systems, see :mod:`cellmap._compiled.codegen.switching`, and not used here.  Blocks are
-the outer
-loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is one whole step.
+context is for functions that serve several systems, see :mod:`cellmap._compiled.codegen.switching`, and not used here.
+Blocks are the outer loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is
+one whole step.
 """
 
 from __future__ import annotations

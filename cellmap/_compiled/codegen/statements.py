@@ -3,8 +3,7 @@
 Methods of integration write their steps as assignments in a small part of Python: arithmetic, comparisons, conditional
 expressions, and calls of elementary functions.  Such lines are easy to read and to test.  Here each becomes LLVM
 instructions.  Functions of :mod:`cellmap._compiled.kernels.simd_math` are inlined from their own source, so that they
-are
-defined once; functions of :mod:`math` are those of the C library.
+are defined once; functions of :mod:`math` are those of the C library.
 """
 
 from __future__ import annotations

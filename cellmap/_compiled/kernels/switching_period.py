@@ -1,12 +1,11 @@
 """One period of a discontinuous right-hand side, for many initial conditions in SIMD lanes.
 
 What belongs to a system is generated and called by address, see :mod:`cellmap._compiled.codegen.switching`; everything
-else is
-here and compiled once for all systems.  Each lane has its own time and its own mode, and all lanes of a block take a
-Taylor step together.  The step also says in which lanes an event may lie.  Only these are looked at one by one: the
-first root of the event's polynomial is found, the lane is taken back to it, its mode changes, and it goes on from there
-with the next step of its block.  So every step lies in one mode, events are located to the accuracy of the series, and
-the order of the method holds across them.
+else is here and compiled once for all systems.  Each lane has its own time and its own mode, and all lanes of a block
+take a Taylor step together.  The step also says in which lanes an event may lie.  Only these are looked at one by one:
+the first root of the event's polynomial is found, the lane is taken back to it, its mode changes, and it goes on from
+there with the next step of its block.  So every step lies in one mode, events are located to the accuracy of the
+series, and the order of the method holds across them.
 
 Rows of ``lanes``, LANES numbers each: states, time, signs, slides, sums of local errors, and the entries of ``fresh``.
 Rows of ``series``: coefficients of states and of events, local errors, step, time before the step, and the flag of an
