@@ -124,6 +124,12 @@ class Instructions:
         a, b = self.alike(a, b)
         return self._operation(f"{operation} {self.type_of(a)} {a.text}, {b.text}", a.vector, True)
 
+    def over_lanes(self, operation: str, flags: Value) -> str:
+        """Join the results of a comparison in all lanes by and, or; return the name of the one that is left."""
+        kind = f"v{self.width}i1"
+        self.declared.add(f"declare i1 @llvm.vector.reduce.{operation}.{kind}({self.type_of(flags)})")
+        return self.result(f"call i1 @llvm.vector.reduce.{operation}.{kind}({self.type_of(flags)} {flags.text})").text
+
     def select(self, condition: Value, a: Value, b: Value) -> Value:
         """Return a where the condition holds, else b."""
         if condition.vector:

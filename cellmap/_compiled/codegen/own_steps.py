@@ -126,8 +126,5 @@ def _leave_at_the_end(out: Instructions, times: str, end: Value) -> None:
         these = out.compare("oge", out.load(out.address(times, lane), vector=True), end)
         arrived = these if arrived is None else out.logical("and", arrived, these)
     assert arrived is not None
-    kind = f"v{out.width}i1"
-    out.declared.add(f"declare i1 @llvm.vector.reduce.and.{kind}({out.type_of(arrived)})")
-    every = out.result(f"call i1 @llvm.vector.reduce.and.{kind}({out.type_of(arrived)} {arrived.text})").text
-    out.write(f"br i1 {every}, label %step.done, label %step.end")
+    out.write(f"br i1 {out.over_lanes('and', arrived)}, label %step.done, label %step.end")
     out.label("unreached")

@@ -138,8 +138,5 @@ def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension:
         assert whole is not None, "a system has components"
         found = whole if found is None else out.logical("or", found, whole)
     assert found is not None
-    kind = f"v{out.width}i1"
-    out.declared.add(f"declare i1 @llvm.vector.reduce.or.{kind}({out.type_of(found)})")
-    some = out.result(f"call i1 @llvm.vector.reduce.or.{kind}({out.type_of(found)} {found.text})").text
-    out.write(f"br i1 {some}, label %step.end, label %block.end")
+    out.write(f"br i1 {out.over_lanes('or', found)}, label %step.end, label %block.end")
     out.label("unreached")

@@ -57,11 +57,6 @@ class Trace:
 
         return run
 
-    @functools.cached_property
-    def nodes(self) -> list[Expression]:
-        """Every node that the components need, arguments before the nodes that use them."""
-        return in_order(self.outputs)
-
     @property
     def is_analytic(self) -> bool:
         """Whether the components have power series."""
