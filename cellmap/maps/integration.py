@@ -46,6 +46,7 @@ def flow(
         max_steps=max_steps,
         largest=np.where(turn > 0, 0.5 * turn, np.inf),
         fewest_steps=_fewest_steps(known, length, max(rtol, atol)),
+        unknown_formulas=known.unknown,
     )
     may_be_stiff = method == "auto" and known.plain is not None and not known.plain.has_branches
     return _fitting(chosen, known) if may_be_stiff else chosen
@@ -157,7 +158,10 @@ def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits."""
+    """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits.
+
+    ``unknown_formulas`` is the reason why the right-hand side is compiled as it is, empty where its formulas are known.
+    """
 
     kernel: PeriodKernel
     parameters: NDArray[np.float64]
@@ -168,6 +172,7 @@ class Flow:
     max_steps: int
     largest: NDArray[np.float64]
     fewest_steps: int
+    unknown_formulas: str = ""
 
     @functools.cached_property
     def numbers(self) -> Motion:

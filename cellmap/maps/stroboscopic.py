@@ -15,7 +15,6 @@ from .._lib.checks import finite_number, one_of, whole_number
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
-from .formulas import unknown_formulas
 from .integration import Flow, flow, tangent_flow
 from .parameters_as_states import swept_system
 from .point_map import PointMap
@@ -140,7 +139,7 @@ class Stroboscopic(MapSpec[PointMap]):
             tolerance=(self.rtol, self.atol),
             tangent=tangent,
             is_flow=True,
-            unknown_formulas=unknown_formulas(system),
+            unknown_formulas=motion.unknown_formulas,
         )
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
