@@ -37,7 +37,7 @@ def machine() -> str:
     if (info := Path("/proc/cpuinfo")).exists():
         names = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
         model = names[0] if names else model
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "cellmap"))
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "cellmap-dynamics"))
     threads = f"{os.cpu_count()} cores, {cellmap.thread_count()} threads"
     return f"{model}, {threads}; Python {platform.python_version()}, {packages}"
 
