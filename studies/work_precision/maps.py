@@ -82,7 +82,7 @@ def tables(quick: bool) -> list[Chart]:
 
 def _table(problem: Problem, exact: PointMap, initial_conditions: np.ndarray, order: int, leap: int, cells: int) -> Run:
     """Measure one table; leaps of several periods are taken where they are as accurate as their default asks."""
-    settings: dict[str, Any] = {"tolerance": _ANY} if leap == 1 else {"leap": leap}
+    settings: dict[str, Any] = {"tolerance": _ANY} if leap == 1 else {"max_step": leap}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of coarse tables, which are what is measured
         table = interpolated_map(exact, problem.table(cells), order=order, outside="integrate", **settings)
