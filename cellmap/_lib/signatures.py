@@ -46,6 +46,7 @@ MADE_BY = {
     "PeriodicOrbit": "periodic_orbit",
     "Plan": "plan",
     "PointMap": "stroboscopic_map or discrete_map",
+    "Refinement": "refine_basins",
     "SettlingStatistics": "settling_statistics",
     "StabilityMap": "stability_map",
     "TippingProbabilities": "tipping_probabilities",

@@ -21,6 +21,8 @@ class Label(IntEnum):
     """It has not settled within the periods that were allowed."""
     NO_RETURN = -4
     """It did not return to the Poincaré section."""
+    UNLABELLED = -5
+    """The call ended before the initial condition was labelled, as its limit of time or a cancellation asked for."""
 
 
 LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower() for k in Label}

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import affordable_number, whole_number
 from .._lib.signatures import checked
+from .._lib.stopping import Stop
 from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -96,6 +97,7 @@ def search(
     max_period: int,
     extent: NDArray[np.float64],
     examined: Examined,
+    stop: Stop | None = None,
 ) -> tuple[Orbits, list[Attractor], int]:
     """Follow orbits and find attractors, but no chaotic ones; return the orbits that are left, and their age."""
     attractors = list(known)
@@ -103,7 +105,8 @@ def search(
     age, horizon = 0, _FIRST_LOOK
     while len(orbits):
         before = len(orbits)
-        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), min(horizon, max_periods - age), age)
+        catalogue, periods = Catalogue.of(attractors, point_map), min(horizon, max_periods - age)
+        settled = settle(point_map, orbits, catalogue, periods, age, stop)
         orbits, last = settled.orbits, age + horizon >= max_periods
         age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
         if last or not _many_settle(before, len(orbits)):

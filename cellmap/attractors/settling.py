@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .._compiled.kernels import labelling
 from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, ellipsoids_of
 from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
+from .._lib.stopping import Stop
 from .._lib.threads import run_over, slices
 from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
 from ..maps.coordinates import turns_of, wrap
@@ -123,18 +124,31 @@ class Settled:
         return np.flatnonzero(self.labels == Label.UNDECIDED)
 
 
-def settle(point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0) -> Settled:
-    """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed."""
+def settle(
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int = 0,
+    stop: Stop | None = None,
+) -> Settled:
+    """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed.
+
+    Raises
+    ------
+    Stopped
+        Soon after that was requested.
+    """
     leap = point_map.leap
     if not len(catalogue.regions.owners) and not catalogue.covers:
-        return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN)[0]
+        return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]
     # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
     if leap == 1 or leap > periods or catalogue.covers:
-        return _labelled(point_map, orbits, catalogue, periods, age, 1)[0]
-    found, since, before = _labelled(point_map, orbits, catalogue, periods, age, leap)
+        return _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)[0]
+    found, since, before = _labelled(point_map, orbits, catalogue, periods, age, leap, stop=stop)
     # The last leap once more, by single periods, for the period in which it happened.
     rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
-    again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, leap, 0, 1)[0]
+    again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, leap, 0, 1, stop=stop)[0]
     told = again.labels != Label.UNDECIDED
     rows = rows[told]
     found.labels[rows] = again.labels[told]
@@ -190,6 +204,7 @@ def _labelled(
     age: int,
     stride: int,
     rule: Rule | None = None,
+    stop: Stop | None = None,
 ) -> tuple[Settled, NDArray[np.int64], NDArray[np.float64]]:
     """Label orbits, looking at them after every `stride` periods; also return the last look before, and points there.
 
@@ -224,6 +239,8 @@ def _labelled(
         )
         if reason == labelling.FINISHED:
             break
+        if stop is not None:
+            stop.check()
         if reason == labelling.ASKS_FOR_POOL:
             now = _orbits(pool, counts[labelling.ACTIVE], orbits)
             advance(now, int(scratch.made[0]))

@@ -12,6 +12,9 @@ from .planning.plans import Outcome as Outcome
 from .planning.plans import Plan as Plan
 from .recompute import recompute_basins as recompute_basins
 from .record import Basins as Basins
+from .refining import BasinFrame as BasinFrame
+from .refining import Refinement as Refinement
+from .refining import refine_basins as refine_basins
 from .store import StoreError as StoreError
 from .store import load_basins as load_basins
 from .store import save_basins as save_basins

@@ -57,6 +57,19 @@ class LabelStore(ABC):
     def release(self) -> None:
         """Give memory back whose contents are kept elsewhere."""
 
+    def cut_short(self, now: Progress | None) -> InMemory:
+        """Return what is decided where a run has ended in some pass, before its end; None where it has no pass yet."""
+        kept = InMemory(self.shape)
+        if now is not None:
+            kept.labels[:], kept.times[:] = self.labels, self.times
+            if now.rows.bits is None:
+                for number in self.unfinished(now):
+                    rows = now.rows_of(number)
+                    kept.labels[rows], kept.times[rows] = Label.UNLABELLED, -1
+        # Those that are undecided so far may settle in the periods that are left.
+        kept.labels[kept.labels == Label.UNDECIDED] = Label.UNLABELLED
+        return kept
+
     def where(self, wanted: Callable[[NDArray[np.int16]], NDArray[np.bool_]]) -> Rows:
         """Return the initial conditions with labels of some kind."""
 
@@ -81,7 +94,7 @@ class InMemory(LabelStore):
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         super().__init__(shape)
-        self.labels = np.full(self.total, Label.UNDECIDED, np.int16)
+        self.labels = np.full(self.total, Label.UNLABELLED, np.int16)
         self.times = np.full(self.total, -1, np.int32)
 
     def finished(self) -> Basins | None:
@@ -99,6 +112,11 @@ class InMemory(LabelStore):
     def unfinished(self, now: Progress) -> list[int]:
         """Return all tiles."""
         return list(range(len(now.parts)))
+
+    def cut_short(self, now: Progress | None) -> InMemory:
+        """Return what is decided where a run has ended before its end."""
+        self.labels[self.labels == Label.UNDECIDED] = Label.UNLABELLED
+        return self
 
     def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
         """Keep what became of a tile."""

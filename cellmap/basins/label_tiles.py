@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import Stop
 from ..attractors.settling import Catalogue, Settled, settle
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -29,7 +30,8 @@ class Labelling:
     """Labels of starts after some periods, the horizon.
 
     ``legs``: periods after which the starts of a tile were looked at before and then went on; where their states are
-    not at hand, they go through all of that again, for how an orbit is iterated may depend on it.
+    not at hand, they go through all of that again, for how an orbit is iterated may depend on it.  ``stop``: a request
+    to end before that, in this process.
     """
 
     point_map: PointMap
@@ -37,6 +39,7 @@ class Labelling:
     attractors: tuple[Attractor, ...]
     legs: tuple[int, ...]
     horizon: int
+    stop: Stop | None = None
 
     def __call__(self, batch: Batch) -> Settled:
         """Return the labels of a tile."""
@@ -51,7 +54,7 @@ class Labelling:
         return orbits
 
     def _settled(self, orbits: Orbits, begin: int, end: int) -> Settled:
-        return settle(self.point_map, orbits, self._catalogue, end - begin, begin)
+        return settle(self.point_map, orbits, self._catalogue, end - begin, begin, self.stop)
 
     @cached_property
     def _catalogue(self) -> Catalogue:

@@ -77,7 +77,7 @@ def verified(
 ) -> Verification:
     """Compare labels (of all `initial_conditions`, flat) of `n` random ones with those of an exact map."""
     drawn = random_numbers(rng).integers(0, labels.size, n)
-    drawn = drawn[labels[drawn] != Label.ESCAPED]
+    drawn = drawn[~np.isin(labels[drawn], (Label.ESCAPED, Label.UNLABELLED))]
     given, points = labels[drawn], initial_conditions.wrapped(drawn, exact)
     # Far inside the neighbourhoods, so that these are not taken on trust.
     catalogue = Catalogue.of(attractors, exact)

@@ -28,8 +28,9 @@ CODE_COLOURS: dict[int, str] = {
     Label.DIVERGED: "0.45",
     Label.UNDECIDED: "black",
     Label.NO_RETURN: "0.24",
+    Label.UNLABELLED: "white",
 }
-"""Colours of the labels that are not attractors: escaped, diverged, undecided, not returned."""
+"""Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled."""
 
 
 def colour_of(number: int) -> Colour:

@@ -15,8 +15,8 @@ from cellmap.attractors.equilibria import sets_of_equilibria
 from cellmap.attractors.labels import Label
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
-from cellmap.basins import finding as basin_finding
-from cellmap.basins.finding import _REPEATS
+from cellmap.basins import passes as basin_passes
+from cellmap.basins.passes import _REPEATS, Run
 from cellmap.basins.store import load_basins, save_basins
 from cellmap.orbits import Kind
 
@@ -29,13 +29,13 @@ LINE, PLANE = CellGrid((0.0,), (1.0,), (50,)), CellGrid((-0.5, -0.2), (0.5, 0.2)
 def passes(monkeypatch):
     """The passes of a run, as they are made."""
     made = []
-    label = basin_finding._Run._label
+    label = Run._label
 
     def counted(self, now, states):
         made.append(now)
         return label(self, now, states)
 
-    monkeypatch.setattr(basin_finding._Run, "_label", counted)
+    monkeypatch.setattr(Run, "_label", counted)
     return made
 
 
@@ -109,12 +109,12 @@ def test_two_wells_with_long_transients(max_periods, passes) -> None:
 
 def test_passes_are_bounded_whatever_is_found(passes, monkeypatch) -> None:
     """A search that claims a new attractor each time: a pass that decides nothing new is the last."""
-    real = basin_finding.examine
+    real = basin_passes.examine
 
     def credulous(point_map, states, extent, known, age):
         return real(point_map, states, extent, (), age)
 
-    monkeypatch.setattr(basin_finding, "examine", credulous)
+    monkeypatch.setattr(basin_passes, "examine", credulous)
     find_basins(LOGISTIC, LINE, max_periods=20)
     assert len(passes) == 2
 
@@ -130,7 +130,7 @@ def test_passes_are_bounded_where_each_decides_one_more(passes, monkeypatch) -> 
         here = replace(sink.neighbourhood, centres=states[:1].copy(), metrics=np.full((1, 1, 1), 1e16))
         return Examination((replace(sink, points=states[:1].copy(), neighbourhood=here),), ())
 
-    monkeypatch.setattr(basin_finding, "examine", credulous)
+    monkeypatch.setattr(basin_passes, "examine", credulous)
     basins = find_basins(still, CellGrid((0.1,), (1.0,), (100,)), max_periods=20)
     assert len(passes) == _REPEATS + 1
     assert len(basins.attractors) == _REPEATS

@@ -245,7 +245,7 @@ def test_legend_can_be_left_out(pendulum):
 
 def test_colours_of_codes_and_attractors_are_all_different():
     codes = [mpl.colors.to_rgb(c) for c in CODE_COLOURS.values()]
-    assert CODE_COLOURS.keys() == {Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED, Label.NO_RETURN}
+    assert CODE_COLOURS.keys() == set(Label)
     attractors = [mpl.colors.to_rgb(c) for c in COLOURS]
     for a, b in itertools.combinations(codes + attractors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.15

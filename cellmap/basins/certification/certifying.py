@@ -30,6 +30,7 @@ from .undecided import Search
 
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
+_OPEN = (Label.UNDECIDED, Label.UNLABELLED)
 _SEARCHES = 8  # times that a picture is certified at most, because attractors have come up
 _GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
 
@@ -114,7 +115,7 @@ def certify(
     )
     bounds = TableErrors.of(point_map, safety, progress)
     search = Search(basins, progress)
-    search.among(np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED))
+    search.among(np.flatnonzero(np.isin(basins.labels, _OPEN)))
     run = _Run(search, bounds, NOTHING)
     seed = random_seed(rng)
     checked = run.certify(audit, seed)
@@ -148,7 +149,7 @@ def certify(
 def _slow(basins: Basins) -> NDArray[np.bool_]:
     """Tell which starts come to no end with half of the periods to spare: another map may take longer than allowed."""
     late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
-    return np.asarray(late | (basins.labels.ravel() == Label.UNDECIDED))
+    return np.asarray(late | np.isin(basins.labels.ravel(), _OPEN))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,52 @@
+"""Requests to end work before it is done, from any thread or after some time."""
+
+from __future__ import annotations
+
+import time
+from threading import Event
+
+
+class Stopped(Exception):
+    """Work has ended before it was done, because that was asked for."""
+
+
+class Stop:
+    """A request that work looks for from time to time.
+
+    Parameters
+    ----------
+    seconds : float or None
+        Time after which the request makes itself.
+
+    Examples
+    --------
+    >>> stop = Stop()
+    >>> stop.requested
+    False
+    >>> stop.request()
+    >>> stop.requested
+    True
+    """
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self._event = Event()
+        self._deadline = None if seconds is None else time.monotonic() + seconds
+
+    def request(self) -> None:
+        """Ask for the end, from any thread."""
+        self._event.set()
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the time is over, and nobody has asked for the end."""
+        return not self._event.is_set() and self._deadline is not None and time.monotonic() >= self._deadline
+
+    @property
+    def requested(self) -> bool:
+        """Whether the end was asked for, or the time is over."""
+        return self._event.is_set() or self.timed_out
+
+    def check(self) -> None:
+        """Raise :class:`Stopped` where that is so."""
+        if self.requested:
+            raise Stopped

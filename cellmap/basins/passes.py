@@ -1,0 +1,267 @@
+"""Passes over initial conditions, after each of which those that are left are searched for further attractors."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import warn_caller
+from .._lib.stopping import Stop, Stopped
+from .._lib.threads import slices
+from .._lib.tiles import completed
+from ..attractors.chaos import chaotic_attractors, examine
+from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.search import Examined, region_extent, search, sort_out
+from ..attractors.settling import Settled
+from ..attractors.transients import Reason
+from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
+from ..maps.point_map import PointMap, ToleranceWarning
+from ..orbits.attractor import Attractor, sort_key
+from .initial_conditions import Rows, Starts
+from .label_store import LabelStore
+from .label_tiles import Batch, Labelling
+from .progress import Progress
+from .record import HELD, Basins
+from .strides import StridedTile
+
+_SAMPLE = 1024  # starts from which attractors are sought first
+_PATIENCE = 256  # periods before starts that are left are searched for further attractors
+_REPEATS = 32  # passes over the same periods with ever more attractors, at most
+_LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
+
+
+@dataclass(eq=False)
+class Run:
+    """Labelling of all starts in passes: each begins with what is left by the one before, or with what is known more.
+
+    All that a pass depends on is in its :class:`Progress`, so that a run may be taken up at any of them.
+
+    ``order``: the tiles of the first pass, in groups of which the first one is labelled before the search for
+    attractors, where some are known; ``now``: the present pass, or the last; ``reasons``: why some of those that it
+    leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration, pass by pass.
+    """
+
+    point_map: PointMap
+    initial_conditions: Starts
+    store: LabelStore
+    max_periods: int
+    max_period: int
+    client: Any = None
+    progress: bool = False
+    stop: Stop = field(default_factory=Stop)
+    order: Sequence[Sequence[StridedTile]] = ()
+    now: Progress | None = None
+    reasons: tuple[Reason, ...] = ()
+    complete: bool = False
+    spent: list[float] = field(default_factory=list)
+
+    def tiles(self, known: Sequence[Attractor]) -> Iterator[int]:
+        """Find attractors from a sample, label all starts, and look again at those that are left.
+
+        Yield the number of each tile as it is completed.  The passes come to an end: each one that has the same horizon
+        as the one before has more attractors and labels more starts, and there are no more of these in a row than a
+        fixed number; the others double the horizon, up to the periods that are allowed.
+        """
+        try:
+            yield from self._passes(list(known))
+        except Stopped:
+            return
+        self.complete = True
+
+    def result(self, settings: Mapping[str, Any], seconds: float) -> Basins:
+        """Return what has come out, with warnings of what is missing in it."""
+        tally, total = NOTHING if self.now is None else self.now.tally, len(self.initial_conditions)
+        if tally.inaccurate:
+            warn_caller(
+                f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits; loosen "
+                "rtol and atol, or allow more steps with max_steps",
+                ToleranceWarning,
+            )
+        store = self.store if self.complete else self.store.cut_short(self.now)
+        attractors = () if self.now is None else self.now.attractors
+        # Attractors in their order, without those that no initial condition ends on; labels get their new numbers.
+        used = sorted(store.used(len(attractors)).tolist(), key=lambda k: sort_key(attractors[k]))
+        if not self.complete:
+            left = int(np.count_nonzero(store.labels == Label.UNLABELLED))
+            warn_caller(
+                f"{left:,} of {total:,} initial conditions are unlabelled: the call ended before; allow more time with "
+                "max_seconds, or give a checkpoint, from which the same call goes on"
+            )
+        basins = replace(self.described(settings, seconds), attractors=tuple(attractors[k] for k in used))
+        return replace(store.finish(basins, new_numbers(used, len(attractors))), point_map=self.point_map)
+
+    def described(self, settings: Mapping[str, Any], seconds: float) -> Basins:
+        """Return basins with everything but labels, settling times and attractors."""
+        tally, point_map = NOTHING if self.now is None else self.now.tally, self.point_map
+        return Basins(
+            labels=np.zeros(0, np.int16),
+            attractors=(),
+            settling_time=np.zeros(0, np.int32),
+            grid=self.initial_conditions.grid,
+            initial_conditions=self.initial_conditions.given,
+            name=point_map.name,
+            params=dict(point_map.params),
+            coordinates=point_map.coordinates,
+            settings=settings,
+            inaccurate=tally.inaccurate,
+            undecided=Counter(map(str, self.reasons)),
+            cost=Cost(
+                seconds=seconds,
+                steps=tally.steps,
+                tabulation=point_map.cost.tabulation,
+                iteration=sum(self.spent),
+                evaluations=tally.evaluations,
+                look_ups=tally.look_ups,
+            ),
+            point_map=point_map,
+        )
+
+    def _passes(self, known: list[Attractor]) -> Iterator[int]:
+        total = len(self.initial_conditions)
+        few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
+        chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
+        grid = self.initial_conditions.grid
+        corners = chosen if grid is None else np.array([grid.lower, grid.upper])
+        extent = region_extent(self.point_map, corners)
+        examined = Examined.nothing_yet(self.point_map, extent)
+        now = self.store.resume(examined)
+        if now is None:
+            now = Progress(tuple(known), examined, Rows(total), (), min(_PATIENCE, self.max_periods))
+            if self.order and known and all(a.neighbourhood is not None for a in known):
+                # What these attractors attract is attracted by them whatever else is found.
+                yield from self._first_look(replace(now, tiles=tuple(self.order[0])))
+            tiles = tuple(tile for group in self.order for tile in group) or None
+            now = replace(now, attractors=self._search(chosen, known, total > _SAMPLE, examined), tiles=tiles)
+            self.store.begin(now)
+        states: Orbits | None = None
+        while True:
+            self.now = now
+            began = time.perf_counter()
+            states = yield from self._label(now, states)
+            self.spent.append(time.perf_counter() - began)
+            self.now = now = replace(now, tally=now.tally.plus(self.store.tallies.sum(axis=0)))
+            left = self.store.where(lambda labels: labels == Label.UNDECIDED)
+            if not len(left):
+                return
+            if states is None:
+                states = self._states(left, now)
+            attractors, reasons = self._find_more(now, states)
+            following = self._following(now, left, attractors)
+            if following is None:
+                self.reasons = reasons
+                return
+            self.store.begin(following)
+            if following.horizon == now.horizon or len(states) < len(left):
+                states = None
+            now = following
+
+    def _first_look(self, now: Progress) -> Iterator[int]:
+        """Label some starts by what is known."""
+        self.now = now
+        self.store.begin(now)
+        yield from self._label(now, None)
+
+    def _search(
+        self, chosen: NDArray[np.float64], known: list[Attractor], to_the_end: bool, examined: Examined
+    ) -> tuple[Attractor, ...]:
+        """Find attractors from a sample; where this is all starts, those that take long are left to their labelling."""
+        own = region_extent(self.point_map, chosen)
+        if not np.array_equal(own, examined.extent):
+            examined = Examined.nothing_yet(self.point_map, own)
+        periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
+        left, attractors, age = search(
+            self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop
+        )
+        if to_the_end and len(left):
+            attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
+        return tuple(attractors)
+
+    def _label(self, now: Progress, states: Orbits | None) -> Generator[int, None, Orbits | None]:
+        """Label initial conditions; return the states of those that are left, None where these are too many."""
+        left: dict[int, Orbits] = {}
+        rows: dict[int, NDArray[np.int64]] = {}
+        count = 0
+
+        def batch(number: int) -> Batch:
+            return Batch(now.rows_of(number), None if states is None else states[now.parts[number]])
+
+        for number, settled in self._settled(self.store.unfinished(now), batch, now):
+            self.store.put(number, now.rows_of(number), settled)
+            count += len(settled.orbits)
+            if count <= HELD:
+                left[number] = settled.orbits
+                if now.tiles is not None:
+                    rows[number] = now.tiles[number].rows[settled.undecided]
+            else:
+                left.clear()
+            yield number
+            self.stop.check()
+        found = _joined(left, len(now.parts))
+        if found is None or now.tiles is None:
+            return found
+        return found[np.argsort(np.concatenate([rows[number] for number in range(len(rows))]))]
+
+    def _settled(
+        self, tiles: Sequence[int], batch: Callable[[int], Batch], now: Progress
+    ) -> Iterator[tuple[int, Settled]]:
+        """Yield what becomes of tiles as they are completed."""
+        stop = self.stop if self.client is None else None
+        work = Labelling(self.point_map, self.initial_conditions, now.attractors, now.legs, now.horizon, stop)
+        bar = f"basins of {self.point_map.name}" if self.progress else None
+        return completed(tiles, batch, work, self.client, bar)
+
+    def _following(self, now: Progress, left: Rows, attractors: tuple[Attractor, ...]) -> Progress | None:
+        """Return the pass after one that is over, from the starts that are left and all attractors; None at the end."""
+        decided = now.undecided is None or len(left) < now.undecided
+        if len(attractors) > len(now.attractors) and decided and now.repeats < _REPEATS:
+            # From the beginning, so that settling times are those of the whole catalogue.
+            rows, repeats = self._unsettled(attractors), now.repeats + 1
+            again = replace(now, attractors=attractors, rows=rows, legs=(), tiles=None)
+            return replace(again, repeats=repeats, undecided=len(left))
+        if now.horizon == self.max_periods:
+            return None
+        horizon = min(2 * now.horizon, self.max_periods)
+        after = replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon, tiles=None)
+        return replace(after, repeats=0, undecided=None)
+
+    def _find_more(self, now: Progress, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
+        """Search the orbits that are left for further attractors; return all, and why the last pass leaves orbits."""
+        extent, age = now.examined.extent, now.horizon
+        left, attractors = sort_out(
+            self.point_map, states, list(now.attractors), self.max_period, extent, age, now.examined
+        )
+        if age < self.max_periods or not len(left):
+            return tuple(attractors), ()
+        examination = examine(self.point_map, left.points, extent, attractors, age)
+        return (*attractors, *examination.attractors), examination.reasons
+
+    def _unsettled(self, attractors: Sequence[Attractor]) -> Rows:
+        """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""
+        if any(a.neighbourhood is None for a in attractors):
+            return Rows(len(self.initial_conditions))
+        return self.store.where(lambda labels: labels < 0)
+
+    def _states(self, left: Rows, now: Progress) -> Orbits:
+        """Compute the states of starts that a pass has left again, of a part of them where they are very many."""
+        count = len(left) if len(left) <= HELD else _LOOKED_AT
+        batches = [Batch(rows[part]) for rows in left.spread(count) for part in slices(len(rows), CHUNK)]
+        found = {k: settled.orbits for k, settled in self._settled(range(len(batches)), batches.__getitem__, now)}
+        return Orbits.joined([found[number] for number in range(len(batches))])
+
+
+def new_numbers(used: Sequence[int], attractors: int) -> NDArray[np.int16]:
+    """Return the new label of each old one, from the lowest label on, where only some attractors are kept, in order."""
+    numbers = np.arange(min(LABEL_NAMES), attractors, dtype=np.int16)
+    numbers[np.array(used, np.int64) - min(LABEL_NAMES)] = np.arange(len(used))
+    return numbers
+
+
+def _joined(left: Mapping[int, Orbits], tiles: int) -> Orbits | None:
+    """Return the states that tiles have left in their order, None where some are missing."""
+    return Orbits.joined([left[number] for number in range(tiles)]) if len(left) == tiles else None

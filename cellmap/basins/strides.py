@@ -1,0 +1,65 @@
+"""Tiles of an image from coarse to fine, each place of the image in one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+_IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough that what surrounds it does not count
+
+
+@dataclass(frozen=True)
+class StridedTile:
+    """Places on a grid of some stride in a block of an image, without those that are on the grid of twice the stride.
+
+    ``corners``: first place along each axis, and the one after the last; ``first``: whether no grid is coarser, so
+    that all places belong to it.
+
+    Examples
+    --------
+    >>> StridedTile((3, 4), ((0, 3), (0, 4)), 2, False).rows
+    array([ 2,  8, 10])
+    """
+
+    shape: tuple[int, ...]
+    corners: tuple[tuple[int, int], ...]
+    stride: int
+    first: bool
+
+    @property
+    def _axes(self) -> list[NDArray[np.int64]]:
+        return [np.arange(low, high, self.stride) for low, high in self.corners]
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Flat numbers of the places, in rising order."""
+        flat, coarser = np.zeros((), np.int64), np.ones((), bool)
+        for axis, n in zip(self._axes, self.shape, strict=True):
+            flat = flat[..., None] * n + axis
+            coarser = coarser[..., None] & (axis % (2 * self.stride) == 0)
+        return flat.ravel() if self.first else flat[~coarser]
+
+    def __len__(self) -> int:
+        axes = self._axes
+        every = prod(map(len, axes))
+        return every if self.first else every - prod(int((a % (2 * self.stride) == 0).sum()) for a in axes)
+
+
+def strided_tiles(shape: Sequence[int], stride: int, middle: Sequence[int] | None) -> list[list[StridedTile]]:
+    """Return the tiles of an image for each stride, from the coarsest to 1; those come first that are near a place."""
+    centre = np.array([(n - 1) / 2 for n in shape] if middle is None else middle, float)
+    side = max(2, round(_IN_A_TILE ** (1.0 / len(shape))) // 2 * 2)
+    groups, step = [], stride
+    while step:
+        cuts = [[(low, min(low + side * step, n)) for low in range(0, n, side * step)] for n in shape]
+        tiles = [StridedTile(tuple(shape), block, step, step == stride) for block in product(*cuts)]
+        tiles = [tile for tile in tiles if len(tile)]
+        apart = [sum(max(a - x, x - b, 0.0) ** 2 for (a, b), x in zip(t.corners, centre, strict=True)) for t in tiles]
+        groups.append([tiles[k] for k in np.argsort(apart, kind="stable")])
+        step //= 2
+    return groups

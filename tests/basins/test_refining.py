@@ -1,0 +1,248 @@
+"""Images from coarse to fine, and calls of bounded time: the same bits as a whole call, in any order, or a warning."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from math import cos, pi
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import (
+    Basins,
+    CellGrid,
+    ForcedSystem,
+    PointMap,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    load_basins,
+    set_threads,
+    stroboscopic_map,
+)
+from cellmap.attractors.labels import Label
+from cellmap.basins import refine_basins
+from cellmap.basins.strides import strided_tiles
+
+
+def forced(t, x, p):
+    return x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.1 * cos(t)
+
+
+def conservative(x, p):
+    """Hénon's area-preserving map: nothing settles, some initial conditions diverge."""
+    y = x[1] - x[0] * x[0]
+    return x[0] * 0.24 - y * 0.97, x[0] * 0.97 + y * 0.24
+
+
+def newton(x, p):
+    return (x[0] / 2 + 1 / (2 * x[0]),)
+
+
+def duffing() -> PointMap:
+    return stroboscopic_map(ForcedSystem(forced, {}, 2 * pi, ("q", "v"), "Duffing"), rtol=1e-5, atol=1e-5)
+
+
+def pendulum() -> PointMap:
+    return stroboscopic_map(systems.driven_pendulum(amplitude=0.010), rtol=1e-6, atol=1e-6)
+
+
+WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 90))
+CONSERVATIVE = discrete_map(conservative, {}, ("x", "y"))
+CASES = {
+    "two wells": (duffing, WINDOW, 2000),
+    "table": (
+        lambda: interpolated_map(duffing(), CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96)), tolerance=1e-2),
+        WINDOW,
+        2000,
+    ),
+    "small basins": (pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (60, 51)), 600),
+    "undecided": (lambda: CONSERVATIVE, CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35)), 300),
+    "chaotic": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (95, 95)), 500),
+    "leaps": (
+        lambda: interpolated_map(CONSERVATIVE, CellGrid((-1, -1), (1, 1), (60, 60)), outside="escape", max_step=8),
+        CellGrid((-0.6, -0.6), (0.6, 0.6), (30, 30)),
+        300,
+    ),
+    "points": (
+        lambda: discrete_map(newton, {}, ("x",)),
+        np.random.default_rng(0).uniform(-3.0, 3.0, (4, 900, 1)),
+        2000,
+    ),
+}
+
+
+def assert_same(ours: Basins, theirs: Basins) -> None:
+    assert ours.labels.tobytes() == theirs.labels.tobytes()
+    assert ours.labels.shape == theirs.labels.shape
+    assert ours.settling_time.tobytes() == theirs.settling_time.tobytes()
+    assert [a.points.tobytes() for a in ours.attractors] == [a.points.tobytes() for a in theirs.attractors]
+    assert ours.undecided == theirs.undecided
+    assert ours.settings == theirs.settings
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_last_frame_has_the_bits_of_a_whole_call(name: str) -> None:
+    make, places, periods = CASES[name]
+    whole = find_basins(make(), places, periods)
+    for threads in (1, 2):
+        set_threads(threads)
+        frames = list(refine_basins(make(), places, periods))
+        assert_same(frames[-1].basins, whole)
+        assert [f.complete for f in frames] == [False] * (len(frames) - 1) + [True]
+        strides = [f.stride for f in frames]
+        # Tiles of several threads may be completed in another order.
+        assert strides[:4] == [8, 4, 2, 1] if threads == 1 else strides == sorted(strides, reverse=True)
+        for frame in frames:
+            coarse = frame.basins.labels[tuple(slice(None, None, frame.stride) for _ in whole.labels.shape)]
+            assert not (coarse == Label.UNLABELLED).any()
+
+
+def test_frames_are_images_of_what_is_known() -> None:
+    """What has an attractor keeps it; an image has no holes, and each finer one is nearer to the last."""
+    set_threads(1)
+    frames = list(refine_basins(duffing(), WINDOW))
+    last, wrong = frames[-1].image, []
+    assert last is frames[-1].basins.labels
+    for frame in frames:
+        known = frame.basins.labels >= 0
+        assert (frame.basins.labels[known] == last[known]).all()
+        assert np.array_equal(frame.image[known], last[known])
+        assert (frame.image >= 0).all()
+        wrong.append(int(np.count_nonzero(frame.image != last)))
+    assert wrong == sorted(wrong, reverse=True)
+    first = frames[0].image
+    assert np.array_equal(first[4:12, 4:12], np.full((8, 8), last[8, 8]))
+    assert wrong[0] < 0.2 * last.size
+    assert wrong[-1] == 0
+
+
+def test_a_map_with_known_attractors_is_drawn_before_others_are_sought(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = find_basins(duffing(), WINDOW)
+    sought: list[int] = []
+
+    def seeking(*given: object) -> None:
+        sought.append(len(given))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cellmap.basins.passes.search", seeking)
+    frames = refine_basins(duffing(), WINDOW, attractors=whole.attractors)
+    first = next(frames)
+    assert first.stride == 8
+    assert not sought
+    assert np.array_equal(first.basins.labels[::8, ::8], whole.labels[::8, ::8])
+    with pytest.raises(KeyboardInterrupt):
+        next(frames)
+
+
+def test_attractors_that_are_known_only_in_part_lead_to_the_same_bits() -> None:
+    whole = find_basins(pendulum(), CASES["small basins"][1], 600)
+    some = whole.attractors[:1]
+    *_, last = refine_basins(pendulum(), CASES["small basins"][1], 600, attractors=some)
+    assert_same(last.basins, find_basins(pendulum(), CASES["small basins"][1], 600, attractors=some))
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (2000,), (5, 300), (100, 90), (4, 5, 6), (200, 30, 40), (3, 4, 5, 6)])
+@pytest.mark.parametrize("stride", [1, 2, 8])
+def test_tiles_hold_every_place_once(shape: tuple[int, ...], stride: int) -> None:
+    groups, seen = strided_tiles(shape, stride, None), np.zeros(int(np.prod(shape)), int)
+    step = stride
+    for group in groups:
+        for tile in group:
+            assert len(tile) == len(tile.rows) <= 8192
+            assert (np.diff(tile.rows) > 0).all()
+            seen[tile.rows] += 1
+        coarse = seen.reshape(shape)[tuple(slice(None, None, step) for _ in shape)]
+        assert (coarse == 1).all()
+        assert seen.sum() == coarse.size
+        step //= 2
+    assert (seen == 1).all()
+
+
+def test_tiles_near_a_point_come_first() -> None:
+    set_threads(1)
+    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
+    frames = refine_basins(duffing(), grid, stride=1, near=(2.0, -2.0), interval=0.0)
+    known = next(frames).basins.labels != Label.UNLABELLED
+    assert known.sum() == 44 * 64
+    assert known[256:, :64].all()
+    far = next(refine_basins(duffing(), grid.centres(), stride=1, near=(-2.0, 2.0), interval=0.0))
+    assert (far.basins.labels[:64, 256:] != Label.UNLABELLED).all()
+    assert (far.basins.labels == Label.UNLABELLED).sum() == 300 * 300 - 44 * 64
+
+
+def test_an_iteration_is_cancelled_from_another_thread() -> None:
+    """Nothing settles for a million periods: without an end from outside this takes minutes."""
+    slow = refine_basins(CONSERVATIVE, CellGrid((-0.4, -0.4), (0.4, 0.4), (500, 500)), 10**6)
+    ended: list[float] = []
+    threading.Timer(0.3, lambda: (ended.append(time.perf_counter()), slow.cancel())).start()
+    frames = list(slow)
+    assert time.perf_counter() - ended[0] < 1.0
+    assert not any(frame.complete for frame in frames)
+    assert list(slow) == []
+
+
+def test_a_call_ends_in_time_with_what_is_decided() -> None:
+    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (700, 700))
+    whole = find_basins(duffing(), WINDOW)
+    began = time.perf_counter()
+    with pytest.warns(UserWarning, match=r"of 490,000 initial conditions are unlabelled.* max_seconds"):
+        some = find_basins(duffing(), grid, attractors=whole.attractors, max_seconds=0.4)
+    assert time.perf_counter() - began < 3.0
+    unlabelled = some.labels == Label.UNLABELLED
+    assert 0 < unlabelled.sum() < grid.size
+    assert some.fractions[Label.UNLABELLED].count == unlabelled.sum()
+    assert some.label_name(Label.UNLABELLED) == "unlabelled"
+    assert not (some.labels == Label.UNDECIDED).any()
+    assert (some.settling_time[unlabelled] == -1).all()
+    flat, rows = grid.centres().reshape(-1, 2), np.flatnonzero(~unlabelled.ravel())[::97]
+    assert np.array_equal(find_basins(duffing(), flat[rows]).labels, some.labels.ravel()[rows])
+    verified = some.verify(500)
+    assert verified.wrong == 0
+    assert verified.excluded > 0
+
+
+def test_with_time_enough_a_bounded_call_is_a_whole_one() -> None:
+    assert_same(find_basins(duffing(), WINDOW, max_seconds=600.0), find_basins(duffing(), WINDOW))
+
+
+def test_what_may_still_settle_is_unlabelled_and_not_undecided() -> None:
+    grid = CellGrid((-0.4, -0.4), (0.4, 0.4), (30, 30))
+    with pytest.warns(UserWarning, match="900 of 900 initial conditions are unlabelled"):
+        assert (find_basins(CONSERVATIVE, grid, 10**7, max_seconds=0.3).labels == Label.UNLABELLED).all()
+    *_, last = refine_basins(CONSERVATIVE, grid, 10**7, max_seconds=0.3)
+    assert not last.complete
+    assert last.stride == 1
+
+
+def test_a_checkpoint_goes_on_where_the_time_was_over(tmp_path) -> None:
+    grid, path, calls = CellGrid((-2.2, -2.2), (2.2, 2.2), (400, 400)), tmp_path / "basins.h5", 0
+    whole = find_basins(duffing(), grid)
+    open_ = True
+    while open_:
+        calls += 1
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = find_basins(duffing(), grid, checkpoint=path, max_seconds=0.1 * calls)
+        open_ = bool((found.labels == Label.UNLABELLED).any())
+        assert len(told) == open_
+    assert calls > 1
+    assert_same(found, whole)
+    assert np.array_equal(load_basins(path).labels, whole.labels)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"stride": 6}, "stride=6: give a power of two"),
+        ({"interval": -1.0}, r"interval=-1\.0: give a number of at least 0"),
+        ({"max_seconds": 0.0}, r"max_seconds=0\.0: give a number above 0"),
+        ({"near": (1.0,)}, r"near has shape \(1,\)"),
+    ],
+)
+def test_arguments_out_of_range_are_named(given, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        refine_basins(CONSERVATIVE, WINDOW, **given)
