@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,34 @@ def match_attractors(
     cost = np.round(np.where(cost <= threshold, cost, 1e3 * (1.0 + threshold)), _DIGITS)
     rows, columns = linear_sum_assignment(cost)
     return {int(i): labels[j] for i, j in zip(rows, columns, strict=True) if cost[i, j] <= threshold}
+
+
+def persistent_labels(
+    found: Sequence[Attractor],
+    before: Mapping[int, Attractor],
+    memory: Mapping[int, Attractor],
+    extent: NDArray[np.float64],
+    threshold: float,
+    taken: Collection[int] = (),
+) -> list[int]:
+    """Return a label for each attractor: that of one just before, that of one which had vanished, or a new one.
+
+    ``before``: attractors just before, by label; ``memory``: those and all earlier ones, as they were seen last;
+    ``taken``: labels that other attractors have.
+    """
+    memory, before = ({k: a for k, a in known.items() if k not in taken} for known in (memory, before))
+    labels = match_attractors(found, before, extent, threshold)
+    rest = [k for k in range(len(found)) if k not in labels]
+    vanished = {label: a for label, a in memory.items() if label not in before}
+    # After a gap nearness alone is no evidence.
+    again = match_attractors([found[k] for k in rest], vanished, extent, threshold, unlike=np.inf)
+    labels |= {rest[k]: label for k, label in again.items()}
+    fresh = max([*memory, *before, *taken], default=-1) + 1
+    for k in rest:
+        if k not in labels:
+            labels[k] = fresh
+            fresh += 1
+    return [labels[k] for k in range(len(found))]
 
 
 def _cost(a: Attractor, b: Attractor, extent: NDArray[np.float64], unlike: float) -> float:

@@ -5,6 +5,9 @@ from .continuation import continue_basins as continue_basins
 from .continuation_record import BasinContinuation as BasinContinuation
 from .continuation_record import ContinuationInterrupt as ContinuationInterrupt
 from .finding import find_basins as find_basins
+from .live import LiveBasins as LiveBasins
+from .live import LiveFrame as LiveFrame
+from .live import LiveFrames as LiveFrames
 from .planning.options import Option as Option
 from .planning.planner import AccuracyWarning as AccuracyWarning
 from .planning.planner import plan as plan

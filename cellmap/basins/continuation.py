@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.matching import match_attractors, thinned
+from ..attractors.matching import persistent_labels, thinned
 from ..attractors.search import find_attractors, longest_period, region_extent
 from ..maps.coordinates import state_points, wrap
 from ..maps.grid import CellGrid
@@ -223,7 +223,8 @@ def _step(
         known = find_attractors(point_map, seeds, *limits, attractors=known)
     basins = find_basins(point_map, initial_conditions, *limits, attractors=known)
     found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
-    labels = _labels(found, done, memory, extent, settings["threshold"])
+    before = done.attractors[-1] if done.attractors else {}
+    labels = persistent_labels(found, before, memory, extent, settings["threshold"])
     shares = basins.fractions
     counts = {labels[k] if k >= 0 else k: f.count for k, f in shares.items()}
     return {labels[k]: _light(a) for k, a in enumerate(found)}, counts, basins
@@ -235,29 +236,6 @@ def _seeds(memory: Mapping[int, Attractor], extent: NDArray[np.float64]) -> NDAr
     on = np.concatenate([thinned(a.points, _SEEDS) for a in memory.values()])
     beside = on + _ASIDE * extent * rng.standard_normal(on.shape)
     return np.concatenate([on, wrap(beside, next(iter(memory.values())).coordinates)])
-
-
-def _labels(
-    found: Sequence[Attractor],
-    done: _Done,
-    memory: Mapping[int, Attractor],
-    extent: NDArray[np.float64],
-    threshold: float,
-) -> list[int]:
-    """Return a label for each attractor: that of the value before, that of one which had vanished, or a new one."""
-    before = done.attractors[-1] if done.attractors else {}
-    labels = match_attractors(found, before, extent, threshold)
-    rest = [k for k in range(len(found)) if k not in labels]
-    vanished = {label: a for label, a in memory.items() if label not in before}
-    # After a gap nearness alone is no evidence.
-    again = match_attractors([found[k] for k in rest], vanished, extent, threshold, unlike=np.inf)
-    labels |= {rest[k]: label for k, label in again.items()}
-    fresh = len(memory)
-    for k in rest:
-        if k not in labels:
-            labels[k] = fresh
-            fresh += 1
-    return [labels[k] for k in range(len(found))]
 
 
 def _light(attractor: Attractor) -> Attractor:

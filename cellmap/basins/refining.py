@@ -198,28 +198,41 @@ def refine_basins(
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
     >>> for frame in refine_basins(newton, CellGrid((-3,), (3,), (100,))):
     ...     print(frame.stride, int((frame.basins.labels == -5).sum()))
-    8 88
+    8 87
     4 75
     2 50
     1 0
     1 0
     """
-    max_periods = whole_number("max_periods", max_periods, at_least=1)
-    max_period = longest_period(max_period)
+    limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     check_attractors(attractors, point_map, "attractors")
+    limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
+    places = Starts.of(initial_conditions, point_map)
+    return refinement(point_map, places, limits, attractors, stride, near, interval, Stop(limit))
+
+
+def refinement(
+    point_map: PointMap,
+    places: Starts,
+    limits: tuple[int, int],
+    attractors: Sequence[Attractor],
+    stride: int,
+    near: ArrayLike | None,
+    interval: float | None,
+    stop: Stop,
+) -> Refinement:
+    """Return what :func:`refine_basins` does, with the largest numbers of periods, and a request to end."""
     stride = whole_number("stride", stride, at_least=1, at_most=2**16)
     if stride & (stride - 1):
         raise ValueError(f"stride={stride}: give a power of two")
     often = inf if interval is None else finite_number("interval", interval, at_least=0.0)
-    limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
-    places = Starts.of(initial_conditions, point_map)
     total = len(places)
-    # A frame has labels and times of its own, and tiles are listed with all their initial conditions.
+    # A frame has labels and times of its own.
     claim_memory(f"labels of {total:,} initial conditions", 3 * basins_memory(total), "take fewer initial conditions")
     middle = None if near is None else _place(finite_points("near", near, point_map.dimension), places, point_map)
     order = strided_tiles(places.shape, stride, middle)
-    settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
-    run = Run(point_map, places, InMemory(places.shape), max_periods, max_period, stop=Stop(limit), order=order)
+    settings = {"max_periods": limits[0], "max_period": limits[1], "map": dict(point_map.recipe)}
+    run = Run(point_map, places, InMemory(places.shape), *limits, stop=stop, order=order)
     return Refinement(run, attractors, settings, often)
 
 

@@ -84,6 +84,10 @@ class MapSpec(ABC, Generic[M]):
         changes = {"params": params} if system is None else {"system": system.with_params(**params)}
         return replace(self, **changes)
 
+    def with_phase(self, phase: float) -> MapSpec[M]:
+        """Return the specification with another phase of the forcing."""
+        raise ValueError(f"phase={phase!r}: a {self.kind} map has none; give a stroboscopic map")
+
     def swept(self, names: tuple[str, ...]) -> MapSpec[M] | None:
         """Return the specification with some parameters appended to the state; None if `with_params` must serve."""
         return None

@@ -16,6 +16,7 @@ from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
 from .integration import Flow, flow, tangent_flow
+from .orbit_batch import Orbits
 from .parameters_as_states import swept_system
 from .point_map import PointMap
 from .specification import MapSpec, no_source
@@ -142,6 +143,10 @@ class Stroboscopic(MapSpec[PointMap]):
             unknown_formulas=motion.unknown_formulas,
         )
 
+    def with_phase(self, phase: float) -> Stroboscopic:
+        """Return the specification with another phase of the forcing."""
+        return replace(self, phase=phase)
+
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
         further = swept_system(self.system, names)
@@ -168,6 +173,20 @@ class Stroboscopic(MapSpec[PointMap]):
 def method_of(point_map: PointMap) -> str:
     """Return the name of the integration method of a stroboscopic map, the chosen one for "auto"; "" for others."""
     return point_map.spec.motion.kernel.method if isinstance(point_map.spec, Stroboscopic) else ""
+
+
+def carried(point_map: PointMap, points: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
+    """Return where the flow takes points (n, dimension) from the phase of a map until the next time of another one."""
+    spec = point_map.without_table.spec
+    if not isinstance(spec, Stroboscopic):
+        raise ValueError(f"phase={phase!r}: {point_map!r} has none; give a stroboscopic map")
+    system, ahead = spec.system, (phase - spec.phase) % 1.0
+    orbits = Orbits.starting(points.copy())
+    if ahead > 0.0:
+        begin, time, method = spec.phase * system.length, ahead * system.length, spec.motion.kernel.method
+        motion = flow(system, begin, time, spec.rtol, spec.atol, method, spec.max_steps)
+        FlowAdvance(motion, *turns_of(system.axes))(orbits, 1)
+    return orbits.points
 
 
 def check_tolerances(spec: Any) -> None:

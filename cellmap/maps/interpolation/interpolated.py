@@ -208,6 +208,10 @@ class Interpolated(MapSpec[PointMap]):
         """Return the specification with other values of the parameters."""
         return replace(self, exact=self.exact.with_params(**params), table=None)
 
+    def with_phase(self, phase: float) -> Interpolated:
+        """Return the specification with another phase of the forcing."""
+        return replace(self, exact=self.exact.specified.with_phase(phase).build(), table=None)
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file."""

@@ -1,0 +1,207 @@
+"""Live images: those of find_basins at each parameter, with attractors that keep their identity; the newest wins."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from math import cos, pi, tanh
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap.attractors.labels import Label
+from cellmap.basins import LiveBasins, LiveFrame
+
+LINE = CellGrid((-2.0,), (2.0,), (101,))
+WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 50))
+
+
+def tilted(x, p):
+    """Steps downhill in x^4/4 - x^2/2 - t x: two wells where abs(t) < 2/sqrt(27) = 0.385."""
+    return (x[0] + 0.2 * (x[0] - x[0] ** 3 + p.t),)
+
+
+def forced(t, x, p):
+    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
+
+
+def conservative(x, p):
+    y = x[1] - p.b * x[0] * x[0]
+    return x[0] * 0.24 - y * 0.97, x[0] * 0.97 + y * 0.24
+
+
+TILTED = discrete_map(tilted, {"t": 0.0}, ("x",))
+CONSERVATIVE = discrete_map(conservative, {"b": 1.0}, ("x", "y"))
+
+
+def duffing(phase: float = 0.0, **params: float) -> PointMap:
+    system = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1, **params}, 2 * pi, ("q", "v"), "Duffing")
+    return stroboscopic_map(system, phase, rtol=1e-6, atol=1e-6)
+
+
+def identities_of(frame: LiveFrame) -> Mapping[int, float]:
+    """The first coordinate of each attractor, by identity."""
+    return {k: float(a.points[0, 0]) for k, a in frame.attractors.items()}
+
+
+def image(live: LiveBasins, *request: object, **options: object) -> LiveFrame:
+    frame = live.image(*request, **options)
+    assert frame is not None
+    return frame
+
+
+def same_basins(frame: LiveFrame, point_map: PointMap, grid: CellGrid) -> None:
+    """The same sets as those of a call that knows nothing, attractor by attractor."""
+    alone = find_basins(point_map, grid)
+    assert frame.complete
+    assert len(alone.attractors) == len(frame.basins.attractors)
+    for one, other in zip(frame.basins.attractors, alone.attractors, strict=True):
+        assert np.abs(one.points - other.points).max() < 1e-9
+    assert np.array_equal(frame.basins.labels, alone.labels)
+
+
+@pytest.mark.parametrize("tabulated", [False, True])
+def test_images_are_those_of_basins_found_alone(tabulated: bool) -> None:
+    def make(phase: float = 0.0, **params: float) -> PointMap:
+        nodes = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
+        exact = duffing(phase, **params)
+        return interpolated_map(exact, nodes, tolerance=1e-2) if tabulated else exact
+
+    live = LiveBasins(make(), WINDOW)
+    same_basins(image(live), make(), WINDOW)
+    same_basins(image(live, {"gamma": 0.11}), make(gamma=0.11), WINDOW)
+    same_basins(image(live, {"gamma": 0.11}, phase=0.4), make(0.4, gamma=0.11), WINDOW)
+    closer = CellGrid((-0.5, -0.5), (0.5, 0.5), (30, 40))
+    same_basins(image(live, {"delta": 0.3}, initial_conditions=closer), make(delta=0.3), closer)
+
+
+def test_an_attractor_keeps_its_identity_while_it_moves() -> None:
+    """Wells at -1 and 1; one vanishes at t = 0.385 and comes back; attractors that go and come are told once."""
+    live = LiveBasins(TILTED, LINE)
+    first = image(live)
+    left, right = sorted(first.attractors, key=identities_of(first).__getitem__)
+    assert set(first.born) == {left, right}
+    for t in np.linspace(0.05, 0.35, 7):
+        frame = image(live, {"t": float(t)})
+        assert identities_of(frame)[right] > 1.0
+        assert identities_of(frame)[left] < -0.5
+        assert (frame.born, frame.gone) == ((), ())
+    assert (image(live, {"t": 0.45}).gone, image(live, {"t": 0.5}).gone) == ((left,), ())
+    back = image(live, {"t": 0.36})
+    assert (back.born, back.gone) == ((left,), ())
+    assert set(np.unique(back.identity_image)) == {left, right}
+    assert (back.identity_image[:20] == left).all()
+
+
+def test_identities_do_not_change_on_the_way_through_phases() -> None:
+    """The flow takes each attractor from one phase to the next, however far they are apart."""
+    live, seen = LiveBasins(duffing(), WINDOW), []
+    for phase in (None, 0.5, 0.05, 0.75, 0.0):
+        frame = image(live, phase=phase)
+        seen.append(identities_of(frame))
+        assert frame.born == (() if seen[1:] else tuple(seen[0]))
+        assert frame.gone == ()
+    assert all(now.keys() == seen[0].keys() for now in seen)
+    assert seen[-1] == pytest.approx(seen[0])
+    assert all(np.sign(now[k]) == np.sign(seen[0][k]) for now in seen for k in now), "each stays in its well"
+
+
+def test_a_chaotic_attractor_keeps_its_identity_and_one_that_doubles_its_period() -> None:
+    live = LiveBasins(systems.logistic_map(3.2), CellGrid((0.0,), (1.0,), (40,)), max_periods=300)
+    seen = [set(image(live, {"mu": r}).attractors) for r in (3.2, 3.4, 3.47, 3.9, 3.91, 3.4)]
+    assert seen == [seen[0]] * len(seen)
+    assert len(seen[0]) == 1
+
+
+def test_an_attractor_outside_of_the_window_is_not_forgotten() -> None:
+    live = LiveBasins(TILTED, LINE)
+    first = image(live)
+    aside = image(live, {"t": 0.1}, initial_conditions=CellGrid((1.0,), (1.5,), (20,)))
+    assert len(aside.identities) == 1
+    assert aside.attractors.keys() == first.attractors.keys()
+    assert aside.gone == ()
+
+
+def test_a_new_request_cancels_the_one_before() -> None:
+    """Nothing settles for a million periods: only an end from outside leaves the newest request its time."""
+    live, frames = LiveBasins(CONSERVATIVE, CellGrid((-0.4, -0.4), (0.4, 0.4), (400, 400)), 10**6), []
+    slow = threading.Thread(target=lambda: frames.extend(live.frames()))
+    slow.start()
+    time.sleep(0.3)
+    other = live.frames({"b": 1.1}, max_seconds=0.3)
+    slow.join(2.0)
+    assert not slow.is_alive()
+    assert not any(frame.complete for frame in frames)
+    began = time.perf_counter()
+    *_, last = other
+    assert time.perf_counter() - began < 2.0
+    assert not last.complete
+
+
+def test_many_threads_at_once_leave_the_image_of_the_last_request() -> None:
+    live, done = LiveBasins(duffing(), WINDOW), []
+
+    def storm(number: int) -> None:
+        for k in range(6):
+            frame = live.image({"gamma": 0.1 + 1e-3 * (5 * number + k)}, near=(0.0, 0.0))
+            done.append(frame is None or not frame.complete or (frame.basins.labels >= 0).all())
+
+    threads = [threading.Thread(target=storm, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    assert len(done) == 24
+    assert all(done)
+    same_basins(image(live, {"gamma": 0.1}), duffing(), WINDOW)
+    assert len(image(live, {"gamma": 0.1}).attractors) == 2
+
+
+def test_an_image_within_some_time_and_one_that_is_cancelled() -> None:
+    live = LiveBasins(CONSERVATIVE, CellGrid((-0.4, -0.4), (0.4, 0.4), (100, 100)), 10**6)
+    began = time.perf_counter()
+    frame = image(live, max_seconds=0.2)
+    assert time.perf_counter() - began < 1.0
+    assert not frame.complete
+    assert (frame.image <= Label.UNDECIDED).all()
+    threading.Timer(0.1, live.cancel).start()
+    again = live.image({"b": 0.9})
+    assert again is None or not again.complete
+
+
+def test_what_is_asked_for_again_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    live = LiveBasins(TILTED, LINE)
+    image(live, {"t": 0.1})
+    image(live)
+    monkeypatch.setattr("cellmap.basins.live.continue_attractors", lambda *_: pytest.fail("followed again"))
+    assert image(live, {"t": 0.1}).complete
+
+
+@pytest.mark.parametrize(
+    ("request_", "error", "message"),
+    [
+        ({"params": {"u": 1.0}}, ValueError, r"params has no \['u'\]: this map has \['t'\]"),
+        ({"params": {"t": np.nan}}, ValueError, r"params\['t'\]=nan"),
+        ({"params": 3}, TypeError, "params=3: give a mapping"),
+        ({"max_seconds": -1}, ValueError, "max_seconds=-1: give a number above 0"),
+        ({"phase": 0.3}, ValueError, r"phase=0\.3: a discrete map has none"),
+    ],
+)
+def test_arguments_out_of_range_are_named(request_, error, message) -> None:
+    with pytest.raises(error, match=message):
+        LiveBasins(TILTED, LINE).image(**request_)
+    with pytest.raises(ValueError, match="threshold=0: give a number above 0"):
+        LiveBasins(TILTED, LINE, threshold=0)
+
+
+def test_the_example_of_two_wells_that_are_born() -> None:
+    wells = discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 0.5}, ("x",), "wells")
+    live = LiveBasins(wells, CellGrid((-1,), (1,), (100,)))
+    (one,) = image(live).identities
+    frames = list(live.frames({"a": 1.5}))
+    assert all(frame.gone == () for frame in frames[:-1])
+    assert frames[-1].gone == (one,)
+    assert len(frames[-1].born) == 2
