@@ -7,6 +7,7 @@ from . import maps as maps
 from . import orbits as orbits
 from . import plot as plot
 from . import sets as sets
+from . import utils as utils
 from ._lib.threads import set_threads as set_threads
 from ._lib.threads import thread_count as thread_count
 from .attractors.search import find_attractors as find_attractors

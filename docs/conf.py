@@ -18,6 +18,7 @@ from types import ModuleType
 from sphinx.application import Sphinx
 
 import cellmap
+import systems
 import systems.lab
 from studies import hard_cases
 from studies.__main__ import study_names
@@ -45,6 +46,7 @@ html_show_sourcelink = False
 html_theme_options = {"show_prev_next": True, "secondary_sidebar_items": ["page-toc"]}
 
 EXPORTS = "<!-- everything that cellmap exports -->"
+SYSTEMS = "<!-- everything that systems exports -->"
 LABORATORY = "<!-- everything that systems.lab exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
 WORK_PRECISION = "<!-- what accuracy costs -->"
@@ -56,6 +58,7 @@ ROOMS += [
     "cellmap.analysis",
     *(f"cellmap.analysis.{room}" for room in "fractal resilience boundary".split()),
     "cellmap.plot",
+    "cellmap.utils",
 ]
 GENERATED = Path(__file__).parent / "generated"
 
@@ -81,8 +84,8 @@ def rooms() -> str:
 def exports(package: ModuleType) -> str:
     """Return the reference as text: a section for each module, an entry for each name that the package exports."""
     by_module: dict[str, list[str]] = {}
-    for name in exported_names(package):
-        by_module.setdefault(getattr(package, name).__module__, []).append(name)
+    for name, module in defined_in(package).items():
+        by_module.setdefault(module, []).append(name)
     parts = []
     for module, names in by_module.items():
         parts += headed((inspect.getdoc(sys.modules[module]) or module).split("\n\n")[0].replace("\n", " "))
@@ -90,11 +93,50 @@ def exports(package: ModuleType) -> str:
     return "\n\n".join(parts)
 
 
+SECTIONS = {
+    "Scenes": "scenes",
+    "Bodies": "pendulum compound chain chain_pendulums",
+    "Effects": "effects",
+    "Drives": "drives harmonics waves",
+    "Units": "units",
+    "Fast drives": "averaging wells release_angles",
+    "Effects and bodies of your own": "quantities forces",
+    "Dimensionless pendulum": "dimensionless",
+}
+"""Sections of the reference of the systems, with the modules of each; all others are reference systems."""
+
+
+def systems_in_sections() -> str:
+    """Return the reference of the systems as text: sections by subject, in each the public names of some modules."""
+    modules = {name: module.rpartition(".")[2] for name, module in defined_in(systems).items()}
+    section_of = {module: title for title, some in SECTIONS.items() for module in some.split()}
+    entries: dict[str, list[str]] = {title: [] for title in (*SECTIONS, "Reference systems")}
+    for name, module in modules.items():
+        if not isinstance(getattr(systems, name), CONSTANTS):
+            entries[section_of.get(module, "Reference systems")].append(name)
+    parts = []
+    for title, names in entries.items():
+        parts.append(f"## {title}")
+        parts += [f"```{{eval-rst}}\n{directive(systems, name)}\n```" for name in names]
+    return "\n\n".join(parts)
+
+
+CONSTANTS = (float, tuple)
+"""Types of names that are explained where they are used: dimensions of quantities and lengths of rods."""
+
+
+def defined_in(package: ModuleType) -> dict[str, str]:
+    """Return the modules that define the public names of a package, in the order of its stub."""
+    stub = Path(package.__file__ or "").with_suffix(".pyi").read_text(encoding="utf-8")
+    found = re.findall(r"^from \.([\w.]+) import (\w+)", stub, re.MULTILINE)
+    return {name: importlib.import_module(f"{package.__name__}.{module}").__name__ for module, name in found}
+
+
 def directive(package: ModuleType, name: str) -> str:
     """Return the directive that documents one name."""
     thing, place = getattr(package, name), f"{package.__name__}.{name}"
     if not inspect.isclass(thing):
-        return f".. autofunction:: {place}"
+        return f".. {'autofunction' if inspect.isfunction(thing) else 'autodata'}:: {place}"
     members = [":members:", *([":undoc-members:"] if issubclass(thing, Enum) else [])]
     return "\n".join([f".. autoclass:: {place}", *(f"   {line}" for line in members)])
 
@@ -180,6 +222,7 @@ def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
     pages = {
         EXPORTS: rooms,
+        SYSTEMS: systems_in_sections,
         LABORATORY: lambda: exports(systems.lab),
         HARD_CASES: computed(hard_case_results),
         WORK_PRECISION: computed(work_precision_results),
@@ -192,7 +235,7 @@ def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     """Name the pages that change with the code, whether or not their own text has."""
-    return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference", "reference"]
+    return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference", "reference", "systems-reference"]
 
 
 def setup(app: Sphinx) -> None:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cellmap import trajectory
-from systems.compound import LONG_ROD
+from systems import LONG_ROD
 from systems.lab import (
     DampingFits,
     Estimate,
@@ -45,8 +45,8 @@ from systems.lab import (
     sine_fit,
     swing_envelope,
 )
-from systems.lab.swings.decay_models import decaying
-from systems.lab.swings.envelope import slowing
+from systems.lab.free_swings.decay_models import decaying
+from systems.lab.free_swings.swing_extremes import slowing
 
 REPORT = np.array([0.0082, -0.1979, 1.28])
 INTERVALS = np.array([0.000687, 0.0054, 0.009])

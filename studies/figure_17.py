@@ -36,16 +36,15 @@ from numpy.typing import NDArray
 from cellmap import ForcedSystem, PointMap, plot, stability_map, stroboscopic_map
 from cellmap.bifurcations import StabilityMap, critical_values
 from cellmap.maps import swept_map
-from systems import driven_pendulum
-from systems.compound import LONG_ROD, SHORT_ROD
-from systems.lab import measure_least_amplitudes
-from systems.lab.shaking.stability_measurement import stays_up
-from systems.lab.shaking.stability_points import (
+from systems import LONG_ROD, SHORT_ROD, driven_pendulum
+from systems.lab import (
     BoundaryComparison,
     StabilityPoints,
     compare_with_boundary,
+    measure_least_amplitudes,
     read_stability_points,
 )
+from systems.lab.shaker.stability_experiment import stays_up
 
 MEASURED = Path(__file__).parent / "figure_17_measured.csv"
 RANGE = (15.0, 35.0)  # Hz, of the report's measurements

@@ -31,11 +31,7 @@ from scipy.optimize import brentq
 from cellmap import ForcedSystem, trajectory
 from cellmap.bifurcations import critical_values
 from cellmap.maps import Trajectory
-from systems import driven_pendulum
-from systems.drives import TiltedDrive
-from systems.effects import Gravity, ViscousDamping
-from systems.pendulum import Pendulum
-from systems.scene import scene
+from systems import Gravity, Pendulum, TiltedDrive, ViscousDamping, driven_pendulum, scene
 
 LENGTH = 0.031
 PORTRAITS = (35.0, 38.0, 41.0, 45.0)

@@ -23,10 +23,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cellmap import ForcedSystem
-from systems import driven_pendulum
-from systems.averaging import EffectivePotential, effective_potential
-from systems.release import IslandWarning, ReleaseLimits, release_limits
-from systems.wells import Well, find_well
+from systems import (
+    EffectivePotential,
+    IslandWarning,
+    ReleaseLimits,
+    Well,
+    driven_pendulum,
+    effective_potential,
+    find_well,
+    release_limits,
+)
 
 DRAWN = (0.0, 0.002, 0.003, 0.004, 0.006, 0.010)
 PUBLISHED = {0.003: 0.927068123, 0.004: 1.226427972}

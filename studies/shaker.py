@@ -23,9 +23,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cellmap.bifurcations import critical_values
-from systems.drives import VerticalDrive
-from systems.effects import Effect, Gravity, ViscousDamping
-from systems.harmonics import HarmonicDrive
+from systems import Effect, Gravity, HarmonicDrive, Pendulum, TriangleDrive, VerticalDrive, ViscousDamping, scene
 from systems.lab import (
     RecoveredDrive,
     acceleration_from_volts,
@@ -34,9 +32,6 @@ from systems.lab import (
     recover_drive,
     volts_from_acceleration,
 )
-from systems.pendulum import Pendulum
-from systems.scene import scene
-from systems.waves import TriangleDrive
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from cellmap import trajectory
 from cellmap.maps import Trajectory
-from systems.chain import Chain
-from systems.effects import Gravity, ViscousDamping
+from systems import Chain, Gravity, Pendulum, ViscousDamping, scene
 from systems.lab import (
     Bar,
     Camera,
@@ -37,8 +36,6 @@ from systems.lab import (
     render_film,
     track_markers,
 )
-from systems.pendulum import Pendulum
-from systems.scene import scene
 
 WRONG = 3.0  # pixels from the truth, where a marker is taken for something else
 COLOURS = ("#0072B2", "#D55E00")

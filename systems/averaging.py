@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import ForcedSystem
-from cellmap._compiled.codegen.rebind import over_arrays
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number, over_arrays
 
 _LOOKS = 2**15  # looks at the accelerations of a period
 _FEWEST = 16  # samples of a period
@@ -136,7 +135,7 @@ def effective_potential(system: ForcedSystem) -> EffectivePotential:
 
     Examples
     --------
-    >>> from systems.pendulum import driven_pendulum
+    >>> from systems import driven_pendulum
     >>> potential = effective_potential(driven_pendulum())
     >>> float(potential(pi / 2)) / (0.003 * 2 * pi * 50) ** 2
     0.25

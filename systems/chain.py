@@ -8,12 +8,11 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import Coordinate, angle
-from cellmap.maps.system import RightHandSide, StateFunction
+from cellmap.maps import RightHandSide, StateFunction
 
-from .effects import FieldTerm, RubbingTerm
 from .forces import Forces
-from .parts import LENGTH, MASS, quantity
-from .scene import Body, TipsTerm
+from .quantities import LENGTH, MASS, quantity
+from .scenes import Body, TipsTerm
 
 _UNLIKE = 1e9  # ratio of masses, at most
 
@@ -81,7 +80,7 @@ class Chain(Body):
     @staticmethod
     def compose(forces: Forces) -> RightHandSide:
         """Return the right-hand side."""
-        return _motion(forces.joints, forces.vertical, forces.horizontal, forces.joint, forces.torque, forces.rubs)
+        return _motion(forces)
 
     @staticmethod
     def tips(joints: int) -> TipsTerm:
@@ -114,22 +113,15 @@ class Chain(Body):
                 kinetic = kinetic + 0.5 * mass * (right * right + up * up)
                 if weight is not None:
                     potential = potential + weight(t, p) * mass * height
-                if stored is not None:
-                    potential = potential + inertia * stored(x[i] - before, p)
+                if (spring := stored[i]) is not None:
+                    potential = potential + inertia * spring(x[i] - before, p)
                 before = x[i]
             return kinetic, potential
 
         return energy
 
 
-def _motion(
-    n: int,
-    vertical: FieldTerm | None,
-    horizontal: FieldTerm | None,
-    joint: RubbingTerm | None,
-    torque: FieldTerm | None,
-    rubs: bool,
-) -> RightHandSide:
+def _motion(forces: Forces) -> RightHandSide:
     """Return the right-hand side of n links.  Absent terms are None, and whatever would be made of them.
 
     In the frame of a rod (across it, along it outwards) with acceleration (u, v) of its upper end, weight included, and
@@ -137,6 +129,7 @@ def _motion(
     push across it, the torque per length; both are affine in (u, v), with the part of the tension in v being `heft` and
     that without `drag`.  Passing from the tip to the pivot gives these, and back the accelerations.
     """
+    n, vertical, horizontal, torque = forces.joints, forces.vertical, forces.horizontal, forces.torque
 
     def motion(t: float, x: Sequence[float], p: Any, s: Sequence[float] = ()) -> tuple[float, ...]:
         angles, rates = x[:n], x[n:]
@@ -145,11 +138,11 @@ def _motion(
         sines, cosines = [sin(a) for a in angles], [cos(a) for a in angles]
 
         turning: list[Any] = [None] * (n + 1)
-        if joint is not None:
-            turning[0] = joint(t, angles[0], rates[0], s[0] if rubs else 0.0, p)
-            for i in range(1, n):
-                angle, rate = angles[i] - angles[i - 1], rates[i] - rates[i - 1]
-                turning[i] = joint(t, angle, rate, s[i] if rubs else 0.0, p)
+        for i, joint in enumerate(forces.joint):
+            if joint is not None:
+                angle = angles[i] - angles[i - 1] if i else angles[0]
+                rate = rates[i] - rates[i - 1] if i else rates[0]
+                turning[i] = joint(t, angle, rate, forces.sign_at(i, s), p)
         if torque is not None:
             turning[0] = _sum(turning[0], torque(t, p, s))
         inertia = masses[0] * lengths[0] * lengths[0]

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap._lib.checks import finite_number
-from cellmap.maps.system import RightHandSide, StateFunction
+from cellmap.maps import RightHandSide, StateFunction
+from cellmap.utils import finite_number
 
 from .drives import VerticalDrive
 from .effects import DryFriction, Gravity, ViscousDamping
 from .forces import Forces
-from .parts import INERTIA, LENGTH, MASS, quantity
 from .pendulum import swing, swing_energy, tip_of
-from .scene import Body, TipsTerm, scene
+from .quantities import INERTIA, LENGTH, MASS, quantity
+from .scenes import Body, TipsTerm, scene
 
 LONG_ROD = 0.069
 """Effective length (m) of the report's long rod."""
@@ -202,7 +202,7 @@ def compound_pendulum(
     effects = (
         Gravity(gravity),
         VerticalDrive(amplitude, frequency, phase),
-        ViscousDamping(damping),
-        DryFriction(friction),
+        ViscousDamping(finite_number("damping", damping)),
+        DryFriction(finite_number("friction", friction)),
     )
     return scene(CompoundPendulum(mass, inertia, distance), *effects, name="compound pendulum")

@@ -7,15 +7,15 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap._lib.checks import finite_number
-from cellmap.maps.system import RightHandSide, StateFunction
+from cellmap.maps import RightHandSide, StateFunction
+from cellmap.utils import finite_number
 
 from .drives import VerticalDrive
 from .effects import DryFriction, Effect, Gravity, Terms, ViscousDamping
 from .forces import Forces
-from .parts import NUMBER, quantity, sized_number
 from .pendulum import swing, swing_energy, tip_of
-from .scene import Body, TipsTerm, scene
+from .quantities import NUMBER, quantity, sized_number
+from .scenes import Body, TipsTerm, scene
 from .units import drive_units, effect_in_units, in_units, swing_units
 
 
@@ -221,10 +221,10 @@ def dimensionless_parameters(
     scaled = {
         "alpha": in_units(Gravity(gravity), units).gravity,
         "beta": in_units(VerticalDrive(amplitude, frequency), units).amplitude,
-        "gamma": in_units(ViscousDamping(damping), units).damping,
+        "gamma": in_units(ViscousDamping(finite_number("damping", damping)), units).parameters["damping"],
     }
-    dry = in_units(DryFriction(friction), units)
-    return scaled if dry.vanishes else {**scaled, "delta": dry.friction}
+    dry = in_units(DryFriction(finite_number("friction", friction)), units)
+    return scaled if dry.vanishes else {**scaled, "delta": dry.parameters["friction"]}
 
 
 def physical_parameters(
@@ -260,15 +260,16 @@ def physical_parameters(
     """
     units = drive_units(length, frequency)
     back = units.inverse
+    viscous = effect_in_units("gamma", ViscousDamping, finite_number("gamma", gamma, at_least=0.0), back)
     physical = {
         "length": units.length,
         "amplitude": finite_number("beta", beta) * units.length,
         "frequency": float(frequency),
-        "damping": effect_in_units("gamma", ViscousDamping, finite_number("gamma", gamma, at_least=0.0), back).damping,
+        "damping": viscous.parameters["damping"],
         "gravity": effect_in_units("alpha", Gravity, finite_number("alpha", alpha), back).gravity,
     }
     dry = effect_in_units("delta", DryFriction, finite_number("delta", delta, at_least=0.0), back)
-    return physical if dry.vanishes else {**physical, "friction": dry.friction}
+    return physical if dry.vanishes else {**physical, **dry.parameters}
 
 
 def stability_coordinates(length: float, amplitude: float, frequency: float, gravity: float = 9.8) -> dict[str, float]:

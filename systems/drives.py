@@ -12,7 +12,7 @@ from math import cos, pi, sin
 from typing import Any
 
 from .effects import Effect, Terms
-from .parts import ANGULAR_ACCELERATION, LENGTH, MOST_RADIANS, NUMBER, RATE, quantity
+from .quantities import ANGULAR_ACCELERATION, LENGTH, MOST_RADIANS, NUMBER, RATE, quantity
 
 
 def period_of(p: Any) -> float:

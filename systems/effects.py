@@ -6,16 +6,17 @@ effects share one compiled kernel.  Drives are in :mod:`systems.drives`.
 
 Terms of a joint are angular accelerations referred to the unit inertia of the body: m l^2 of a point mass, the moment
 of inertia of a compound pendulum, m_1 l_1^2 of a chain.  They act at every joint of a chain, on the relative angle and
-the relative angular velocity.
+the relative angular velocity.  Damping, drag, friction and springs take one number for all joints, or a sequence with
+a number for each: ``ViscousDamping((5.0, 2.0))`` has the parameters ``damping_1`` and ``damping_2``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
-from .parts import ACCELERATION, ANGULAR_ACCELERATION, NUMBER, RATE, Part, quantity
+from .quantities import ACCELERATION, ANGULAR_ACCELERATION, NUMBER, RATE, Part, quantity
 
 FieldTerm = Callable[..., float]
 JointTerm = Callable[[float, float, float, Any], float]
@@ -83,6 +84,20 @@ class Effect(Part):
         """Whether the effect is zero, so that a scene omits it."""
         raise NotImplementedError
 
+    @property
+    def of_each_joint(self) -> tuple[str, ...]:
+        """Names of the fields that have a number for each joint."""
+        own = [f.name for f in fields(self) if f.metadata.get("per_joint")]
+        return tuple(name for name in own if isinstance(getattr(self, name), tuple))
+
+    def at_joint(self, joint: int) -> Self:
+        """Return the effect with the numbers of one joint, counted from 0, for all joints."""
+        return replace(self, **{name: getattr(self, name)[joint] for name in self.of_each_joint})
+
+
+def _is_zero(value: float | Sequence[float]) -> bool:
+    return not any(value) if isinstance(value, tuple) else value == 0.0
+
 
 @dataclass(frozen=True)
 class Gravity(Effect):
@@ -122,8 +137,8 @@ class ViscousDamping(Effect):
 
     Parameters
     ----------
-    damping : float
-        Angular deceleration per angular velocity (1/s), at least 0.
+    damping : float or sequence of float
+        Angular deceleration per angular velocity (1/s), at least 0; one number, or one for each joint.
 
     Examples
     --------
@@ -133,7 +148,7 @@ class ViscousDamping(Effect):
     ValueError: damping=-1.0: give a number of at least 0
     """
 
-    damping: float = quantity(RATE, at_least=0.0)
+    damping: float | Sequence[float] = quantity(RATE, per_joint=True, at_least=0.0)
 
     @property
     def terms(self) -> Terms:
@@ -143,7 +158,7 @@ class ViscousDamping(Effect):
     @property
     def vanishes(self) -> bool:
         """Whether the joint is frictionless."""
-        return self.damping == 0.0
+        return _is_zero(self.damping)
 
 
 def _viscous(t: float, angle: float, rate: float, p: Any) -> float:
@@ -159,8 +174,9 @@ class QuadraticDrag(Effect):
 
     Parameters
     ----------
-    drag : float
-        Angular deceleration per square of the angular velocity (a pure number), at least 0.
+    drag : float or sequence of float
+        Angular deceleration per square of the angular velocity (a pure number), at least 0; one number, or one for each
+        joint.
 
     Examples
     --------
@@ -168,7 +184,7 @@ class QuadraticDrag(Effect):
     {'drag': 0.1}
     """
 
-    drag: float = quantity(NUMBER, at_least=0.0)
+    drag: float | Sequence[float] = quantity(NUMBER, per_joint=True, at_least=0.0)
 
     @property
     def terms(self) -> Terms:
@@ -178,7 +194,7 @@ class QuadraticDrag(Effect):
     @property
     def vanishes(self) -> bool:
         """Whether the joint is frictionless."""
-        return self.drag == 0.0
+        return _is_zero(self.drag)
 
 
 def _drag(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
@@ -194,8 +210,8 @@ class DryFriction(Effect):
 
     Parameters
     ----------
-    friction : float
-        Angular deceleration (rad/s^2), at least 0.
+    friction : float or sequence of float
+        Angular deceleration (rad/s^2), at least 0; one number, or one for each joint.
 
     References
     ----------
@@ -209,7 +225,7 @@ class DryFriction(Effect):
     ValueError: friction=-1.0: give a number of at least 0
     """
 
-    friction: float = quantity(ANGULAR_ACCELERATION, at_least=0.0)
+    friction: float | Sequence[float] = quantity(ANGULAR_ACCELERATION, per_joint=True, at_least=0.0)
 
     @property
     def terms(self) -> Terms:
@@ -219,7 +235,7 @@ class DryFriction(Effect):
     @property
     def vanishes(self) -> bool:
         """Whether the joint is frictionless."""
-        return self.friction == 0.0
+        return _is_zero(self.friction)
 
 
 def _dry(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
@@ -234,10 +250,10 @@ class TorsionSpring(Effect):
 
     Parameters
     ----------
-    stiffness : float
-        Angular acceleration per angle (1/s^2).
-    rest : float, optional
-        Angle of the relaxed joint (rad).
+    stiffness : float or sequence of float
+        Angular acceleration per angle (1/s^2); one number, or one for each joint.
+    rest : float or sequence of float, optional
+        Angle of the relaxed joint (rad); one number, or one for each joint.
 
     Examples
     --------
@@ -245,8 +261,8 @@ class TorsionSpring(Effect):
     {'stiffness': 4.0, 'rest': 0.0}
     """
 
-    stiffness: float = quantity(ANGULAR_ACCELERATION)
-    rest: float = quantity(NUMBER, default=0.0)
+    stiffness: float | Sequence[float] = quantity(ANGULAR_ACCELERATION, per_joint=True)
+    rest: float | Sequence[float] = quantity(NUMBER, per_joint=True, default=0.0)
 
     @property
     def terms(self) -> Terms:
@@ -256,7 +272,7 @@ class TorsionSpring(Effect):
     @property
     def vanishes(self) -> bool:
         """Whether there is no spring."""
-        return self.stiffness == 0.0
+        return _is_zero(self.stiffness)
 
 
 def _spring(t: float, angle: float, rate: float, p: Any) -> float:

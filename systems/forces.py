@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cellmap.maps.system import StateFunction
+from cellmap.maps import StateFunction
 
 from .effects import FieldTerm, JointTerm, PlaceTerm, RubbingTerm, StoredTerm, Terms
 
@@ -24,16 +24,18 @@ class Forces:
         Number of joints n.  The state is the n absolute angles, then the n angular velocities.
     vertical, horizontal, torque : callable or None
         ``f(t, p, s)``, as in :class:`Terms`.
-    joint : callable or None
-        ``joint(t, angle, rate, sign, p)`` with the sign of the joint's angular velocity, which is used only with dry
-        friction or drag.
-    rubs : bool
-        Whether the angular velocities of the joints are switching functions.
+    joint : tuple of callable or None
+        For each joint ``f(t, angle, rate, sign, p)`` with the sign of the joint's angular velocity, which is used only
+        with dry friction or drag.
+    rubbing : tuple of int
+        Joints with dry friction or drag: their angular velocities are the first switching functions, in this order.
     switches : callable or None
         Switching functions ``f(t, x, p)``.
     weight : callable or None
         ``weight(t, p)``: the steady part of `vertical`, without signs.
-    stored, place : callable or None
+    stored : tuple of callable or None
+        For each joint ``stored(angle, p)``, as in :class:`Terms`.
+    place : callable or None
         As in :class:`Terms`.
     """
 
@@ -41,22 +43,47 @@ class Forces:
     vertical: FieldTerm | None
     horizontal: FieldTerm | None
     torque: FieldTerm | None
-    joint: RubbingTerm | None
-    rubs: bool
+    joint: tuple[RubbingTerm | None, ...]
+    rubbing: tuple[int, ...]
     switches: StateFunction | None
     weight: FieldTerm | None
-    stored: StoredTerm | None
+    stored: tuple[StoredTerm | None, ...]
     place: PlaceTerm | None
 
+    def sign_at(self, joint: int, s: Sequence[float]) -> float:
+        """Return the sign of the angular velocity of a joint, out of all signs; 0 where nothing rubs."""
+        return s[self.rubbing.index(joint)] if joint in self.rubbing else 0.0
 
-def combined(terms: Sequence[Terms], joints: int) -> Forces:
+
+@dataclass(frozen=True)
+class Acting:
+    """Terms of an effect in a scene, with the names of the scene's parameters.
+
+    Parameters
+    ----------
+    terms : Terms
+        The terms.
+    joint : int or None
+        The joint at which those of joints act; None for all joints.
+    """
+
+    terms: Terms
+    joint: int | None = None
+
+    def at(self, joint: int) -> bool:
+        """Return whether terms of joints act at this one."""
+        return self.joint is None or self.joint == joint
+
+
+def combined(effects: Sequence[Acting], joints: int) -> Forces:
     """Return the forces of effects with the given terms on a body with the given number of joints."""
-    rubs = any(term.rubbing is not None for term in terms)
-    switches = _joint_rates(joints) if rubs else None
+    at = [[effect.terms for effect in effects if effect.at(i)] for i in range(joints)]
+    rubbing = tuple(i for i in range(joints) if any(term.rubbing is not None for term in at[i]))
+    switches = _joint_rates(joints, rubbing) if rubbing else None
     place: PlaceTerm | None = None
     fields: dict[str, list[FieldTerm]] = {"vertical": [], "horizontal": [], "torque": []}
-    joint: list[RubbingTerm] = []
-    signs = joints if rubs else 0
+    signs = len(rubbing)
+    terms = [effect.terms for effect in effects]
     for term in terms:
         for channel, summands in fields.items():
             if (field := getattr(term, channel)) is not None:
@@ -64,20 +91,16 @@ def combined(terms: Sequence[Terms], joints: int) -> Forces:
         signs += len(term.clocks)
         for clock in term.clocks:
             switches = _followed(switches, clock)
-        if term.joint is not None:
-            joint.append(_unsigned(term.joint))
-        if term.rubbing is not None:
-            joint.append(term.rubbing)
         if term.place is not None:
             place = term.place if place is None else _moved(place, term.place)
     return Forces(
         joints=joints,
         **{channel: _total(summands) for channel, summands in fields.items()},
-        joint=_total(joint),
-        rubs=rubs,
+        joint=tuple(_total([f for term in here for f in _of_joint(term)]) for here in at),
+        rubbing=rubbing,
         switches=switches,
         weight=_total([t.vertical for t in terms if t.vertical is not None and t.period is None and not t.clocks]),
-        stored=_total([t.stored for t in terms if t.stored is not None]),
+        stored=tuple(_total([t.stored for t in here if t.stored is not None]) for here in at),
         place=place,
     )
 
@@ -122,6 +145,11 @@ def _signed(field: FieldTerm, first: int, last: int) -> FieldTerm:
     return jumping
 
 
+def _of_joint(term: Terms) -> list[RubbingTerm]:
+    smooth = [] if term.joint is None else [_unsigned(term.joint)]
+    return smooth if term.rubbing is None else [*smooth, term.rubbing]
+
+
 def _unsigned(joint: JointTerm) -> RubbingTerm:
     def smooth(t: float, angle: float, rate: float, sign: float, p: Any) -> float:
         return joint(t, angle, rate, p)
@@ -129,9 +157,9 @@ def _unsigned(joint: JointTerm) -> RubbingTerm:
     return smooth
 
 
-def _joint_rates(joints: int) -> StateFunction:
+def _joint_rates(joints: int, rubbing: tuple[int, ...]) -> StateFunction:
     def rates(t: float, x: Sequence[float], p: Any) -> tuple[float, ...]:
-        return (x[joints], *[x[i] - x[i - 1] for i in range(joints + 1, 2 * joints)])
+        return tuple([x[joints + i] - x[joints + i - 1] if i else x[joints] for i in rubbing])
 
     return rates
 

@@ -7,7 +7,7 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import PointMap, angle, discrete_map
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 
 def grebogi_ott_yorke_map(a: float = 1.32, b: float = 0.90, c: float = 0.3) -> PointMap:

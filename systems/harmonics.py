@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from cellmap._lib.checks import finite_number, whole_number
+from cellmap.utils import finite_number, whole_number
 
 from .drives import period_of
 from .effects import Effect, FieldTerm, Terms
 from .forces import total
-from .parts import LENGTH, MOST_RADIANS, NUMBER, RATE, quantity, sized_number
+from .quantities import LENGTH, MOST_RADIANS, NUMBER, RATE, quantity, sized_number
 
 
 @dataclass(frozen=True)

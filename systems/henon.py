@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cellmap import PointMap, discrete_map
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 
 def henon_map(a: float = 1.4, b: float = 0.3) -> PointMap:

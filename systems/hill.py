@@ -7,8 +7,8 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import ForcedSystem
-from cellmap._lib.checks import finite_number
-from cellmap.maps.system import RightHandSide
+from cellmap.maps import RightHandSide
+from cellmap.utils import finite_number
 
 
 def mathieu_equation(damping: float = 0.1, delta: float = -0.1, epsilon: float = 1.0) -> ForcedSystem:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from cellmap import PointMap, discrete_map
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 
 def logistic_map(mu: float = 4.0) -> PointMap:

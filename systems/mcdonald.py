@@ -7,7 +7,7 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import PointMap, angle, discrete_map
-from cellmap._lib.checks import finite_number, whole_number
+from cellmap.utils import finite_number, whole_number
 
 
 def mcdonald_map(degree: int = 3, growth: float = 1.5) -> PointMap:

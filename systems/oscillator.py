@@ -8,10 +8,10 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem
-from cellmap._lib.checks import finite_number
-from cellmap.maps.system import RightHandSide
+from cellmap.maps import RightHandSide
+from cellmap.utils import finite_number
 
-from .parts import sized_number
+from .quantities import sized_number
 
 Acceleration = Callable[[float, float, Any], float]
 

@@ -8,13 +8,14 @@ from math import cos, sin
 from typing import Any
 
 from cellmap import Coordinate, ForcedSystem, angle
-from cellmap.maps.system import RightHandSide, StateFunction
+from cellmap.maps import RightHandSide, StateFunction
+from cellmap.utils import finite_number
 
 from .drives import VerticalDrive
 from .effects import DryFriction, FieldTerm, Gravity, RubbingTerm, StoredTerm, ViscousDamping
 from .forces import Forces, total
-from .parts import LENGTH, quantity
-from .scene import Body, TipsTerm, scene
+from .quantities import LENGTH, quantity
+from .scenes import Body, TipsTerm, scene
 
 ParameterTerm = Callable[[Any], float]
 
@@ -122,8 +123,8 @@ def driven_pendulum(
     effects = (
         Gravity(gravity),
         VerticalDrive(amplitude, frequency, phase),
-        ViscousDamping(damping),
-        DryFriction(friction),
+        ViscousDamping(finite_number("damping", damping)),
+        DryFriction(finite_number("friction", friction)),
     )
     return scene(Pendulum(length), *effects, name="driven pendulum")
 
@@ -138,8 +139,9 @@ def swing(forces: Forces, length: ParameterTerm | None = None) -> RightHandSide:
         accelerations.append(_pull(_per_length(forces.vertical, length)))
     if forces.horizontal is not None:
         accelerations.append(_sway(_per_length(forces.horizontal, length)))
-    if forces.joint is not None:
-        accelerations.append(_rubbed(forces.joint) if forces.rubs else _smooth(forces.joint))
+    (joint,) = forces.joint
+    if joint is not None:
+        accelerations.append(_rubbed(joint) if forces.rubbing else _smooth(joint))
     if forces.torque is not None:
         accelerations.append(_turned(forces.torque))
     if not accelerations:
@@ -167,8 +169,9 @@ def swing_energy(forces: Forces, inertia: ParameterTerm, moment: ParameterTerm) 
     potentials: list[Callable[..., float]] = [_nothing]
     if forces.weight is not None:
         potentials.append(_lifted(forces.weight, moment))
-    if forces.stored is not None:
-        potentials.append(_wound(forces.stored, inertia))
+    (stored,) = forces.stored
+    if stored is not None:
+        potentials.append(_wound(stored, inertia))
     potential = total(potentials)
 
     def energy(t: float, x: Sequence[float], p: Any) -> tuple[float, float]:

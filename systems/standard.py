@@ -7,7 +7,7 @@ from math import sin
 from typing import Any
 
 from cellmap import PointMap, angle, discrete_map
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 
 def standard_map(k: float = 0.971635) -> PointMap:

@@ -7,9 +7,9 @@ from math import cos, pi
 from typing import Any
 
 from cellmap import ForcedSystem
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
-from .parts import sized_number
+from .quantities import sized_number
 
 
 def stick_slip_oscillator(

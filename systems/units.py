@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from math import pi, sqrt
 from typing import Any, TypeVar
 
-from .parts import LENGTH, MASS, TIME, Dimension, Part, quantity, sized_number
+from .quantities import LENGTH, MASS, TIME, Dimension, Part, quantity, sized_number
 
 _LARGEST = 1e40  # size of what units are made from: quotients of these are sizes as well
 
@@ -75,7 +75,7 @@ def in_units(part: P, units: Units) -> P:
 
     Examples
     --------
-    >>> from systems.effects import Gravity
+    >>> from systems import Gravity
     >>> in_units(Gravity(9.8), Units(length=4.9, time=0.5))
     Gravity(gravity=0.5)
     """
@@ -88,7 +88,7 @@ def in_units(part: P, units: Units) -> P:
         if "dimension" not in f.metadata:
             raise TypeError(f"{type(part).__name__}.{f.name} has no dimension: declare it with quantity(...)")
         unit, value = units.of(f.metadata["dimension"]), getattr(part, f.name)
-        changes[f.name] = tuple(v / unit for v in value) if f.metadata["each"] else value / unit
+        changes[f.name] = tuple(v / unit for v in value) if isinstance(value, tuple) else value / unit
     return replace(part, **changes)
 
 
@@ -118,7 +118,7 @@ def drive_units(length: float, frequency: float, mass: float = 1.0) -> Units:
 
     Examples
     --------
-    >>> from systems.drives import VerticalDrive
+    >>> from systems import VerticalDrive
     >>> in_units(VerticalDrive(0.003, 50.0), drive_units(length=0.0272, frequency=50.0)).amplitude
     0.11029411764705883
     """
@@ -154,7 +154,7 @@ def swing_units(length: float, gravity: float = 9.8, mass: float = 1.0) -> Units
 
     Examples
     --------
-    >>> from systems.effects import Gravity
+    >>> from systems import Gravity
     >>> in_units(Gravity(9.8), swing_units(length=0.0272))
     Gravity(gravity=1.0)
     """

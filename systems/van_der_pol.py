@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cellmap import ForcedSystem
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 from .oscillator import forced_oscillator
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from .drives import period_of, turned_by
 from .effects import Effect, Terms
-from .parts import ACCELERATION, MOST_RADIANS, NUMBER, RATE, quantity
+from .quantities import ACCELERATION, MOST_RADIANS, NUMBER, RATE, quantity
 
 
 @dataclass(frozen=True)

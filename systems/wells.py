@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from cellmap._lib.checks import finite_number
+from cellmap.utils import finite_number
 
 from .averaging import EffectivePotential
 
@@ -115,8 +115,8 @@ def slow_equilibrium(potential: EffectivePotential, near: ArrayLike) -> SlowEqui
     --------
     Kapitza's frequency of the inverted pendulum, sqrt((A w)^2 / (2 l^2) - g / l) / (2 pi):
 
-    >>> from systems.averaging import effective_potential
-    >>> from systems.pendulum import driven_pendulum
+    >>> from systems import effective_potential
+    >>> from systems import driven_pendulum
     >>> float(slow_equilibrium(effective_potential(driven_pendulum()), pi).frequencies[0])
     2.465691357
     """
@@ -163,8 +163,8 @@ def find_well(potential: EffectivePotential, near: float = pi) -> Well:
     --------
     The critical angle of release, arc cos of 2 g l / (A w)^2:
 
-    >>> from systems.averaging import effective_potential
-    >>> from systems.pendulum import driven_pendulum
+    >>> from systems import effective_potential
+    >>> from systems import driven_pendulum
     >>> find_well(effective_potential(driven_pendulum(amplitude=0.004))).critical_angle
     1.226427972
     """

@@ -6,6 +6,7 @@ from .interpolation.interpolated import interpolated_map as interpolated_map
 from .inverse import inverse_stroboscopic_map as inverse_stroboscopic_map
 from .orbit_batch import Status as Status
 from .parameters_as_states import swept_map as swept_map
+from .parameters_as_states import swept_system as swept_system
 from .poincare import Returns as Returns
 from .poincare import SectionMap as SectionMap
 from .poincare import flow_map as flow_map
@@ -17,6 +18,9 @@ from .rebuild import rebuild_map as rebuild_map
 from .specification import MapSpec as MapSpec
 from .stroboscopic import stroboscopic_map as stroboscopic_map
 from .system import ForcedSystem as ForcedSystem
+from .system import RightHandSide as RightHandSide
+from .system import StateFunction as StateFunction
 from .tangent import jacobian as jacobian
 from .trajectories import Trajectory as Trajectory
+from .trajectories import integrate as integrate
 from .trajectories import trajectory as trajectory

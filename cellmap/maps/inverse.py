@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .._lib.checks import shown
 from .._lib.signatures import checked
 from .coordinates import turns_of, wrap
-from .parameters_as_states import swept_system
+from .parameters_as_states import with_states
 from .point_map import PointMap, follow
 from .specification import MapSpec
 from .stroboscopic import MAX_STEPS, Stroboscopic
@@ -93,7 +93,7 @@ class Inverse(MapSpec[PointMap]):
 
     def swept(self, names: tuple[str, ...]) -> Inverse | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
-        further = swept_system(self.system, names)
+        further = with_states(self.system, names)
         return None if further is None else replace(self, system=further)
 
 

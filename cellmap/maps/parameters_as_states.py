@@ -105,7 +105,48 @@ def swept_axes(axes: Sequence[Coordinate], names: Sequence[str]) -> tuple[Coordi
     return (*axes, *(Coordinate(f"parameter {name}" if name in taken else name) for name in names))
 
 
-def swept_system(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | None:
+@checked
+def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
+    """Return a system with some parameters appended to the state.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        A system of some dimension d.
+    parameters : str
+        Names of m different parameters.
+
+    Returns
+    -------
+    ForcedSystem
+        System of (x, q), of dimension d + m, in which the parameters q are constant.  Where the period is a function of
+        the parameters, its time is counted in periods.
+
+    Raises
+    ------
+    ValueError
+        For a name that the system does not have, or for a parameter on which the period of the right-hand side depends
+        although the period is given as a number.
+    TypeError
+        For a right-hand side that cannot be traced.
+
+    Examples
+    --------
+    >>> decay = ForcedSystem(lambda t, x, p: (-p.rate * x[0],), {"rate": 1.0}, 1.0, ("x",))
+    >>> swept_system(decay, "rate").derivative(0.0, (2.0, 3.0))
+    (-6.0, 0.0)
+    """
+    for name in parameters:
+        known_parameter("parameters", name, system.params)
+    if not parameters or len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters={parameters!r}: give the names of one or several different parameters")
+    made = with_states(system, parameters)
+    if made is None:
+        raise TypeError(f"rhs of {system.name} cannot be traced: write it with plain arithmetic and functions of math")
+    return made
+
+
+def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | None:
     """Return a system with some parameters as further states; None where its right-hand side cannot be traced.
 
     Where the period is a function of parameters, time is counted in periods.

@@ -17,7 +17,7 @@ from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import Orbits
-from .parameters_as_states import swept_system
+from .parameters_as_states import with_states
 from .point_map import PointMap
 from .specification import MapSpec, no_source
 from .system import ForcedSystem
@@ -149,7 +149,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
-        further = swept_system(self.system, names)
+        further = with_states(self.system, names)
         return None if further is None else replace(self, system=further)
 
     @property

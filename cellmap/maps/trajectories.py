@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import claim_memory, whole_number
+from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
 from .coordinates import state_points, turns_of, wrap
 from .integration import flow
 from .orbit_batch import CHUNK, Orbits
-from .point_map import warn_of_tolerance
-from .stroboscopic import Stroboscopic
+from .point_map import Iterate, warn_of_tolerance
+from .stroboscopic import MAX_STEPS, Stroboscopic
 from .system import ForcedSystem
 
 _FINEST = 1e-15  # tolerance between two samples that rounding leaves within reach
@@ -211,6 +211,72 @@ def trajectory(
     times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)
     return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples_per_period)
+
+
+@checked
+def integrate(
+    system: ForcedSystem,
+    initial_conditions: ArrayLike,
+    begin: float,
+    duration: float,
+    rtol: float = 1e-9,
+    atol: float = 1e-9,
+    method: str = "auto",
+    max_steps: int = MAX_STEPS,
+) -> Iterate:
+    """Integrate a forced system from one time over a duration that need not be a period.
+
+    Parameters
+    ----------
+    system : ForcedSystem
+        The system.
+    initial_conditions : array_like, shape (..., dimension)
+        Initial conditions at the time `begin`.
+    begin : float
+        Initial time, in the unit of the period.
+    duration : float
+        Time over which the system is integrated, above 0.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of the final states, at least 1e-14.
+    method : {"auto", "DOP853", "RK45", "Taylor"}, optional
+        Integration method, as for :func:`stroboscopic_map`.
+    max_steps : int, optional
+        Largest number of steps.
+
+    Returns
+    -------
+    Iterate
+        Final states.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range, or a right-hand side that cannot be compiled.
+
+    Warns
+    -----
+    ToleranceWarning
+        If the integrator missed its tolerance; the orbits concerned have the status INACCURATE.
+
+    Examples
+    --------
+    >>> from math import pi, sin
+    >>> driven = ForcedSystem(lambda t, x, p: (sin(t),), {}, 2 * pi, ("x",))
+    >>> integrate(driven, [0.0], begin=pi / 2, duration=pi / 2).points.round(9)
+    array([1.])
+    """
+    places = state_points("initial_conditions", initial_conditions, system.axes)
+    spec = Stroboscopic(system, 0.0, rtol, atol, method, max_steps)
+    begin, duration = finite_number("begin", begin), finite_number("duration", duration, above=0.0)
+    motion = flow(system, begin, duration, spec.rtol, spec.atol, spec.method, spec.max_steps)
+    orbits = Orbits.starting(places.reshape(-1, system.dimension).copy())
+    run_over(slices(len(orbits), CHUNK), lambda part: motion(orbits[part]))
+    orbits.wrap(*turns_of(system.axes))
+    warn_of_tolerance(orbits.status, spec.build())
+    shape = places.shape
+    return Iterate(
+        orbits.points.reshape(shape), orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), system.axes
+    )
 
 
 def _between_samples(spec: Stroboscopic, samples: int) -> list[Callable[[Orbits], None]]:

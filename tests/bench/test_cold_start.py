@@ -46,10 +46,10 @@ import numpy as np
 from cellmap import CellGrid, ForcedSystem, find_basins, section_map, stroboscopic_map
 from cellmap.maps import jacobian
 from systems import driven_pendulum
-from systems.chain import Chain
-from systems.drives import VerticalDrive
-from systems.effects import DryFriction, Gravity, ViscousDamping
-from systems.scene import scene
+from systems import Chain
+from systems import VerticalDrive
+from systems import DryFriction, Gravity, ViscousDamping
+from systems import scene
 
 def chain(links, effect):
     body = Chain(lengths=(0.032,) * links, masses=(1.0, 0.25, 0.2, 0.1)[:links])

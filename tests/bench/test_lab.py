@@ -8,9 +8,8 @@ from peers import best_times
 
 import systems
 from cellmap import trajectory
-from systems.drives import VerticalDrive
-from systems.lab import Camera, film_at_rate, recover_drive, render_film, track_markers
-from systems.lab.shaking.accelerometer_record import record_acceleration
+from systems import VerticalDrive
+from systems.lab import Camera, film_at_rate, record_acceleration, recover_drive, render_film, track_markers
 
 
 @pytest.mark.usefixtures("one_thread")

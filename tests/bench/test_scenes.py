@@ -14,13 +14,26 @@ from peers import best_times, heyoka_system
 
 from cellmap import ForcedSystem, PointMap, stroboscopic_map
 from cellmap.maps.integration import flow
-from systems import double_pendulum, driven_pendulum
-from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
-from systems.effects import ConstantTorque, Effect, Gravity, QuadraticDrag, TorsionSpring, ViscousDamping
-from systems.harmonics import HarmonicDrive
-from systems.pendulum import Pendulum
-from systems.scene import scene
-from systems.waves import SquareDrive, TriangleDrive
+from systems import (
+    ConstantTorque,
+    Effect,
+    Gravity,
+    HarmonicDrive,
+    HorizontalDrive,
+    Pendulum,
+    QuadraticDrag,
+    RotatingDrive,
+    SquareDrive,
+    TiltedDrive,
+    TorqueDrive,
+    TorsionSpring,
+    TriangleDrive,
+    VerticalDrive,
+    ViscousDamping,
+    double_pendulum,
+    driven_pendulum,
+    scene,
+)
 
 RATES = (30.0, 100.0)
 """Half-widths (rad/s) of the windows."""

@@ -27,12 +27,20 @@ from cellmap._compiled.kernels.blocks import LANES
 from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
 from cellmap.maps.orbit_batch import CHUNK, Status
-from systems import dimensionless_pendulum, double_pendulum, stick_slip_oscillator, triple_pendulum
-from systems.drives import VerticalDrive
-from systems.effects import DryFriction, Gravity, QuadraticDrag, ViscousDamping
-from systems.pendulum import Pendulum
-from systems.scene import scene
-from systems.waves import SquareDrive
+from systems import (
+    DryFriction,
+    Gravity,
+    Pendulum,
+    QuadraticDrag,
+    SquareDrive,
+    VerticalDrive,
+    ViscousDamping,
+    dimensionless_pendulum,
+    double_pendulum,
+    scene,
+    stick_slip_oscillator,
+    triple_pendulum,
+)
 
 Array = NDArray[np.float64]
 Mode = tuple[int, ...]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import systems
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map, trajectory
-from cellmap.maps import ToleranceWarning, Trajectory
+from cellmap.maps import ToleranceWarning, Trajectory, integrate, swept_system
 
 OSCILLATOR = ForcedSystem(
     lambda t, x, p: (x[1], -x[0]),
@@ -192,3 +194,30 @@ def test_states_are_not_tied_to_the_argument():
 def test_arguments_are_checked(change, error, message):
     with pytest.raises(error, match=message):
         trajectory(**{"system": OSCILLATOR, "initial_conditions": [1.0, 0.0], "periods": 1, **change})
+
+
+def test_integration_over_any_time_agrees_with_scipy(scipy_images: Callable[..., NDArray[np.float64]]) -> None:
+    system = systems.driven_pendulum()
+    initial_conditions = [[0.5, 10.0], [3.0, -40.0]]
+    begin, duration = 0.3 * system.length, 1.7 * system.length
+    found = integrate(system, initial_conditions, begin, duration, rtol=1e-12, atol=1e-12)
+    expected = scipy_images(system, initial_conditions, phase=0.3, periods=1.7)
+    assert found.unwrapped == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert np.abs(found.points[:, 0]).max() <= pi
+    for bad in (0.0, -1.0):
+        with pytest.raises(ValueError, match=f"duration={bad}: give a number above 0"):
+            integrate(system, initial_conditions, begin, bad)
+
+
+def test_a_swept_system_moves_like_the_system_with_these_parameters() -> None:
+    system = systems.driven_pendulum()
+    swept = swept_system(system, "amplitude", "damping")
+    found = trajectory(swept, [[2.8, 0.0, 0.002, 3.0], [2.8, 0.0, 0.004, 8.0]], 2).states[-1]
+    for row, (amplitude, damping) in zip(found, [(0.002, 3.0), (0.004, 8.0)], strict=True):
+        alone = trajectory(system.with_params(amplitude=amplitude, damping=damping), [2.8, 0.0], 2)
+        assert row == pytest.approx([*alone.states[-1], amplitude, damping], rel=1e-9, abs=1e-8)
+    for names in ((), ("damping", "damping")):
+        with pytest.raises(ValueError, match=r"parameters=.*: give the names of one or several different parameters"):
+            swept_system(system, *names)
+    with pytest.raises(ValueError, match=r"parameters='nothing': .*amplitude"):
+        swept_system(system, "nothing")

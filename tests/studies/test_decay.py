@@ -10,10 +10,8 @@ import pytest
 
 from cellmap import trajectory
 from studies import decay
-from systems.compound import LONG_ROD
-from systems.lab.swings.damping import free_pendulum
-from systems.lab.swings.decay import quadratic_decay
-from systems.lab.swings.envelope import swing_envelope
+from systems import LONG_ROD
+from systems.lab import free_pendulum, quadratic_decay, swing_envelope
 
 mpl.use("Agg")
 

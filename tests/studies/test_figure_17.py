@@ -13,9 +13,8 @@ from cellmap import stroboscopic_map
 from cellmap.bifurcations import critical_values
 from cellmap.maps import swept_map
 from studies import figure_17
-from systems import driven_pendulum
-from systems.compound import SHORT_ROD
-from systems.lab.shaking.stability_points import StabilityPoints
+from systems import SHORT_ROD, driven_pendulum
+from systems.lab import StabilityPoints
 
 mpl.use("Agg")
 

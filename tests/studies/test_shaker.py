@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from studies import shaker
-from systems.lab.shaking.accelerometer import recover_drive
-from systems.lab.shaking.accelerometer_record import pivot_acceleration, record_acceleration
+from systems.lab import pivot_acceleration, record_acceleration, recover_drive
 
 mpl.use("Agg")
 

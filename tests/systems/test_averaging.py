@@ -13,19 +13,41 @@ from scipy.integrate import quad, quad_vec
 from cellmap import ForcedSystem, angle
 from cellmap.bifurcations import floquet_multipliers
 from cellmap.orbits import Kind
-from systems import compound_pendulum, double_pendulum, driven_pendulum, stick_slip_oscillator, triple_pendulum
-from systems.averaging import effective_potential
-from systems.chain import Chain
-from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
-from systems.effects import ConstantTorque, Effect, Gravity, QuadraticDrag, Terms, TorsionSpring, ViscousDamping
-from systems.harmonics import HarmonicDrive, sampled_drive
-from systems.parts import ACCELERATION, ANGULAR_ACCELERATION, quantity
-from systems.pendulum import Pendulum
-from systems.release import IslandWarning, release_limits
-from systems.scene import scene
-from systems.units import drive_units
-from systems.waves import SquareDrive, TriangleDrive
-from systems.wells import find_well, slow_equilibrium
+from systems import (
+    ACCELERATION,
+    ANGULAR_ACCELERATION,
+    Chain,
+    ConstantTorque,
+    Effect,
+    Gravity,
+    HarmonicDrive,
+    HorizontalDrive,
+    IslandWarning,
+    Pendulum,
+    QuadraticDrag,
+    RotatingDrive,
+    SquareDrive,
+    Terms,
+    TiltedDrive,
+    TorqueDrive,
+    TorsionSpring,
+    TriangleDrive,
+    VerticalDrive,
+    ViscousDamping,
+    compound_pendulum,
+    double_pendulum,
+    drive_units,
+    driven_pendulum,
+    effective_potential,
+    find_well,
+    quantity,
+    release_limits,
+    sampled_drive,
+    scene,
+    slow_equilibrium,
+    stick_slip_oscillator,
+    triple_pendulum,
+)
 
 G, L, W = 9.8, 0.0272, 2.0 * pi * 50.0
 ANGLES = np.linspace(-4.0, 4.0, 101)

@@ -17,21 +17,26 @@ from cellmap._compiled.codegen.kernel import traced_function
 from cellmap._compiled.codegen.rebind import rebind
 from cellmap._compiled.codegen.trace import STATEFUL, TIMED
 from cellmap.maps import jacobian
-from systems import chain_pendulum, double_pendulum, driven_pendulum, triple_pendulum
-from systems.chain import Chain
-from systems.drives import RotatingDrive, TorqueDrive, VerticalDrive
-from systems.effects import (
+from systems import (
+    Chain,
     ConstantTorque,
     DryFriction,
     Effect,
     Gravity,
     QuadraticDrag,
+    RotatingDrive,
     Terms,
+    TorqueDrive,
     TorsionSpring,
+    VerticalDrive,
     ViscousDamping,
+    chain_pendulum,
+    double_pendulum,
+    driven_pendulum,
+    scene,
+    triple_pendulum,
 )
-from systems.forces import combined
-from systems.scene import scene
+from systems.forces import Acting, combined
 
 W = 2.0 * pi * 50.0
 LINKS = (0.11, 0.07, 0.05, 0.13, 0.09, 0.06, 0.1, 0.08)
@@ -109,7 +114,9 @@ def lagrange(links: int) -> Any:
         for q, r in zip(functions, rates, strict=True)
     ]
     upward = Gravity(9.8).terms, ViscousDamping(1.0).terms, Terms(vertical=lambda t, p: p.lift)
-    rhs = rebind(Chain.compose(combined(upward, links)), {"sin": sympy.sin, "cos": sympy.cos})
+    rhs = rebind(
+        Chain.compose(combined([Acting(terms) for terms in upward], links)), {"sin": sympy.sin, "cos": sympy.cos}
+    )
     values = {f"length_{i + 1}": v for i, v in enumerate(lengths)}
     values |= {f"mass_{i + 1}": v for i, v in enumerate(masses)}
     p = SimpleNamespace(**values, gravity=g, damping=damping, lift=lift)

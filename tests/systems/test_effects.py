@@ -14,20 +14,26 @@ from scipy.integrate import solve_ivp
 from cellmap import stroboscopic_map
 from cellmap._compiled.codegen.kernel import traced_function
 from cellmap._compiled.codegen.trace import STATEFUL
-from systems import compound_pendulum, driven_pendulum
-from systems.compound import BASIN_ROD, LONG_ROD, SHORT_ROD, CompoundPendulum, uniform_rod
-from systems.drives import HorizontalDrive, VerticalDrive
-from systems.effects import (
+from systems import (
+    BASIN_ROD,
+    LONG_ROD,
+    SHORT_ROD,
+    CompoundPendulum,
     ConstantTorque,
     DryFriction,
     Effect,
     Gravity,
+    HorizontalDrive,
+    Pendulum,
     QuadraticDrag,
     TorsionSpring,
+    VerticalDrive,
     ViscousDamping,
+    compound_pendulum,
+    driven_pendulum,
+    scene,
+    uniform_rod,
 )
-from systems.pendulum import Pendulum
-from systems.scene import scene
 
 X = (0.7, -3.0)
 SMOOTH: dict[Effect, float] = {

@@ -11,32 +11,38 @@ import pytest
 
 from cellmap import stroboscopic_map
 from systems import (
-    dimensionless_parameters,
-    dimensionless_pendulum,
-    double_pendulum,
-    driven_pendulum,
-    from_stability_coordinates,
-    physical_parameters,
-    stability_coordinates,
-)
-from systems.chain import Chain
-from systems.compound import CompoundPendulum
-from systems.drives import HorizontalDrive, RotatingDrive, TiltedDrive, TorqueDrive, VerticalDrive
-from systems.effects import (
+    Chain,
+    CompoundPendulum,
     ConstantTorque,
     DryFriction,
     Effect,
     Gravity,
+    HarmonicDrive,
+    HorizontalDrive,
+    Part,
+    Pendulum,
     QuadraticDrag,
+    RotatingDrive,
+    SquareDrive,
+    TiltedDrive,
+    TorqueDrive,
     TorsionSpring,
+    TriangleDrive,
+    Units,
+    VerticalDrive,
     ViscousDamping,
+    dimensionless_parameters,
+    dimensionless_pendulum,
+    double_pendulum,
+    drive_units,
+    driven_pendulum,
+    from_stability_coordinates,
+    in_units,
+    physical_parameters,
+    scene,
+    stability_coordinates,
+    swing_units,
 )
-from systems.harmonics import HarmonicDrive
-from systems.parts import Part
-from systems.pendulum import Pendulum
-from systems.scene import scene
-from systems.units import Units, drive_units, in_units, swing_units
-from systems.waves import SquareDrive, TriangleDrive
 
 W = 100.0 * pi
 DRIVES: list[Any] = [

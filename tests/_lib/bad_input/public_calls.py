@@ -93,8 +93,9 @@ def sample(name: str) -> Any:
     return called(maker, good_arguments(maker))
 
 
-LEFT_OUT = ("derivative", "fun", "signs", "error")
-"""Methods that are the user's function, which integrators call many times; and one that exact maps do not have."""
+LEFT_OUT = ("derivative", "fun", "signs", "error", "quantity")
+"""Methods that are the user's function, which integrators call many times; one that exact maps do not have; and what
+declares a field where a class is defined."""
 
 BY_HAND = ("ForcedSystem", "Coordinate", "CellGrid", "BoxSet")
 WITH_METHODS = ("PointMap", "SectionMap", "Option", "Fit")
@@ -133,6 +134,11 @@ GIVEN: dict[str, Callable[[], Any]] = {
     "order": lambda: 2,
     "lengths": lambda: (0.03, 0.04),
     "masses": lambda: (1.0, 2.0),
+    "effective_length": lambda: 0.5,
+    "part": lambda: systems.Gravity(9.8),
+    "units": lambda: systems.Units(length=2.0),
+    "potential": lambda: systems.effective_potential(swinging()),
+    "near": lambda: 0.0,
     **{
         quantity: lambda: 0.5
         for quantity in "length amplitude frequency damping alpha beta gamma frequency_ratio amplitude_ratio".split()
@@ -176,6 +182,12 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "flow_map": lambda: {"system": rotating(), "time": 1.0},
     "section_map": lambda: {"system": rotating(), "section": ("q", 0.0, 1)},
     "swept_map": lambda: {"point_map": wells(), "parameters": "r"},
+    "swept_system": lambda: {"system": swinging(), "parameters": "gamma"},
+    "integrate": lambda: {"begin": 1.0, "duration": 2.0},
+    "sampled_drive": lambda: {"samples": (1.0, 0.5, -1.0, -0.5), "frequency": 2.0},
+    "release_limits": lambda: {"angles": 8, "tolerance": 1e-3, "max_periods": 60},
+    "find_well": lambda: {"near": 0.0},
+    "scene": lambda: {"body": systems.Pendulum(0.0272), "effects": systems.VerticalDrive(0.003, 50.0)},
     "critical_values": lambda: {"parameter": "beta", "lower": 0.1, "upper": 0.4, "n_points": 8},
     "stability_map": lambda: {"x": ("alpha", (0.1, 0.2, 0.3)), "y": ("beta", (0.1, 0.2, 0.3))},
     "jury_margins": lambda: {"matrix": [[0.5, 0.0], [0.1, 0.2]]},
@@ -254,7 +266,7 @@ def targets() -> Mapping[str, Callable[[], Callable[..., Any]]]:
     """Return all that can be called, by names: functions, records that are made by hand, and methods of records."""
     found: dict[str, Callable[[], Callable[..., Any]]] = {}
     for name, member in public_things().items():
-        if inspect.isfunction(member) or name in BY_HAND:
+        if (inspect.isfunction(member) or name in BY_HAND) and name not in LEFT_OUT:
             found[name] = lambda member=member: member
         if inspect.isclass(member) and (name in MADE_BY or name in BY_HAND or name in WITH_METHODS):
             for method, function in vars(member).items():
@@ -293,12 +305,18 @@ RECORDS = {*MADE_BY, *BY_HAND, *WITH_METHODS}
 
 def called(name: str, arguments: Mapping[str, Any]) -> Any:
     function = TARGETS[name]()
-    positional = [p for p in parameters(name) if p.kind is p.VAR_POSITIONAL]
-    named = {key: value for key, value in arguments.items() if not positional}
-    return function(*arguments.values(), **named) if positional else function(**named)
+    kinds = [p.kind for p in parameters(name)]
+    if inspect.Parameter.VAR_POSITIONAL not in kinds:
+        return function(**arguments)
+    by_place = [p.name for p in parameters(name)[: kinds.index(inspect.Parameter.VAR_POSITIONAL) + 1]]
+    named = {key: value for key, value in arguments.items() if key not in by_place}
+    return function(*(arguments[key] for key in by_place), **named)
 
 
-ENTRIES = {"lengths": r"lengths|length_\d+", "masses": r"masses|mass_\d+"}
+ENTRIES = {
+    **{"lengths": r"lengths|length_\d+", "masses": r"masses|mass_\d+"},
+    **{name: rf"{name}(_\d+)?" for name in ("damping", "friction")},
+}
 """Arguments of which each entry has a name."""
 
 

@@ -10,10 +10,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
-from systems.lab.swings.decay import quadratic_decay
-from systems.lab.swings.decay_models import KINDS, compare_decays, decaying
-from systems.lab.swings.envelope import Envelope, swing_envelope
-from systems.lab.swings.frequency import Estimate, effective_length, natural_frequency, sine_fit, swing
+from systems.lab import (
+    Envelope,
+    Estimate,
+    compare_decays,
+    effective_length,
+    natural_frequency,
+    quadratic_decay,
+    sine_fit,
+    swing_envelope,
+)
+from systems.lab.free_swings.decay_models import KINDS, decaying
+from systems.lab.free_swings.natural_frequency import swing
 
 LENGTH = 0.069
 FREQUENCY = sqrt(9.8 / LENGTH)

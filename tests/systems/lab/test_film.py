@@ -13,11 +13,19 @@ import pytest
 from cellmap import ForcedSystem, angle, trajectory
 from cellmap._lib.files import StoreError
 from cellmap.maps import Trajectory
-from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
-from systems.lab.filming.film_files import read_film, write_film
-from systems.lab.filming.looks import Bar, Look, Spot
-from systems.lab.filming.rendering import render_film
-from systems.lab.filming.tracking import track_markers
+from systems.lab import (
+    Bar,
+    Camera,
+    Film,
+    Look,
+    Spot,
+    film_at_rate,
+    read_film,
+    render_film,
+    select_frames,
+    track_markers,
+    write_film,
+)
 
 CLEAN = Look(shade=0.0, read_noise=0.0, full_well=float("inf"), rod_width=0.0, blur=0.0)
 

@@ -11,13 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
-from systems import double_pendulum, driven_pendulum
-from systems.effects import Gravity
-from systems.lab.swings.damping import fit_damping, free_pendulum
-from systems.lab.swings.motion_fit import fit_motion
-from systems.lab.swings.simulation import Simulation, clear_of_noise
-from systems.pendulum import Pendulum
-from systems.scene import scene
+from systems import Gravity, Pendulum, double_pendulum, driven_pendulum, scene
+from systems.lab import fit_damping, fit_motion, free_pendulum
+from systems.lab.free_swings.simulation import Simulation, clear_of_noise
 
 TRUE = {"length": 0.069, "damping": 0.4}
 

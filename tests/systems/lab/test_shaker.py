@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from systems.lab.shaking.conversion import (
+from systems.lab import (
     acceleration_from_volts,
     displacement_amplitude,
     displacement_error,

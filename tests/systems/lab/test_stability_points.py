@@ -14,16 +14,16 @@ from scipy import stats
 from cellmap import plot, stability_map, stroboscopic_map
 from cellmap.bifurcations import critical_values
 from cellmap.maps import swept_map
-from systems import driven_pendulum
-from systems.compound import SHORT_ROD
-from systems.lab.shaking.stability_measurement import measure_least_amplitudes, stays_up
-from systems.lab.shaking.stability_points import (
+from systems import SHORT_ROD, driven_pendulum
+from systems.lab import (
     StabilityPoints,
     compare_with_boundary,
+    measure_least_amplitudes,
     read_stability_points,
     stability_points_from_volts,
     write_stability_points,
 )
+from systems.lab.shaker.stability_experiment import stays_up
 
 POINTS = StabilityPoints(np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]), np.full(3, 5e-5), "short")
 

@@ -11,14 +11,26 @@ from scipy.ndimage import gaussian_filter
 
 from cellmap import ForcedSystem, angle
 from cellmap.maps import Trajectory
-from systems.lab.filming.blobs import otsu_threshold, smeared_area
-from systems.lab.filming.film import Camera, Film, film_at_rate, select_frames
-from systems.lab.filming.looks import Bar, Look, Spot
-from systems.lab.filming.matching import match
-from systems.lab.filming.pixel_noise import pixel_noise
-from systems.lab.filming.rendering import Recording, render_film
-from systems.lab.filming.tracking import track_markers
-from systems.lab.filming.tracks import MarkerStatus, Rail, Rod, pivot_on_rail, place_hidden
+from systems.lab import (
+    Bar,
+    Camera,
+    Film,
+    Look,
+    MarkerStatus,
+    Rail,
+    Recording,
+    Rod,
+    Spot,
+    film_at_rate,
+    pivot_on_rail,
+    place_hidden,
+    render_film,
+    select_frames,
+    track_markers,
+)
+from systems.lab.films.assignment import match
+from systems.lab.films.blobs import otsu_threshold, smeared_area
+from systems.lab.films.pixel_noise import pixel_noise
 
 SEEN, PARTIAL, MERGED, LOST = MarkerStatus.SEEN, MarkerStatus.PARTIAL, MarkerStatus.MERGED, MarkerStatus.LOST
 CAMERA = Camera(scale=1000.0, origin=(80.0, 80.0), shape=(160, 160))

@@ -1,0 +1,93 @@
+"""How things look on a synthetic film: markers and rods, what hides them, what may be taken for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from cellmap.utils import finite_number
+
+
+@dataclass(frozen=True)
+class Look:
+    """How things look on a film: sizes in pixels, grey values of 255, noise in electrons.
+
+    Parameters
+    ----------
+    marker_radius : float or tuple of float, optional
+        Radius of the markers; one for all, or one for each.
+    marker, rod, background : float, optional
+        Grey values in full light.
+    rod_width : float, optional
+        Width of the rods.
+    shade : float, optional
+        Share of the light that is missing in the darkest corner, below 1.
+    blur : float, optional
+        Standard deviation of the Gaussian point spread of the optics.
+    full_well : float, optional
+        Electrons of a pixel of the grey value 255: shot noise has as many electrons squared as there are electrons.
+        Infinite for a film without shot noise.
+    read_noise : float, optional
+        Standard deviation of the noise of reading (grey values).
+    pivot_marker : bool, optional
+        Whether the pivot carries a marker, as number 0.
+    """
+
+    marker_radius: float | tuple[float, ...] = 5.0
+    marker: float = 220.0
+    rod: float = 90.0
+    background: float = 40.0
+    rod_width: float = 4.0
+    shade: float = 0.3
+    blur: float = 0.8
+    full_well: float = 10_000.0
+    read_noise: float = 1.0
+    pivot_marker: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("marker", "rod", "background", "blur", "read_noise", "rod_width"):
+            finite_number(name, getattr(self, name), at_least=0.0)
+        finite_number("shade", self.shade, at_least=0.0, at_most=0.99)
+        if not self.full_well > 0.0:
+            raise ValueError(f"full_well={self.full_well!r}: give a number above 0")
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Rectangle in front of everything, fixed in the picture: columns left to right, rows top to bottom (pixels).
+
+    Parameters
+    ----------
+    left, right, top, bottom : float
+        Edges.
+    grey : float, optional
+        Grey value in full light.
+    start, end : float, optional
+        Time in which it is there (s); by default always.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    grey: float = 25.0
+    start: float = -inf
+    end: float = inf
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Disc behind everything, fixed in the picture: a bright object that is no marker.
+
+    Parameters
+    ----------
+    column, row, radius : float
+        Centre and radius (pixels).
+    grey : float, optional
+        Grey value in full light.
+    """
+
+    column: float
+    row: float
+    radius: float
+    grey: float = 220.0

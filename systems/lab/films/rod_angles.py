@@ -1,0 +1,260 @@
+"""Angles and angular rates of rods, from tracks of their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from cellmap.utils import finite_number, whole_number
+
+from .tracks import Tracks
+
+Pivot = int | tuple[float, float] | None
+
+_LOOSE = 0.005  # share by which the length of a rigid rod may vary, and
+_LOOSE_ERRORS = 5.0  # standard errors
+_STANDS_OUT = 2.0  # standard deviations by which a polynomial misses more than errors make of it
+
+
+@dataclass(frozen=True, eq=False)
+class JointAngles:
+    """Angles of rods and their rates.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Times (s).
+    angles : ndarray, shape (n, joints)
+        Angles from the downward vertical, counter-clockwise, absolute and unwrapped (rad); NaN in gaps.
+    errors : ndarray, shape (n, joints)
+        Their standard errors (rad), from those of the positions.
+    rates : ndarray, shape (n, joints)
+        Angular rates (rad/s); NaN in gaps, and as near to them as no whole window fits.
+    rate_errors : ndarray, shape (n, joints)
+        Their standard errors (rad/s): from those of the angles, and from what a polynomial cannot follow, where two
+        degrees more, in a window of `degree` + 3 frames or more, change the rates by more than these errors do.
+    stretches : ndarray of int, shape (n, joints)
+        Number of the stretch, from 0, over which whole turns are counted; -1 in gaps.  A new one begins where a gap is
+        so long that turns may have been missed: between stretches, angles are known up to whole turns.
+    """
+
+    times: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    rate_errors: NDArray[np.float64]
+    stretches: NDArray[np.int64]
+    lengths: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        known = ", ".join(f"{int(k):,}" for k in np.isfinite(self.angles).sum(axis=0))
+        parts = ", ".join(str(int(k) + 1) for k in self.stretches.max(axis=0))
+        loose = "".join(
+            f"; joint {k} is not rigid, {low:.4g} to {high:.4g} pixels: its pivot?"
+            for k, (low, high) in enumerate(zip(*self._lengths(), strict=True))
+            if high > low
+        )
+        return f"JointAngles({len(self.times):,} frames, angles in {known}, stretches: {parts}{loose})"
+
+    def _lengths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return between what nine tenths of the lengths are; twice the median where no more than noise parts them."""
+        low, middle, high = np.nanpercentile(self.lengths, [5.0, 50.0, 95.0], axis=0)
+        noise = np.nan_to_num(np.nanmedian(np.nan_to_num(self.errors), axis=0))
+        varies = 0.5 * (high - low) / middle > np.maximum(_LOOSE, _LOOSE_ERRORS * noise)
+        return np.where(varies, low, middle), np.where(varies, high, middle)
+
+
+def joint_angles(
+    tracks: Tracks,
+    pivots: Sequence[Pivot],
+    window_length: int = 7,
+    degree: int = 3,
+    turn_limit: float = 0.5,
+    one_sided: bool = False,
+) -> JointAngles:
+    """Return the angles of rods from the tracks of their ends.
+
+    Rates are the slopes of polynomials fitted by least squares to a window of frames: by Savitzky's and Golay's filter
+    where frames are evenly spaced, else with a fit of its own for each frame.  A frame that is absent or in which the
+    marker was not seen ends what a window may hold.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        Tracks of the markers.
+    pivots : sequence, as many as markers
+        For each marker the pivot of its rod: the pixel (column, row), the number of another marker, or None where the
+        marker is itself only a pivot.
+    window_length : int, optional
+        Frames of a window, odd, at least `degree` + 2.
+    degree : int, optional
+        Degree of the polynomials, at least 1.
+    turn_limit : float, optional
+        Turns that the rod may make in a gap before turns are no longer counted across it, by its fastest step between
+        two frames elsewhere; at most 0.5.  A rod that is pushed in a gap, or fast in gaps alone, it cannot foresee.
+    one_sided : bool, optional
+        Give rates near gaps and ends too, from windows that do not reach equally far to both sides.
+
+    Returns
+    -------
+    JointAngles
+        Angles, rates and their standard errors; one joint for each marker with a pivot, in their order.  Where the
+        distance of marker and pivot varies by more than noise, its text says so.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments that do not fit, and a marker that is never known.
+
+    References
+    ----------
+    Savitzky, Golay, Analytical Chemistry 36 (1964) 1627.
+
+    Examples
+    --------
+    >>> from systems.lab import Tracks
+    >>> times = np.arange(20) / 100.0
+    >>> places = np.stack([30 + 20 * np.sin(9 * times), 10 + 20 * np.cos(9 * times)], axis=-1)[:, None]
+    >>> errors, flat = np.full(places.shape, 0.01), np.zeros((20, 1))
+    >>> found = joint_angles(Tracks(times, places, errors, flat.astype(np.uint8), places, flat, 100.0), [(30.0, 10.0)])
+    >>> found.angles[-1].round(9), found.rates[10].round(9), found.errors[0]
+    (array([1.71]), array([9.]), array([0.0005]))
+    """
+    degree = whole_number("degree", degree, at_least=1)
+    if whole_number("window_length", window_length, at_least=degree + 2) % 2 == 0:
+        raise ValueError(f"window_length={window_length}: give an odd number of frames")
+    turn_limit = finite_number("turn_limit", turn_limit, above=0.0, at_most=0.5)
+    markers = tracks.positions.shape[1]
+    if len(pivots) != markers:
+        raise ValueError(f"pivots are {len(pivots)}: give one, or None, for each of the {markers} markers")
+    rods = [(marker, pivot) for marker, pivot in enumerate(pivots) if pivot is not None]
+    if not rods:
+        raise ValueError("pivots are all None: give the pivot of at least one marker")
+    shape = len(tracks.times), len(rods)
+    angles, errors, rates, rate_errors, lengths = np.full((5, *shape), np.nan)
+    stretches = np.full(shape, -1)
+    for joint, (marker, pivot) in enumerate(rods):
+        angle, error, lengths[:, joint] = _directions(tracks, marker, pivot)
+        known = np.flatnonzero(np.isfinite(angle))
+        if known.size < 2:
+            raise ValueError(f"tracks: marker {marker} and its pivot are known in {known.size} frames; 2 are needed")
+        angles[known, joint], stretches[known, joint] = _unwrapped(angle[known], tracks.times[known], turn_limit)
+        errors[known, joint] = error[known]
+        for part in _runs(tracks.times, np.isfinite(angle), stretches[:, joint]):
+            slopes = _slopes(
+                tracks.times[part], angles[part, joint], errors[part, joint], window_length, degree, one_sided
+            )
+            rates[part, joint], rate_errors[part, joint] = slopes
+    return JointAngles(tracks.times, angles, errors, rates, rate_errors, stretches, lengths)
+
+
+def _directions(
+    tracks: Tracks, marker: int, pivot: Pivot
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the angles of a rod within a turn, their standard errors, and its lengths (pixels)."""
+    end, spread = tracks.positions[:, marker], tracks.errors[:, marker] ** 2
+    if isinstance(pivot, tuple):
+        base = np.array([finite_number(f"pivots[{marker}][{k}]", v) for k, v in enumerate(pivot)])
+        if base.size != 2:
+            raise ValueError(f"pivots[{marker}]={pivot!r}: give the pixel (column, row)")
+    else:
+        number = whole_number(f"pivots[{marker}]", pivot, 0, tracks.positions.shape[1] - 1)
+        if number == marker:
+            raise ValueError(f"pivots[{marker}]={pivot}: a marker is not its own pivot")
+        base, spread = tracks.positions[:, number], spread + tracks.errors[:, number] ** 2
+    across, down = (end - base).T
+    squared = across**2 + down**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.sqrt(down**2 * spread[:, 0] + across**2 * spread[:, 1]) / squared
+    return np.arctan2(across, down), error, np.sqrt(squared)
+
+
+def _unwrapped(
+    angle: NDArray[np.float64], times: NDArray[np.float64], turn_limit: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return angles that go on across turns, and the number of the stretch over which turns are sure."""
+    steps = np.diff(angle)
+    steps -= 2.0 * np.pi * np.round(steps / (2.0 * np.pi))
+    passed = np.diff(times)
+    usual = 1.5 * np.median(passed)
+    near = passed <= usual
+    fastest = float(np.max(np.abs(steps[near]) / passed[near])) if near.any() else 0.0
+    unsure = ~near & (fastest * passed > 2.0 * np.pi * turn_limit)
+    return angle[0] + np.concatenate([[0.0], np.cumsum(steps)]), np.concatenate([[0], np.cumsum(unsure)])
+
+
+def _runs(times: NDArray[np.float64], known: NDArray[np.bool_], stretches: NDArray[np.int64]) -> list[slice]:
+    """Return the runs of known frames without one absent between them, at twice the usual time, or a new stretch."""
+    usual = float(np.median(np.diff(times)))
+    breaks = (np.diff(times) > 1.75 * usual) | (np.diff(known.astype(int)) != 0) | (np.diff(stretches) != 0)
+    edges = np.concatenate([[0], np.flatnonzero(breaks) + 1, [len(times)]])
+    return [slice(int(a), int(b)) for a, b in pairwise(edges) if known[a]]
+
+
+def _slopes(
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    window: int,
+    degree: int,
+    one_sided: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return slopes of a run, and their standard errors; NaN where no window fits."""
+    count, half = len(times), window // 2
+    slopes, spreads = np.full((2, count), np.nan)
+    if count < window:
+        return slopes, spreads
+    steps = np.diff(times)
+    even = bool(np.ptp(steps) < 1e-6 * steps.mean())
+    if even and count > window:
+        slopes[half:-half] = savgol_filter(values, window, degree, deriv=1, delta=float(steps.mean()))[half:-half]
+    usual = _both_weights(times[:window] - times[half], degree)
+    missed, chance = np.full((2, count), np.nan)
+    for k in range(count):
+        first = min(max(k - half, 0), count - window)
+        if first != k - half and not one_sided:
+            continue
+        part = slice(first, first + window)
+        weights, change = usual if even and first == k - half else _both_weights(times[part] - times[k], degree)
+        if np.isnan(slopes[k]):
+            slopes[k] = weights @ (values[part] - values[k])
+        spreads[k] = np.sqrt(weights**2 @ errors[part] ** 2)
+        missed[k], chance[k] = (change @ (values[part] - values[k])) ** 2, change**2 @ errors[part] ** 2
+    return slopes, np.sqrt(spreads**2 + _not_followed(missed, chance, window))
+
+
+def _not_followed(missed: NDArray[np.float64], chance: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+    """Return the squares of what a polynomial misses of the slopes, from what one of a higher degree changes them by.
+
+    Of the squares of these changes, those that the errors of the values cause are taken off; nothing is left where the
+    others do not stand out from them.
+    """
+    known = np.flatnonzero(np.isfinite(missed))
+    nothing = np.zeros(len(missed))
+    if not known.size:
+        return nothing
+    excess = missed[known] - chance[known]
+    if excess.sum() <= _STANDS_OUT * np.sqrt(2.0 * window * (chance[known] ** 2).sum()):
+        return nothing
+    nothing[known] = np.maximum(uniform_filter1d(excess, min(2 * window + 1, known.size), mode="nearest"), 0.0)
+    return nothing
+
+
+def _both_weights(offsets: NDArray[np.float64], degree: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the weights of a slope, and of what two degrees more change of it; 0 where a window has too few values."""
+    weights = _weights(offsets, degree)
+    higher = min(degree + 2, len(offsets) - 1)
+    return weights, _weights(offsets, higher) - weights
+
+
+def _weights(offsets: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    """Return the weights of values whose sum is the slope at 0 of the polynomial fitted to them."""
+    scale = float(np.abs(offsets).max())
+    design = np.vander(offsets / scale, degree + 1, increasing=True)
+    return np.linalg.pinv(design)[1] / scale

@@ -1,0 +1,189 @@
+"""Markers followed through a film, by centroids in windows that move with them.
+
+This is the scheme of the report (section IV C) with what it lacks: centres weighted by grey values, windows around the
+foreseen place, a distinct blob for each marker, flags where a marker is hidden or merged, and a search along the circle
+that a rod allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cellmap.utils import finite_number, progress_bar, whole_number
+
+from .error_estimates import widen_errors
+from .film import Film
+from .first_frame import read_first_frame
+from .marker_search import Search
+from .outliers import flag_areas, flag_repeats, flag_standing
+from .prediction import Memory
+from .tracks import MarkerStatus, Rail, Rod, Tracks
+
+_Hold = TypeVar("_Hold", Rod, Rail)
+
+_OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual one is larger by more
+
+
+def track_markers(
+    film: Film,
+    initial_positions: ArrayLike,
+    rods: Sequence[Rod] = (),
+    rails: Sequence[Rail] = (),
+    threshold: float | None = None,
+    search_radius: float | None = None,
+    tolerance: float = 3.0,
+    weighted: bool = True,
+    progress: bool = False,
+) -> Tracks:
+    """Follow bright markers through a film; dark ones through its negative, of frames such as 255 - frames.
+
+    In each frame a marker is looked for around the place to which its velocity takes it, or the rate at which it turns
+    about its pivot.  Blobs above the threshold are matched to markers, one to one, at the least sum of distances and
+    differences of area; where there are rods they must fit.  The window grows while a marker is lost; a bright object
+    that stood at a place before the marker was lost is not taken for it, and what is found again and stands, where the
+    marker moved before and never stood a third as long, is LOST in the end.
+
+    A blob is the marker's only where its area is what it should be, with the smear of its motion during the exposure.
+    With less than 0.9 of it the status is PARTIAL, with more than 1.15 MERGED; so it is, in the end, where the area
+    differs by more than 0.04 (or 4.5 standard deviations) from the marker's usual one, and next to flagged frames by
+    more than 0.02 (or 2.5).  So a centre can be off by about 0.04 radii where something hides the rim of a marker.  The
+    area of the first frame is the measure, unless the usual one is larger: a marker may be hidden in part there, but
+    not merged with something.
+
+    A frame that repeats the one before to the last bit, while markers move before and after it, is one that the
+    recorder lost: its status is NO_FRAME.
+
+    Two markers that look alike and are hidden at the same time may be exchanged, unless they have rods of their own.
+
+    Parameters
+    ----------
+    film : Film
+        The film.
+    initial_positions : array_like, shape (markers, 2)
+        About where the markers are in the first frame that is not missing: pixels (column, row).
+    rods : sequence of Rod, optional
+        Rods that hold markers at known distances.
+    rails : sequence of Rail, optional
+        Markers that move only vertically.
+    threshold : float, optional
+        Grey value above which pixels belong to markers; by default from the windows of the first frame, by Otsu's
+        method.
+    search_radius : float, optional
+        How far from its foreseen place a marker may be (pixels); by default a tenth of the smaller side of the picture,
+        12 at least.  It is doubled as long as the velocity is not known, and grows while the marker is lost.
+    tolerance : float, optional
+        How far a marker may be from the circle of its rod or from its rail (pixels).
+    weighted : bool, optional
+        Weight pixels by their grey values; without, centroids are those of all pixels above the threshold alike, as in
+        the report, and have no standard errors.
+    progress : bool, optional
+        Show a bar on a terminal for work of more than two seconds.
+
+    Returns
+    -------
+    Tracks
+        Places, their standard errors, and what was seen in every frame.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments that do not fit, a film without frames, a constant picture, a threshold that nothing or everything
+        exceeds, a start where no marker is, or the same as another's, and a marker that is not on its rod or rail in
+        the first frame.
+
+    References
+    ----------
+    Crocker, Grier, Journal of Colloid and Interface Science 179 (1996) 298 (weighted centroids, linking).
+
+    Examples
+    --------
+    >>> from systems.lab import film_at_rate
+    >>> rows, columns = np.mgrid[:48, :64]
+    >>> frames = [200.0 * np.clip(4.5 - np.hypot(columns - 20 - 3 * k, rows - 24), 0.0, 1.0) for k in range(8)]
+    >>> tracks = track_markers(film_at_rate(np.array(frames), 100.0), [(20, 24)])
+    >>> tracks
+    Tracks(8 frames, 1 markers seen whole in 8 of them)
+    >>> bool(abs(tracks.positions[4, 0] - [32.0, 24.0]).max() < 1e-9)
+    True
+    """
+    tolerance = finite_number("tolerance", tolerance, above=0.0)
+    setup, memories = read_first_frame(film, initial_positions, threshold, search_radius, weighted)
+    hung = _by_marker(rods, Rod, "rod", "hangs", "Rod(marker, pivot, length)", len(memories))
+    led = _by_marker(rails, Rail, "rail", "moves", "Rail(marker, column)", len(memories))
+    _check_fit(memories, hung, led, tolerance)
+    status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
+    usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
+    if (usual > 1.0 + _OTHER_AREA).any():
+        memories = read_first_frame(film, initial_positions, threshold, search_radius, weighted)[1]
+        for memory, factor in zip(memories, usual, strict=True):
+            memory.radius *= float(np.sqrt(max(factor, 1.0)))
+        status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
+    flag_repeats(status, centroids, errors, areas)
+    flag_areas(status, areas)
+    flag_standing(status, centroids, errors, film.times, [memory.radius for memory in memories])
+    seen = (status == MarkerStatus.SEEN)[..., None]
+    positions, errors = np.where(seen, centroids, np.nan), np.where(seen, errors, np.nan)
+    widen_errors(film.times, positions, errors)
+    return Tracks(film.times, positions, errors, status, centroids, areas, setup.threshold)
+
+
+def _followed(
+    search: Search, progress: bool
+) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return status, centroids, their errors and areas over the expected ones, in all frames."""
+    count, markers, missing = len(search.film), len(search.memories), search.film.missing
+    status = np.full((count, markers), MarkerStatus.NO_FRAME, np.uint8)
+    centroids, errors = np.full((2, count, markers, 2), np.nan)
+    areas = np.full((count, markers), np.nan)
+    with progress_bar(count, "frames" if progress else None) as tick:
+        for k in range(count):
+            tick(1)
+            if missing[k]:
+                continue
+            for marker, sight in enumerate(search.look(k)):
+                status[k, marker] = sight.status
+                if sight.blob is not None:
+                    centroids[k, marker] = sight.blob.column, sight.blob.row
+                    errors[k, marker] = sight.blob.column_error, sight.blob.row_error
+                    areas[k, marker] = sight.ratio
+    return status, centroids, errors, areas
+
+
+def _by_marker(
+    holds: Sequence[_Hold], kind: type[_Hold], name: str, verb: str, form: str, markers: int
+) -> dict[int, _Hold]:
+    """Return rods or rails by the number of their marker, at most one for each."""
+    found: dict[int, _Hold] = {}
+    for hold in holds:
+        if not isinstance(hold, kind):
+            raise TypeError(f"{name}s hold {hold!r}: give {form}")
+        whole_number(f"{name}.marker", hold.marker, 0, markers - 1)
+        if hold.marker in found:
+            raise ValueError(f"{name}s: marker {hold.marker} {verb} on two of them; give one for each marker")
+        found[hold.marker] = hold
+    return found
+
+
+def _check_fit(memories: list[Memory], rods: dict[int, Rod], rails: dict[int, Rail], tolerance: float) -> None:
+    """Refuse rods and rails that the markers of the first frame are not on."""
+    for marker, rod in rods.items():
+        place = memories[marker].place
+        pivot = memories[rod.pivot].place if isinstance(rod.pivot, int) else rod.pivot
+        if rod.misfit(place, pivot) > tolerance:
+            raise ValueError(
+                f"rods: marker {marker} begins {hypot(place[0] - pivot[0], place[1] - pivot[1]):.1f} pixels from its "
+                f"pivot, and its rod has {rod.length:g}: measure both again, with fit_circle say, or give more than "
+                f"tolerance={tolerance:g}"
+            )
+    for marker, rail in rails.items():
+        column = memories[marker].place[0]
+        if abs(column - rail.column) > tolerance:
+            raise ValueError(
+                f"rails: marker {marker} begins at the column {column:.1f}, and its rail is at {rail.column:g}: "
+                f"measure it again, or give more than tolerance={tolerance:g}"
+            )

@@ -1,0 +1,165 @@
+"""Damping of a free swing: viscous, dry or both, by fits of the whole motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cellmap import ForcedSystem
+from cellmap.utils import finite_number
+
+from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
+from ...pendulum import Pendulum
+from ...scenes import scene
+from .decay_models import KINDS, DecayComparison, checked_kinds, compare_decays
+from .motion_fit import MotionFit, fit_motion
+from .natural_frequency import effective_length, natural_frequency
+from .swing_extremes import swing_envelope
+
+EFFECTS: Mapping[str, Callable[[float], Effect]] = {
+    "damping": ViscousDamping,
+    "friction": DryFriction,
+    "drag": QuadraticDrag,
+}
+"""Effects by the name of their parameter."""
+
+_LEAST = 0.02  # share of a coefficient alone with which it enters a mixture
+
+
+@dataclass(frozen=True, eq=False)
+class DampingFits:
+    """Kinds of damping fitted to the motion of a rod, in the order of their information criterion.
+
+    Parameters
+    ----------
+    fits : mapping of str to MotionFit
+        The best first.
+    profile : DecayComparison
+        What the extremes alone say.
+    """
+
+    fits: Mapping[str, MotionFit]
+    profile: DecayComparison
+
+    def __repr__(self) -> str:
+        return f"DampingFits({'; '.join(f'{kind} {w:.3g}' for kind, w in self.weights.items())}; best {self.best!r})"
+
+    @property
+    def kind(self) -> str:
+        """The kind with the least criterion."""
+        return next(iter(self.fits))
+
+    @property
+    def best(self) -> MotionFit:
+        """Its fit."""
+        return self.fits[self.kind]
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Akaike weights: how likely each kind is the best of these, by the data, if residuals are independent."""
+        likely = {kind: float(np.exp(-0.5 * (fit.aicc - self.best.aicc))) for kind, fit in self.fits.items()}
+        total = sum(likely.values())
+        return {kind: value / total for kind, value in likely.items()}
+
+
+def fit_damping(
+    times: ArrayLike,
+    angles: ArrayLike,
+    kinds: Sequence[str] = ("viscous", "dry", "viscous and dry"),
+    length: float | None = None,
+    gravity: float = 9.8,
+    zero: bool = True,
+) -> DampingFits:
+    """Fit length and damping of a pendulum to its free swing, for several kinds of damping.
+
+    The profile of the extremes gives first guesses; then the motion itself is simulated, with its period at each
+    amplitude, and fitted by least squares.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Times (s), increasing; the rod is free from the first one on.
+    angles : array_like, shape (n,)
+        Angles from the downward vertical (rad), continuous; NaN marks a gap.
+    kinds : sequence of str, optional
+        Names among :data:`systems.lab.free_swings.decay_models.KINDS`.
+    length : float, optional
+        Effective length (m), where it is known; by default it is fitted.
+    gravity : float, optional
+        Acceleration of free fall (m/s^2).
+    zero : bool, optional
+        Fit the zero of the angle, too: how far the camera's vertical is off.
+
+    Returns
+    -------
+    DampingFits
+        A :class:`MotionFit` for each kind, and their weights.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`swing_envelope`, :func:`compare_decays` and :func:`fit_motion`.
+
+    Examples
+    --------
+    >>> from cellmap import trajectory
+    >>> rod = free_pendulum(0.069, {"damping": 0.4})
+    >>> film = trajectory(rod, [0.5, 0.0], periods=8, samples_per_period=50)
+    >>> fit_damping(film.times, film.states[:, 0], ["viscous"]).best.estimates["damping"]
+    0.4000
+    """
+    g = finite_number("gravity", gravity, above=0.0)
+    named = checked_kinds(kinds)
+    envelope = swing_envelope(times, angles)
+    w = natural_frequency(envelope)
+    size = effective_length(w, g).value if length is None else finite_number("length", length, above=0.0)
+    singles = [kind for kind, names in KINDS.items() if len(names) == 1]
+    profile = compare_decays(envelope, w.value, [*named, *singles])
+    alone = {name: value for kind in singles for name, value in profile[kind].coefficients.items()}
+    fits = {}
+    for kind in named:
+        begin = {n: max(profile[kind].coefficients[n], _LEAST * alone[n]) for n in KINDS[kind]}
+        rod = free_pendulum(size, begin, g)
+        vary = [*KINDS[kind]] if length is not None else ["length", *KINDS[kind]]
+        fits[kind] = fit_motion(rod, times, angles, vary, zero=zero)
+    ordered = sorted(fits, key=lambda kind: fits[kind].aicc)
+    return DampingFits({kind: fits[kind] for kind in ordered}, profile)
+
+
+def free_pendulum(length: float, coefficients: Mapping[str, float], gravity: float = 9.8) -> ForcedSystem:
+    """Return a pendulum that swings freely, with its own period at small amplitude as the period.
+
+    Parameters
+    ----------
+    length : float
+        Effective length (m), above 0.
+    coefficients : mapping of str to float
+        Damping by the name of its parameter: damping, friction, drag.
+    gravity : float, optional
+        Acceleration of free fall (m/s^2).
+
+    Returns
+    -------
+    ForcedSystem
+        The scene.
+
+    Raises
+    ------
+    ValueError
+        For names that are no damping, and numbers out of range.
+
+    Examples
+    --------
+    >>> free_pendulum(0.069, {"damping": 0.4}).params
+    {'length': 0.069, 'gravity': 9.8, 'damping': 0.4}
+    """
+    for name in coefficients:
+        if name not in EFFECTS:
+            raise ValueError(f"coefficients has {name!r}: choose among {', '.join(EFFECTS)}")
+    effects = [EFFECTS[name](value) for name, value in coefficients.items()]
+    period = 2.0 * pi * float(np.sqrt(length / gravity))
+    return scene(Pendulum(length), Gravity(gravity), *effects, period=period, name="free pendulum")

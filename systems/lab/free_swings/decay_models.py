@@ -1,0 +1,248 @@
+"""Kinds of damping told apart by the decay profile of a free swing, at any amplitude below a half turn.
+
+Averaged over a swing of amplitude A, a pendulum theta'' = -damping theta' - friction sign(theta') - drag theta'
+abs(theta') - w^2 sin theta loses amplitude at the rate
+
+    dA/dt = -(damping 4 (E - (1 - m) K) + friction A/w + drag 2 w (sin A - A cos A)) / (K sin A)
+
+with the complete elliptic integrals K and E of the parameter m = sin(A/2)^2.  For small A the three terms are damping
+A/2, 2 friction/(pi w) and 4 drag w A^2/(3 pi): an exponential, a line and a hyperbola.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+from scipy.special import ellipe, ellipk
+
+from cellmap.utils import finite_number
+
+from .natural_frequency import natural_frequency
+from .quadratic_fit import check_decay
+from .swing_extremes import Envelope
+
+KINDS: Mapping[str, tuple[str, ...]] = {
+    "viscous": ("damping",),
+    "dry": ("friction",),
+    "quadratic": ("drag",),
+    "viscous and dry": ("damping", "friction"),
+    "viscous and quadratic": ("damping", "drag"),
+}
+"""Kinds of damping by name, with the parameters of the effects that they are made of."""
+
+USUAL = ("viscous", "dry", "quadratic", "viscous and dry")
+"""Kinds that are compared where nothing else is asked for."""
+
+_SMALLEST = 1e-9  # amplitude (rad) below which rates are those at it
+
+
+@dataclass(frozen=True, eq=False)
+class DecayModel:
+    """One kind of damping fitted to a decay profile.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    coefficients : mapping of str to float
+        Parameters of its effects: damping (1/s), friction (rad/s^2), drag (pure number).
+    standard_errors : mapping of str to float
+        Of the coefficients.
+    amplitude : float
+        Amplitude at the time of the first extreme (rad).
+    frequency : float
+        Angular frequency of small swings (rad/s).
+    start : float
+        Time of the first extreme (s).
+    rmse : float
+        Root mean square of the residuals (rad).
+    chi_square : float
+        Sum of squared residuals over the squared errors of the extremes, by degrees of freedom: about 1 for a model
+        that is right, if the errors are.
+    aicc : float
+        Akaike's information criterion for small samples; the smaller the better.
+    """
+
+    kind: str
+    coefficients: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    amplitude: float
+    frequency: float
+    start: float
+    rmse: float
+    chi_square: float
+    aicc: float
+
+    def __repr__(self) -> str:
+        terms = ", ".join(f"{n} {v:.4g} +- {self.standard_errors[n]:.2g}" for n, v in self.coefficients.items())
+        return f"DecayModel({self.kind}: {terms}; RMSE {self.rmse:.3g} rad, AICc {self.aicc:.1f})"
+
+    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Return the amplitude (rad) at increasing times (s) from `start` on."""
+        t = np.asarray(times, dtype=float)
+        return decaying(self.amplitude, self.coefficients, self.frequency, t - self.start)
+
+
+@dataclass(frozen=True, eq=False)
+class DecayComparison:
+    """Kinds of damping in the order of their information criterion.
+
+    Parameters
+    ----------
+    models : tuple of DecayModel
+        The best first.
+    envelope : Envelope
+        The extremes.
+    """
+
+    models: tuple[DecayModel, ...]
+    envelope: Envelope
+
+    def __repr__(self) -> str:
+        return f"DecayComparison({', '.join(f'{k} {w:.3g}' for k, w in self.weights.items())})"
+
+    def __getitem__(self, kind: str) -> DecayModel:
+        """Return one kind."""
+        for model in self.models:
+            if model.kind == kind:
+                return model
+        raise KeyError(f"kind={kind!r}: the kinds that were compared are {', '.join(m.kind for m in self.models)}")
+
+    @property
+    def best(self) -> DecayModel:
+        """The model with the least criterion."""
+        return self.models[0]
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Akaike weights: how likely each kind is the best of these, by the data."""
+        likely = np.exp(-0.5 * np.array([m.aicc - self.best.aicc for m in self.models]))
+        return dict(zip((m.kind for m in self.models), (likely / likely.sum()).tolist(), strict=True))
+
+
+def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Sequence[str] = USUAL) -> DecayComparison:
+    """Fit several kinds of damping to a decay profile and compare them by Akaike's criterion.
+
+    Extremes weigh by their errors, and the size of the scatter is free.  The profile alone decides; a fit of the
+    whole motion by :func:`~systems.lab.fit_damping` is sharper.  Averaged amplitudes are right to about a thousandth;
+    of swings wider than 2 rad with less noise than that, coefficients err by several standard errors, and viscous
+    damping is taken for viscous and dry.
+
+    Parameters
+    ----------
+    envelope : Envelope
+        Extremes of a free swing, at least 6.
+    frequency : float, optional
+        Angular frequency of small swings (rad/s); by default that of the envelope.
+    kinds : sequence of str, optional
+        Names among `KINDS`.
+
+    Returns
+    -------
+    DecayComparison
+        Fits and weights.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For unknown kinds, too few extremes, and a swing that does not decay.
+
+    References
+    ----------
+    Burnham, Anderson, *Model Selection and Multimodel Inference* (2002); Marchewka, Abbott, Beichner, American Journal
+    of Physics 72 (2004) 477.
+
+    Examples
+    --------
+    >>> from systems.lab import swing_envelope
+    >>> t = np.linspace(0.0, 8.0, 1601)
+    >>> noise = np.random.default_rng(0).normal(0.0, 1e-3, t.size)
+    >>> compare_decays(swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noise)).best.kind
+    'viscous'
+    """
+    check_decay(envelope, fewest=6)
+    w = natural_frequency(envelope).value if frequency is None else finite_number("frequency", frequency, above=0.0)
+    models = [_fitted(kind, envelope, w) for kind in checked_kinds(kinds)]
+    return DecayComparison(tuple(sorted(models, key=lambda m: m.aicc)), envelope)
+
+
+def checked_kinds(kinds: Sequence[str]) -> list[str]:
+    """Return kinds of damping, each once."""
+    if isinstance(kinds, str) or not kinds:
+        raise ValueError(f"kinds={kinds!r}: name at least one of {', '.join(map(repr, KINDS))}, in a list")
+    for kind in kinds:
+        if kind not in KINDS:
+            raise ValueError(f"kinds has {kind!r}: choose among {', '.join(map(repr, KINDS))}")
+    return list(dict.fromkeys(kinds))
+
+
+def decaying(
+    amplitude: float, coefficients: Mapping[str, float], frequency: float, times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the amplitude (rad) of a swing at times (s) from 0 on, shape (n,), increasing; 0 once it has stopped."""
+
+    def loss(t: float, a: NDArray[np.float64]) -> NDArray[np.float64]:
+        rates = _rates(np.maximum(a, _SMALLEST), frequency, coefficients)
+        return -sum((c * rates[n] for n, c in coefficients.items()), np.zeros_like(a))
+
+    grown = np.concatenate([[0.0], times]) if times.size and times[0] > 0.0 else times
+    end = max(float(grown[-1]), 1e-300)
+    found = solve_ivp(loss, (0.0, end), [amplitude], t_eval=grown, rtol=1e-8, atol=1e-10)
+    return np.maximum(found.y[0, len(grown) - len(times) :], 0.0)
+
+
+def _rates(a: NDArray[np.float64], w: float, names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+    """Loss of amplitude per time for coefficients of 1, of some names."""
+    m = np.sin(0.5 * a) ** 2
+    k, turning = ellipk(m), np.sin(a)
+    share = k * turning
+    found = {}
+    for name in names:
+        if name == "damping":
+            lost = np.where(a > 1e-3, ellipe(m) - (1.0 - m) * k, np.pi / 4.0 * m * (1.0 + m / 8.0))
+            found[name] = 4.0 * lost / share
+        elif name == "friction":
+            found[name] = a / (w * share)
+        else:
+            cubic = np.where(a > 1e-2, turning - a * np.cos(a), a**3 / 3.0 * (1.0 - a * a / 10.0))
+            found[name] = 2.0 * w * cubic / share
+    return found
+
+
+def _fitted(kind: str, envelope: Envelope, frequency: float) -> DecayModel:
+    names = KINDS[kind]
+    t, heights = envelope.times - envelope.times[0], envelope.amplitudes
+    errors = np.maximum(envelope.standard_errors, 1e-9 * heights[0])
+    middle = np.array([heights.mean()])
+    slope = max(-float(np.polyfit(t, heights, 1)[0]), 1e-12)
+    rates = _rates(middle, frequency, names)
+    begin = [float(heights[0]), *(slope / (len(names) * float(rates[n][0])) for n in names)]
+
+    def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
+        curve = decaying(float(q[0]), dict(zip(names, q[1:].tolist(), strict=True)), frequency, t)
+        return (curve - heights) / errors
+
+    bounds = [0.0] * len(begin), [np.pi, *([np.inf] * len(names))]
+    found = least_squares(residuals, begin, bounds=bounds, x_scale=begin)
+    count, free = len(heights), len(begin) + 1
+    total = 2.0 * float(found.cost)
+    freedom = count - len(begin)
+    spread = np.linalg.pinv(found.jac.T @ found.jac) * total / freedom
+    aicc = count * log(max(total, 1e-300) / count) + 2.0 * free + 2.0 * free * (free + 1) / max(count - free - 1, 1)
+    return DecayModel(
+        kind,
+        dict(zip(names, found.x[1:].tolist(), strict=True)),
+        dict(zip(names, np.sqrt(np.diag(spread))[1:].tolist(), strict=True)),
+        float(found.x[0]),
+        frequency,
+        float(envelope.times[0]),
+        float(np.sqrt(np.mean((found.fun * errors) ** 2))),
+        total / freedom,
+        aicc,
+    )

@@ -1,0 +1,289 @@
+"""The envelope of a free swing: its extremes, one for each half swing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.special import ellipk
+
+from cellmap.utils import finite_number
+
+from ..time_series import measured_series, noise_level
+from .half_swings import SURE, counted, half_period, in_step
+
+_CLEAR = 4.0  # standard deviations of the noise beyond rest that tell a swing from it
+_CAP = 0.75  # samples of a half swing above this share of its height go into the fit of its extreme
+_FEWEST_EXTREMES = 4
+_FEWEST_SAMPLES = 4  # of a cap
+_QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
+_WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
+_BESIDE = 0.15  # of the width of a cap, that the series goes on beyond it at least: else the cap itself may be cut
+_STEEP = 0.6  # of its height, the bend of a cap over its half width squared; that of a cosine is 0.52
+_ROUNDS = 4
+GAUSS = np.polynomial.legendre.leggauss(6)
+
+
+class _Extreme(NamedTuple):
+    time: float
+    height: float
+    side: int
+    error: float
+    time_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Extremes of a swing about its rest, in the order of time.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Times of the extremes (s).
+    amplitudes : ndarray, shape (n,)
+        Distances from rest (rad), above 0.
+    sides : ndarray of int8, shape (n,)
+        1 for a maximum, -1 for a minimum.
+    standard_errors : ndarray, shape (n,)
+        Of the amplitudes (rad), from the scatter of the samples about the polynomial through each extreme.
+    time_errors : ndarray, shape (n,)
+        Standard errors of the times (s).
+    rest : float
+        Angle about which it swings (rad).
+    noise : float
+        Standard deviation of the noise of a sample (rad).
+    """
+
+    times: NDArray[np.float64]
+    amplitudes: NDArray[np.float64]
+    sides: NDArray[np.int8]
+    standard_errors: NDArray[np.float64]
+    time_errors: NDArray[np.float64]
+    rest: float
+    noise: float
+
+    def __repr__(self) -> str:
+        missing = int(self.half_swings.sum()) - len(self.half_swings)
+        hidden = f", {missing} hidden" if missing else ""
+        return (
+            f"Envelope({len(self.times)} extremes{hidden}, from {self.amplitudes[0]:.4g} to {self.amplitudes[-1]:.4g} "
+            f"rad in {np.ptp(self.times):.4g} s)"
+        )
+
+    @property
+    def half_swings(self) -> NDArray[np.int64]:
+        """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
+        return counted(*self._lasted())
+
+    @property
+    def misfits(self) -> NDArray[np.float64]:
+        """By how much each interval differs from its `half_swings`, as a share of one, shape (n - 1,); at most 1.
+
+        The count is a guess where it is large: beyond :data:`SURE` the nearest counts may be as good.
+        """
+        lasted, odd = self._lasted()
+        return np.abs(lasted - counted(lasted, odd))
+
+    def _lasted(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Half swings, not rounded, that each interval lasts at small amplitude, and whether sides change in it."""
+        times, odd = np.diff(self.times) / self.slowings, np.diff(self.sides) != 0
+        return times / half_period(times, odd), odd
+
+    @property
+    def slowings(self) -> NDArray[np.float64]:
+        """Mean of :func:`slowing` from each extreme to the next, shape (n - 1,), along a smooth decay."""
+        nodes, weights = GAUSS
+        late = self.times[:-1, None] + 0.5 * np.diff(self.times)[:, None] * (nodes + 1.0)
+        amplitudes = np.exp(PchipInterpolator(self.times, np.log(self.amplitudes))(late))
+        # A slow swing gets less far in its time, so the mean over the time is that of 1/slowing.
+        return np.asarray(2.0 / ((1.0 / slowing(amplitudes)) @ weights))
+
+
+def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = None) -> Envelope:
+    """Find the extremes of a free swing: one for each half swing that is clear of the noise.
+
+    A half swing is what lies between two passages through rest, told apart with a hysteresis of four standard
+    deviations of the noise, so that noise makes no extremes.  A polynomial of degree 4 through the samples near the
+    extreme, or of degree 2 where there are few, gives its time and height with their errors.  Half swings that the
+    series begins or ends with, or whose extreme falls into a gap, are left out, and so are the last extremes, up to a
+    quarter of them, from where their times lose the step or many are missing without a gap: the swing has died there.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Times of the samples (s), increasing.
+    angles : array_like, shape (n,)
+        Angles (rad), continuous; NaN marks a gap.
+    rest : float, optional
+        Angle of rest (rad).  By default it is found from the extremes: midway between maxima and minima, each taken at
+        the same time.
+
+    Returns
+    -------
+    Envelope
+        The extremes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a series that is not one, angles that jump by half a turn, swings over the top, too few samples in a swing,
+        and fewer than four extremes.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 5.0, 1001)
+    >>> swing_envelope(t, 0.5 * np.exp(-0.2 * t) * np.cos(12.0 * t))
+    Envelope(18 extremes, from 0.4746 to 0.1949 rad in 4.451 s)
+    """
+    t, x = measured_series(times, angles)
+    jumps = np.abs(np.diff(x))
+    if np.nanmax(jumps, initial=0.0) > pi:
+        raise ValueError(
+            f"angles[{int(np.nanargmax(jumps)) + 1}] is {np.nanmax(jumps):.3g} rad from the angle before: unwrap them"
+        )
+    noise = noise_level(t, x)
+    middle = _middle(t, x, noise) if rest is None else finite_number("rest", rest)
+    found = _extremes(t, x, middle, noise)
+    _check(found, t, x, middle, noise)
+    moments, heights, sides, errors, time_errors = np.array(found).T
+    envelope = Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
+    kept = in_step(moments, envelope.half_swings, envelope.misfits, t[np.isfinite(x)])
+    if _FEWEST_EXTREMES <= kept < len(found):
+        columns = ("times", "amplitudes", "sides", "standard_errors", "time_errors")
+        envelope = replace(envelope, **{name: getattr(envelope, name)[:kept] for name in columns})
+    return envelope
+
+
+def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> None:
+    if np.nanmax(np.abs(x - middle)) >= pi:
+        raise ValueError(
+            f"angles go {np.nanmax(np.abs(x - middle)):.3g} rad from rest at {middle:.3g}, over the top: cut the "
+            "series where it begins to swing, or give rest="
+        )
+    if len(found) < _FEWEST_EXTREMES:
+        halves = len(_half_swings(x - middle, _CLEAR * noise))
+        raise ValueError(
+            f"angles have {len(found)} extremes in {halves} half swings clear of the noise of {noise:.2g} rad: "
+            f"give at least {_FEWEST_EXTREMES}, by a longer film, a wider swing or at least 10 samples a half swing"
+        )
+
+
+def _middle(t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float:
+    """Angle midway between maxima and minima; a parabola through three neighbours in turn takes out their decay.
+
+    A swing that loses most of its height at once is not about the middle of all angles: then their median is near it.
+    """
+    begin = 0.5 * float(np.nanmin(x) + np.nanmax(x))
+    found = (_middle_from(start, t, x, noise) for start in (begin, float(np.nanmedian(x))))
+    return next((middle for middle in found if middle is not None), begin)
+
+
+def _middle_from(middle: float, t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float | None:
+    """Return the same from a first guess; None where too few extremes are about it."""
+    for _ in range(_ROUNDS):
+        found = _extremes(t, x, middle, noise)
+        values = np.array([middle + e.side * e.height for e in found])
+        rotations = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
+        if not rotations:
+            return None
+        middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in rotations]))
+    return middle
+
+
+def _half_swings(x: NDArray[np.float64], clear: float) -> list[tuple[int, int, int]]:
+    """Sides, first and last sample of the half swings; a swing begins where it is clear of rest on the other side."""
+    signs = np.where(x > clear, 1, np.where(x < -clear, -1, 0))
+    places = np.flatnonzero(signs)
+    if not places.size:
+        return []
+    rotations = np.flatnonzero(np.diff(signs[places])) + 1
+    return [(int(signs[p[0]]), int(p[0]), int(p[-1])) for p in np.split(places, rotations)]
+
+
+def _extremes(t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> list[_Extreme]:
+    found = []
+    for side, first, last in _half_swings(x - middle, _CLEAR * noise):
+        heights = side * (x[first : last + 1] - middle)
+        high = first + np.flatnonzero(heights > _CAP * np.nanmax(heights))
+        cap = np.arange(high[0], high[-1] + 1)
+        cap = cap[np.isfinite(x[cap])]
+        if len(cap) >= _FEWEST_SAMPLES and (extreme := _extreme(t, side * (x - middle), cap, noise)) is not None:
+            found.append(extreme._replace(side=side))
+    return found
+
+
+def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.intp], noise: float) -> _Extreme | None:
+    """Time and height of a maximum with their errors, from the samples near it; None where a gap may hide it."""
+    seen = np.flatnonzero(np.isfinite(x))
+    before, after = seen[seen < cap[0]], seen[seen > cap[-1]]
+    if not (before.size and after.size):
+        return None
+    width = t[cap[-1]] - t[cap[0]]
+    if min(t[cap[0]] - t[seen[0]], t[seen[-1]] - t[cap[-1]]) < _BESIDE * width:
+        return None
+    if np.diff(t[[before[-1], *cap, after[0]]]).max() > _WIDEST * width:
+        return None
+    centre, scale = 0.5 * (t[cap[0]] + t[cap[-1]]), 0.5 * width
+    s = (t[cap] - centre) / scale
+    degree = 4 if len(cap) >= _QUARTIC else 2
+    powers = np.vander(s, degree + 1, increasing=True)
+    factors, *_ = np.linalg.lstsq(powers, x[cap], rcond=None)
+    curve = np.polynomial.Polynomial(factors)
+    flat = [float(r.real) for r in curve.deriv().roots() if abs(r.imag) < 1e-9 and abs(r.real) <= 1.0]
+    if not flat:
+        return None
+    place = max(flat, key=lambda r: float(curve(r)))
+    bend = float(curve.deriv(2)(place))
+    if bend >= 0.0:
+        return None
+    rest = x[cap] - powers @ factors
+    freedom = len(cap) - degree - 1
+    variance = float(rest @ rest) / freedom if freedom >= _QUARTIC else noise * noise
+    spread = variance * np.linalg.inv(powers.T @ powers)
+    value = place ** np.arange(degree + 1)
+    slope = np.concatenate([[0.0], np.arange(1, degree + 1) * value[:-1]])
+    shift = float(slope @ spread @ slope) / -bend
+    if shift > -bend:  # so flat for its scatter that the extreme may be anywhere in the cap
+        return None
+    return _Extreme(
+        time=centre + scale * place,
+        height=float(curve(place)) - 0.5 * shift,  # the maximum of a noisy curve is too high by this much
+        side=1,
+        error=float(np.sqrt(value @ spread @ value)),
+        # Noise bends a curve more than the swing does, and would seem to fix its extreme the better for it.
+        time_error=scale * float(np.sqrt(shift * -bend)) / min(-bend, _STEEP * float(curve(place))),
+    )
+
+
+def check_rhythm(envelope: Envelope, first: int) -> None:
+    """Refuse an envelope of whose first intervals one is no whole number of half swings.
+
+    Parameters
+    ----------
+    envelope : Envelope
+        Extremes.
+    first : int
+        How many intervals.
+
+    Raises
+    ------
+    ValueError
+        Where one misses its count by more than :data:`SURE`.
+    """
+    misfits = envelope.misfits[:first]
+    if misfits.max() > SURE:
+        k = int(np.argmax(misfits))
+        raise ValueError(
+            f"envelope: from the extreme at {envelope.times[k]:.4g} s to the next one at {envelope.times[k + 1]:.4g} s "
+            "it is no whole number of half swings by the rhythm of the others; cut the series before the swing drowns "
+            "in noise, or give more samples a swing"
+        )
+
+
+def slowing(amplitude: ArrayLike) -> NDArray[np.float64]:
+    """Return by what factor the period of a pendulum at an amplitude (rad) exceeds that of small swings: 2 K/pi."""
+    return np.asarray(2.0 / pi * ellipk(np.sin(0.5 * np.asarray(amplitude, dtype=float)) ** 2))

@@ -1,0 +1,42 @@
+"""What `systems` offers: loaded when it is used first, and under names that no module hides."""
+
+from __future__ import annotations
+
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import systems
+import systems.lab
+
+
+def test_a_scene_needs_one_import() -> None:
+    from systems import Chain, Gravity, Pendulum, TorqueDrive, VerticalDrive, ViscousDamping, scene
+
+    system = scene(Pendulum(1.0), Gravity(9.8), VerticalDrive(0.1, 2.0), TorqueDrive(1.0, 2.0), ViscousDamping(0.1))
+    assert system.length == 0.5
+    assert scene(Chain((1.0, 1.0), (1.0, 1.0)), Gravity(9.8), period=1.0).dimension == 4
+
+
+@pytest.mark.parametrize("package", [systems, systems.lab], ids=lambda package: package.__name__)
+def test_no_module_has_the_name_of_something_public(package: object) -> None:
+    """Importing such a module would put it in the place of the function."""
+    modules = {m.name for m in pkgutil.iter_modules(package.__path__)}  # type: ignore[attr-defined]
+    assert not (set(package.__all__) - {"lab"}) & modules  # type: ignore[attr-defined]
+
+
+def test_the_package_is_loaded_when_it_is_used() -> None:
+    """Importing it costs nothing: neither its modules nor SciPy and numba are loaded before they are needed."""
+    code = """
+import sys
+import systems, systems.lab
+loaded = {m for m in sys.modules if m.startswith("systems.")}
+assert loaded == {"systems.lab"}, loaded
+from systems import scene, Pendulum, Gravity
+scene(Pendulum(1.0), Gravity(9.8), period=1.0).derivative(0.0, (0.1, 0.0))
+assert not {"scipy", "numba", "h5py", "matplotlib", "systems.averaging", "systems.wells"} & set(sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
