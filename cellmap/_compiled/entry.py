@@ -10,9 +10,12 @@ from __future__ import annotations
 import ctypes
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from .translation.functions import Callee
 
 MISFIT = object()
 """What an entry returns where its arguments are of other types."""
@@ -23,35 +26,7 @@ _DATA, _DIMENSIONS, _SHAPE, _STRIDES, _DESCR, _FLAGS = (_HEAD + offset for offse
 _C, _F, _ALIGNED, _WRITEABLE = 0x1, 0x2, 0x100, 0x400
 _FASTCALL = 0x80
 
-# Numba's arrays begin with a count of references: memory from here, aligned to 64 bytes, has it in the same block.
-MEMORY = """
-declare ptr @malloc(i64)
-declare void @free(ptr)
-define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %alignment) {
-  %room = add i64 %size, 128
-  %block = call ptr @malloc(i64 %room)
-  %missing = icmp eq ptr %block, null
-  br i1 %missing, label %end, label %found
-found:
-  %first = ptrtoint ptr %block to i64
-  %behind = add i64 %first, 127
-  %begin = and i64 %behind, -64
-  %data = inttoptr i64 %begin to ptr
-  %place = getelementptr i8, ptr %block, i64 24
-  store i64 1, ptr %block
-  store ptr %data, ptr %place
-  br label %end
-end:
-  ret ptr %block
-}
-define void @NRT_MemInfo_call_dtor(ptr %block) {
-  call void @free(ptr %block)
-  ret void
-}
-"""
-"""The functions of numba's runtime that compiled loops call."""
-
-_INTERFACE = """
+_INTERFACE = r"""
 declare i64 @PyLong_AsLongLong(ptr)
 declare double @PyFloat_AsDouble(ptr)
 declare ptr @PyErr_Occurred()
@@ -60,16 +35,18 @@ declare i64 @PyTuple_Size(ptr)
 declare ptr @PyLong_FromLongLong(i64)
 declare ptr @PyBool_FromLong(i64)
 declare ptr @PyFloat_FromDouble(double)
-declare ptr @PyBytes_FromStringAndSize(ptr, i64)
+declare ptr @PyErr_NoMemory()
+declare void @PyErr_SetString(ptr, ptr)
+@outside = internal constant [27 x i8] c"index outside of its array\00"
+@negative = internal constant [20 x i8] c"negative dimensions\00"
 declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 """
 _RESULTS = {
-    "none": ("ptr", ""),
-    "int64": ("i64", "call ptr @PyLong_FromLongLong(i64 %value)"),
-    "bool": ("i8", "call ptr @PyBool_FromLong(i64 %wide)"),
-    "float64": ("double", "call ptr @PyFloat_FromDouble(double %value)"),
+    "int64": "call ptr @PyLong_FromLongLong(i64 %value)",
+    "bool": "call ptr @PyBool_FromLong(i64 %wide)",
+    "float64": "call ptr @PyFloat_FromDouble(double %value)",
 }
 
 
@@ -102,7 +79,7 @@ class EntryText:
     """The text of an entry for arguments of certain types, and the objects that it compares theirs with."""
 
     def __init__(self, arguments: tuple[Any, ...]) -> None:
-        self.expected: list[Any] = [MISFIT, None]
+        self.expected: list[Any] = [MISFIT, None, IndexError, ValueError]
         self._lines: list[str] = []
         self._handed: list[str] = []
         self._count = 0
@@ -110,43 +87,44 @@ class EntryText:
         for place, argument in enumerate(arguments):
             self._take(self._field("%given", 8 * place), argument)
 
-    def text(self, function: str, result: str) -> str:
-        """Return the module of the entry to a function of numba's, which returns what is named by numba."""
-        kind, boxed = _RESULTS[result]
+    def text(self, callee: Callee) -> str:
+        """Return the entry to a function of the module that it is added to."""
+        boxed = _RESULTS.get(str(callee.result))
         body = "\n".join(self._lines)
-        types = ", ".join(handed.split()[0] for handed in self._handed)
-        widened = "%wide = zext i8 %value to i64" if result == "bool" else ""
+        call = callee.call(self._handed, "%place")
+        widened = "%wide = zext i1 %value to i64" if callee.result == "bool" else ""
         end = f"%result = {boxed}" if boxed else "%result = call ptr @PyTuple_GetItem(ptr %self, i64 1)"
         kept = "" if boxed else "call void @Py_IncRef(ptr %result)"
         return f"""{_INTERFACE}
-declare i32 @"{function}"(ptr, ptr, {types})
 define ptr @{NAME}(ptr %self, ptr %given, i64 %number) {{
-  %place = alloca {kind}
-  %complaint = alloca ptr
+  %place = alloca i32
+  store i32 0, ptr %place
 {body}
   %wrong = call ptr @PyErr_Occurred()
   %right = icmp eq ptr %wrong, null
   br i1 %right, label %begin, label %refused
 begin:
   %thread = call ptr @PyEval_SaveThread()
-  %status = call i32 @"{function}"(ptr %place, ptr %complaint, {", ".join(self._handed)})
+  {"%value = " if boxed else ""}{call}
   call void @PyEval_RestoreThread(ptr %thread)
-  %failed = icmp sgt i32 %status, 0
-  br i1 %failed, label %failure, label %success
+  %code = load i32, ptr %place
+  switch i32 %code, label %outside [i32 0, label %success  i32 1, label %full  i32 3, label %negative]
 success:
-  %value = load {kind}, ptr %place
   {widened}
   {end}
   {kept}
   ret ptr %result
-failure:
-  %description = load ptr, ptr %complaint
-  %pickled = load ptr, ptr %description
-  %behind = getelementptr i8, ptr %description, i64 8
-  %short = load i32, ptr %behind
-  %size = sext i32 %short to i64
-  %bytes = call ptr @PyBytes_FromStringAndSize(ptr %pickled, i64 %size)
-  ret ptr %bytes
+full:
+  %raised = call ptr @PyErr_NoMemory()
+  ret ptr null
+outside:
+  %kind = call ptr @PyTuple_GetItem(ptr %self, i64 2)
+  call void @PyErr_SetString(ptr %kind, ptr @outside)
+  ret ptr null
+negative:
+  %other_kind = call ptr @PyTuple_GetItem(ptr %self, i64 3)
+  call void @PyErr_SetString(ptr %other_kind, ptr @negative)
+  ret ptr null
 refused:
   ret ptr null
 misfit:
@@ -181,12 +159,8 @@ misfit:
         flags = self._value(f"and i32 {self._field(item, _FLAGS, 'i32')}, {looked_at}")
         self._require(f"icmp eq i32 {flags}, {wanted}")
         lengths = self._fields(self._field(item, _SHAPE), array.ndim)
-        strides = self._fields(self._field(item, _STRIDES), array.ndim)
-        items = "1"
-        for length in lengths:
-            items = self._value(f"mul i64 {items}, {length}")
-        self._handed += ["ptr null", "ptr null", f"i64 {items}", f"i64 {array.itemsize}"]
-        self._handed += [f"ptr {self._field(item, _DATA)}", *(f"i64 {number}" for number in (*lengths, *strides))]
+        numbers = lengths if layout == _C else lengths + self._fields(self._field(item, _STRIDES), array.ndim)
+        self._handed += [f"ptr {self._field(item, _DATA)}", *(f"i64 {number}" for number in numbers)]
 
     def _require_object(self, found: str, expected: Any) -> None:
         wanted = self._value(f"call ptr @PyTuple_GetItem(ptr %self, i64 {len(self.expected)})")

@@ -14,7 +14,7 @@ import threading
 from llvmlite.binding import ffi
 
 COMPILING = threading.RLock()
-"""To be held by who compiles with numba."""
+"""To be held by who compiles."""
 
 _held = contextlib.ExitStack()
 

@@ -1,100 +1,68 @@
-"""Loops written by hand, in Python, and compiled: once on a machine, by numba, without which later processes run them.
+"""Loops written by hand, in Python, and compiled: once on a machine, and kept where all machine code is kept.
 
-Numba takes half a second to be imported, and as long again to load what it has kept on disk.  So it is asked for the
-machine code of a loop alone, which goes where all other machine code goes.  A loop is compiled for the types of its
-arguments when it is called with them first, and called through the entry that
-:mod:`cellmap._compiled.entry` describes.
-
-Functions that loops call, and operations that are handed to the compiler as they are, become what numba makes of them
-only where a loop is compiled.
+:mod:`cellmap._compiled.translation` describes the language that they are written in.  A loop is compiled for the types
+of its arguments when it is called with them first, and called through the entry that :mod:`cellmap._compiled.entry`
+describes.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
-import pickle
+import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
-from .entry import MEMORY, MISFIT, NAME, EntryText, key_of, plain, python_function
+from .entry import MISFIT, NAME, EntryText, key_of, plain, python_function
 from .forking import COMPILING, keep_compilers_whole
-from .machine_code import MachineCode, compiled_once, linked
+from .machine_code import MachineCode, compiled_once, loop_code
+from .translation.marks import ByAddress, Deferred
 
 keep_compilers_whole()
 
-LOOP: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
-"""Options of the compiler, in one place.
-
-``error_model="numpy"`` removes the zero-division branch that would keep LLVM from vectorising a loop.
-``fastmath={"contract"}`` allows fused multiply-add and nothing else: full fastmath would delete the tests for NaN on
-which the labels of failed initial conditions rest.
-"""
-
-INLINE: dict[str, Any] = {k: v for k, v in LOOP.items() if k != "nogil"} | {"forceinline": True}
-"""Of a function called in the body of a loop over lanes; it must vanish into the loop, or the loop stays scalar."""
-
-
-class Deferred:
-    """A function that numba is shown when a loop that calls it is compiled; in Python it is the plain function."""
-
-    def __init__(self, function: Callable[..., Any], shown: Callable[[Callable[..., Any]], Any]) -> None:
-        self.function, self._shown = function, shown
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.function(*arguments)
-
-    @functools.cached_property
-    def for_numba(self) -> Any:
-        """What numba makes of the function."""
-        return self._shown(self.function)
+CHECKED = bool(os.environ.get("CELLMAP_BOUNDS_CHECK"))
+"""Whether loops raise IndexError at an index outside of an array: to look for faults in them, at half the speed."""
 
 
 class Loop(Deferred):
     """A function of arrays and numbers that is called from Python."""
 
-    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
-        super().__init__(function, lambda f: numba().njit(**LOOP | options | _BARE)(f))
+    def __init__(self, function: Callable[..., Any], contract: bool = True) -> None:
+        super().__init__(function, contract)
         self._entries: dict[Any, tuple[Callable[..., Any], Any]] = {}
         self._entry: Callable[..., Any] = lambda *arguments: MISFIT
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the loop, compiled for the types of these arguments."""
         result = self._entry(*arguments)
-        if result is MISFIT:
-            result = self._other_types(arguments)
-        if type(result) is bytes:
-            kind, given, _ = pickle.loads(result)
-            raise kind(*given)
-        return result
+        return self._other_types(arguments) if result is MISFIT else result
 
     def _other_types(self, arguments: tuple[Any, ...]) -> Any:
         arguments = plain(arguments)
         key = key_of(arguments)
         if key not in self._entries:
-            text = EntryText(arguments)
+            entry = EntryText(arguments)
 
             def compiled() -> bytes:
-                signature = tuple(map(numba().typeof, arguments))
-                return _compiled(self, signature, lambda function, result: (text.text(function, result), MEMORY))
+                from .translation.modules import entered
+
+                return loop_code(entered(self, arguments, entry.text, CHECKED))
 
             with COMPILING:
                 if key not in self._entries:  # machine code that another thread may be running is never replaced
                     code = compiled_once(f"{_source_of(self.function)}\n{key}", compiled)
-                    function, method = python_function(code.address(NAME), text.expected)
+                    function, method = python_function(code.address(NAME), entry.expected)
                     self._entries[key] = function, (code, method)
-        self._entry = entry = self._entries[key][0]
-        return entry(*arguments)
+        self._entry = found = self._entries[key][0]
+        return found(*arguments)
 
 
 class AddressedLoop(Deferred):
-    """A function of numbers and addresses, of a signature that numba reads, which is called by its address."""
+    """A function of numbers and addresses that is called by its address."""
 
     def __init__(self, function: Callable[..., Any], signature: str) -> None:
-        super().__init__(function, lambda f: numba().njit(**LOOP | _BARE)(f))
+        super().__init__(function)
         self._signature = signature
 
     @property
@@ -105,91 +73,33 @@ class AddressedLoop(Deferred):
     @functools.cached_property
     def _code(self) -> MachineCode:
         def compiled() -> bytes:
-            signature = numba().core.sigutils.normalize_signature(self._signature)[0]
-            return _compiled(
-                self, signature, lambda function, result: (_called_by_address(function, signature), MEMORY)
-            )
+            from .translation.modules import exported
+
+            return loop_code(exported(NAME, self, self._signature, CHECKED))
 
         with COMPILING:
             return compiled_once(_source_of(self.function), compiled)
 
 
-@overload
-def loop(function: Callable[..., Any]) -> Loop: ...
-@overload
-def loop(**options: Any) -> Callable[[Callable[..., Any]], Loop]: ...
-def loop(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Make a function a loop that is called from Python; options of the compiler that differ from those of all."""
-    return functools.partial(Loop, **options) if function is None else Loop(function)
+def loop(function: Callable[..., Any] | None = None, *, contract: bool = True) -> Any:
+    """Make a function a loop that is called from Python."""
+    return functools.partial(Loop, contract=contract) if function is None else Loop(function)
 
 
 def loop_by_address(signature: str) -> Callable[[Callable[..., Any]], AddressedLoop]:
-    """Make a function one that is called by its address."""
+    """Make a function one that is called by its address, with arguments of kinds in words: a star is an address."""
     return functools.partial(AddressedLoop, signature=signature)
 
 
-@overload
-def inlined(function: Callable[..., Any]) -> Deferred: ...
-@overload
-def inlined(**options: Any) -> Callable[[Callable[..., Any]], Deferred]: ...
-def inlined(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+def inlined(function: Callable[..., Any] | None = None, *, contract: bool = True) -> Any:
     """Make a function part of the loops that call it."""
-    shown = lambda f: numba().njit(**INLINE | options)(f)  # noqa: E731
-    return functools.partial(Deferred, shown=shown) if function is None else Deferred(function, shown)
+    made = functools.partial(Deferred, contract=contract, is_inlined=True)
+    return made if function is None else made(function)
 
 
-def operation(function: Callable[..., Any]) -> Deferred:
-    """Make a function an operation of the compiler: one that numba calls an intrinsic."""
-    return Deferred(function, lambda f: numba().extending.intrinsic(f))
-
-
-_BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
-
-@functools.cache
-def numba() -> Any:
-    """Import numba, which sees what is deferred as what it stands for."""
-    module = importlib.import_module("numba")
-    extending, registry = (importlib.import_module(f"numba.{name}") for name in ("extending", "core.registry"))
-
-    types = registry.cpu_target.typing_context
-
-    def type_of_what_it_stands_for(value: Deferred, context: Any) -> Any:
-        shown = value.for_numba
-        types.refresh()
-        return types.resolve_value_type(shown)
-
-    extending.typeof_impl.register(Deferred, type_of_what_it_stands_for)
-    return module
-
-
-def _compiled(what: Deferred, signature: tuple[Any, ...], others: Callable[[str, str], tuple[str, ...]]) -> bytes:
-    """Return the machine code of a function and of what `others` writes about its symbol and its result."""
-    dispatcher = what.for_numba
-    dispatcher.compile(signature)
-    found = dispatcher.overloads[signature]
-    texts = others(found.fndesc.llvm_func_name, str(found.signature.return_type))
-    try:
-        return linked(found.library.get_llvm_str(), *texts)
-    except TypeError as error:
-        raise TypeError(f"{what.function.__qualname__} needs numba where it runs: {error}") from None
-
-
-def _called_by_address(function: str, signature: tuple[Any, ...]) -> str:
-    """Return the module of a function of C that calls a function of numba's."""
-    types = [
-        "ptr" if str(kind).endswith("*") else {"int64": "i64", "float64": "double"}[str(kind)] for kind in signature
-    ]
-    given = ", ".join(f"{kind} %a{place}" for place, kind in enumerate(types))
-    return f"""
-declare i32 @"{function}"(ptr, ptr, {", ".join(types)})
-define void @{NAME}({given}) {{
-  %nothing = alloca ptr
-  %complaint = alloca ptr
-  %status = call i32 @"{function}"(ptr %nothing, ptr %complaint, {given})
-  ret void
-}}
-"""
+def by_address(function: Callable[..., Any]) -> ByAddress:
+    """Make an empty function stand for those that are called by an address, its first argument."""
+    return ByAddress(function)
 
 
 def _source_of(function: Callable[..., Any]) -> str:
@@ -212,11 +122,15 @@ def _source_of(function: Callable[..., Any]) -> str:
                 values.append(f"{one.__qualname__} {name} {value.function.__module__}.{value.function.__qualname__}")
             elif isinstance(value, int | float | tuple):
                 values.append(f"{one.__qualname__} {name} {value!r}")
-    files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in known} | set(_OWN)))
-    return "\n".join([function.__module__, function.__qualname__, *sorted(values), files])
+    files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in known} | set(_own())))
+    return "\n".join([function.__module__, function.__qualname__, str(CHECKED), *sorted(values), files])
 
 
-_OWN = tuple(str(Path(__file__).with_name(f"{name}.py")) for name in ("loops", "entry"))
+@functools.cache
+def _own() -> tuple[str, ...]:
+    """Return the files of the compiler."""
+    here = Path(__file__).parent
+    return (*(str(here / f"{name}.py") for name in ("loops", "entry")), *map(str, (here / "translation").glob("*.py")))
 
 
 @functools.cache

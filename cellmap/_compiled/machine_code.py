@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
@@ -58,29 +57,16 @@ def compiled_once(source: str, compiled: Callable[[], bytes]) -> MachineCode:
     return MachineCode(source, engine)
 
 
-def linked(text: str, *others: str) -> bytes:
-    """Return one object file for this processor of modules that are optimised already and call one another.
-
-    Raises
-    ------
-    TypeError
-        Where they call what is in none of them, nor in the C library or Python: no process could load it.
-    """
-    machine = _target_machine(*_host())
-    module = llvm.parse_assembly(text)
-    for other in others:
-        part = llvm.parse_assembly(other)
-        part.triple, part.data_layout = module.triple, module.data_layout
-        module.link_in(part)
-    module.verify()
-    process = ctypes.CDLL(None)
-    missing = [
-        f.name
-        for f in module.functions
-        if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(process, f.name)
-    ]
-    if missing:
-        raise TypeError(f"functions that are called and nowhere to be found: {', '.join(missing)}")
+def loop_code(text: str) -> bytes:
+    """Return the object file for this processor of a module of loops, with vectors where they make loops faster."""
+    triple, cpu, features = _host()
+    machine = _target_machine(triple, cpu, features)
+    module = _parsed(text, triple, machine)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=_LEVEL)
+    tuning.loop_unrolling = False
+    tuning.loop_vectorization = True
+    builder = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
 
 
@@ -122,9 +108,7 @@ def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:
     side share; more passes take longer and gain nothing that could be measured.
     """
     machine = _target_machine(triple, cpu, features)
-    module = llvm.parse_assembly(text)
-    module.triple, module.data_layout = triple, str(machine.target_data)
-    module.verify()
+    module = _parsed(text, triple, machine)
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=_LEVEL))
     passes = llvm.create_new_function_pass_manager()
     passes.add_sroa_pass()
@@ -133,4 +117,12 @@ def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:
     for function in module.functions:
         if not function.is_declaration:
             passes.run(function, builder)
+    return module
+
+
+def _parsed(text: str, triple: str, machine: Any) -> Any:
+    """Return the module of a text, for a processor."""
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = triple, str(machine.target_data)
+    module.verify()
     return module

@@ -113,12 +113,12 @@ def test_errors_of_a_loop_come_to_its_caller() -> None:
         table("3")
 
 
-def test_what_needs_the_runtime_of_numba_is_refused() -> None:
+def test_what_is_not_in_the_language_is_refused_with_its_place() -> None:
     @loop
     def factorial(x):  # type: ignore[no-untyped-def]
         return math.gamma(x + 1.0)
 
-    with pytest.raises(TypeError, match=r"factorial needs numba where it runs: .*numba_gamma"):
+    with pytest.raises(TypeError, match=r"test_loops\.py:\d+: math\.gamma is not in the language"):
         factorial(3.0)
 
 
@@ -178,9 +178,9 @@ def test_a_loop_is_compiled_anew_after_a_change_of_what_it_is_compiled_from(tmp_
         ]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
 
-    assert run(1.0) == "4.0 3.0 True\n"
     assert run(1.0) == "4.0 3.0 False\n"
-    assert run(25.0) == "52.0 3.0 True\n"
+    assert run(1.0) == "4.0 3.0 False\n"
+    assert run(25.0) == "52.0 3.0 False\n"
     assert len(list((tmp_path / "kept").glob("*.object"))) == 3
 
 
@@ -195,14 +195,14 @@ print(points.tolist(), turns.tolist(), "numba" in sys.modules)
 """
 
 
-def test_a_second_process_needs_no_numba(tmp_path: Path) -> None:
+def test_no_process_needs_numba(tmp_path: Path) -> None:
     environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path)}
 
     def run() -> str:
         command = [sys.executable, "-c", PROGRAM]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
 
-    assert run() == "[[2.0, -1.0]] [[1, 0]] True\n"
+    assert run() == "[[2.0, -1.0]] [[1, 0]] False\n"
     assert run() == "[[2.0, -1.0]] [[1, 0]] False\n"
 
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..for_numba import INLINE, ForNumba, numba
 from ..kernels import periods, simd_math
-from ..loops import INLINE, Deferred, numba
 from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import tangent_trace
@@ -225,7 +225,7 @@ def _tableau(method: Method) -> Any:
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names))
-    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, Deferred)}
+    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)}
     try:
         scope = {"rhs": rebind(function, table, numba().njit(**INLINE)), "Parameters": parameter_record(names)}
         advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance

@@ -22,9 +22,8 @@ from ..kernels.blocks import LANES
 HEADER = """\
 import math
 from numba import carray, cfunc
+from cellmap._compiled.for_numba import LOOP, PERIOD
 from cellmap._compiled.kernels import simd_math
-from cellmap._compiled.kernels.calls import PERIOD
-from cellmap._compiled.loops import LOOP
 from cellmap._compiled.kernels.sums import dot
 
 """

@@ -10,7 +10,7 @@ _GAPS = (1750, 701, 301, 132, 57, 23, 10, 4, 1)
 """Of Shell's method of sorting (M. Ciura, Lecture Notes in Computer Science 2138 (2001) 106)."""
 
 
-@inlined(fastmath=False)
+@inlined(contract=False)
 def _along(lower, upper, width, n, number):
     """Return what :func:`cellmap.maps.grid.between` returns, with the same bits."""
     if 2.0 * number == n:
@@ -18,7 +18,7 @@ def _along(lower, upper, width, n, number):
     return lower + number * width if 2.0 * number < n else upper - (n - number) * width
 
 
-@loop(fastmath=False)  # an edge is where CellGrid has it, to the last bit
+@loop(contract=False)  # an edge is where CellGrid has it, to the last bit
 def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
     """Write the flat number (row-major) of the half-open cell of each row into `keys`, -1 for a point outside.
 
@@ -45,7 +45,7 @@ def locate_rows(points, lower, upper, widths, shape, turn, wraps, keys):
         keys[i] = key
 
 
-@loop(fastmath=False)  # an edge is where CellGrid has it, to the last bit
+@loop(contract=False)  # an edge is where CellGrid has it, to the last bit
 def points_of_cells(keys, shape, lower, upper, widths, offsets, points):
     """Write the points at `offsets` (m, d), in widths of a cell, from the centre of each cell, cell after cell."""
     m, d = offsets.shape

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..loops import inlined, loop
 from .blocks import MOST_TURNS, wrap_angle
-from .borrow import borrowed
 from .calls import call_rows
 
 ROUNDING = 2.0**-52
@@ -42,8 +41,7 @@ def carrying(d):
         growth : ndarray, shape (n, d)
             Receives the logarithms: NaN where a derivative is not finite, minus infinity where a direction vanishes.
         """
-        memory, factors = np.empty((d, 2 * d)), np.empty(d)
-        rows, given = borrowed(memory), borrowed(parameters)
+        rows, factors = np.empty((d, 2 * d)), np.empty(d)
         vectors = rows[:, d:]
         for k in range(len(points)):
             for j in range(d):
@@ -53,7 +51,7 @@ def carrying(d):
             for _ in range(periods):
                 if ended[k]:
                     break
-                call_rows(step, rows, d, given)
+                call_rows(step, rows, d, parameters)
                 inside = finite = True
                 for i in range(d):
                     inside &= abs(rows[0, i]) < (MOST_TURNS * turn[i] if turn[i] > 0.0 else bound)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..loops import inlined
+from ..for_numba import ForNumba
 
 # pi = PI_1 + PI_2 + PI_3; the first two have 33 significant bits each, so n * PI_1 is exact for abs(n) < 2**20.
 PI_1 = 3.1415926534682512
@@ -25,7 +25,7 @@ LN2_2 = 7.440617110012397e-11
 INVERSE_LN2 = 1.4426950408889634
 
 
-@inlined
+@ForNumba
 def _sine_of_remainder(r, half_turns):
     # In pairs and pairs of pairs (Estrin 1960): fewer multiply-adds wait for one another than in Horner's rule.
     z = r * r
@@ -40,7 +40,7 @@ def _sine_of_remainder(r, half_turns):
     return sine - 2.0 * sine * (half_turns - 2.0 * np.floor(0.5 * half_turns))
 
 
-@inlined
+@ForNumba
 def sin(x):
     """Sine, for abs(x) up to 3e6."""
     n = np.floor(x * INVERSE_PI + 0.5)
@@ -49,7 +49,7 @@ def sin(x):
     return s if abs(x) < LARGEST_ANGLE else np.nan
 
 
-@inlined
+@ForNumba
 def cos(x):
     """Cosine, for abs(x) up to 3e6."""
     n = np.floor(x * INVERSE_PI)
@@ -59,18 +59,18 @@ def cos(x):
     return s if abs(x) < LARGEST_ANGLE else np.nan
 
 
-@inlined
+@ForNumba
 def tan(x):
     """Tangent, for abs(x) up to 3e6."""
     return sin(x) / cos(x)
 
 
-@inlined
+@ForNumba
 def _power_of_two(n):
     return np.int64((np.int64(n) + 1023) << 52).view(np.float64)
 
 
-@inlined
+@ForNumba
 def exp(x):
     """Exponential, for x from -708 to 709; 0 below, infinite above."""
     bounded = min(max(x, -708.0), 709.0)
@@ -95,7 +95,7 @@ def exp(x):
     return y if x == x else np.nan
 
 
-@inlined
+@ForNumba
 def sinh(x):
     """Hyperbolic sine."""
     a = abs(x)
@@ -106,14 +106,14 @@ def sinh(x):
     return small if a < 0.3 else large
 
 
-@inlined
+@ForNumba
 def cosh(x):
     """Hyperbolic cosine."""
     e = exp(abs(x))
     return 0.5 * (e + 1.0 / e)
 
 
-@inlined
+@ForNumba
 def tanh(x):
     """Hyperbolic tangent."""
     a = min(abs(x), 25.0)
@@ -123,7 +123,7 @@ def tanh(x):
     return ratio if abs(x) < 0.3 else large
 
 
-@inlined
+@ForNumba
 def atan(x):
     """Arc tangent."""
     a = abs(x)
@@ -146,37 +146,37 @@ def atan(x):
     return np.copysign(1.5707963267948966 - angle if a > 1.0 else angle, x)
 
 
-@inlined
+@ForNumba
 def sqrt(x):
     """Square root; NaN below zero."""
     return np.sqrt(x)
 
 
-@inlined
+@ForNumba
 def fabs(x):
     """Absolute value."""
     return abs(x)
 
 
-@inlined
+@ForNumba
 def floor(x):
     """Largest whole number not above x, as a float."""
     return np.floor(x)
 
 
-@inlined
+@ForNumba
 def copysign(x, y):
     """Value of x with the sign of y."""
     return np.copysign(x, y)
 
 
-@inlined
+@ForNumba
 def fmin(x, y):
     """Smaller of two numbers."""
     return x if x < y else y
 
 
-@inlined
+@ForNumba
 def fmax(x, y):
     """Larger of two numbers."""
     return x if x > y else y

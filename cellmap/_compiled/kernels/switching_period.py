@@ -20,7 +20,6 @@ import numpy as np
 
 from ..loops import inlined, loop_by_address
 from .blocks import LANES
-from .borrow import borrowed
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .events import NO_EVENT, land
 from .switching import begin_on_surface, follow, pass_event, project, switch
@@ -120,14 +119,8 @@ def period(single):
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
         rows = ((size + count) * length + size + 3) * LANES
-        memory = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length)
-        squares, shifts, gradients = (
-            np.zeros((count, count)),
-            np.zeros((count, dimension)),
-            np.zeros((count, dimension)),
-        )
-        # Views that count no references: counting would cost more than all else that is done at an event.
-        whole = borrowed(memory)
+        whole = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length)
+        gains, jumps, normals = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
         place = 0
         lanes, place = _piece(whole, place, shared)
         series, place = _piece(whole, place, rows)
@@ -143,7 +136,6 @@ def period(single):
         after, place = _piece(whole, place, count)
         fresh, place = _piece(whole, place, count + 1)
         a, place = _piece(whole, place, length)
-        gains, jumps, normals = borrowed(squares), borrowed(shifts), borrowed(gradients)
         for b in range(blocks):
             lanes[errors_row * LANES :] = 0.0
             rate = max(steps[b], 1) / period
@@ -207,7 +199,5 @@ def period(single):
                     through = lanes[size * LANES + i] >= end
                     x[b, j, i] = lanes[j * LANES + i]
                     error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
-        # The views do not keep their memory alive.
-        memory[0] = squares[0, 0] = shifts[0, 0] = gradients[0, 0] = 0.0
 
     return advance

@@ -14,9 +14,9 @@ from cellmap._compiled.codegen.kernel import discrete_kernel, traced_function
 from cellmap._compiled.codegen.methods import choose_method
 from cellmap._compiled.codegen.period import period_text
 from cellmap._compiled.codegen.statements import translate
+from cellmap._compiled.for_numba import LOOP, numba
 from cellmap._compiled.kernels import simd_math
 from cellmap._compiled.kernels.blocks import LANES
-from cellmap._compiled.loops import loop
 from cellmap._compiled.machine_code import assembly_for, object_code
 
 
@@ -39,7 +39,7 @@ def applied(function: Any, points: Any, parameters: tuple[float, ...] = ()) -> A
 def test_elementary_functions_are_those_of_their_source_to_the_bit(name: str) -> None:
     function = getattr(simd_math, name)
 
-    @loop
+    @numba().njit(**LOOP)  # type: ignore[untyped-decorator]
     def apply(values, results):  # type: ignore[no-untyped-def]
         for i in range(values.size):
             results[i] = function(values[i])

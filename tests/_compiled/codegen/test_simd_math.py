@@ -10,14 +10,14 @@ import mpmath
 import numpy as np
 import pytest
 
+from cellmap._compiled.for_numba import LOOP, numba
 from cellmap._compiled.kernels import simd_math
-from cellmap._compiled.loops import loop
 
 
 def over_array(name: str) -> Callable[[Any], Any]:
     function = getattr(simd_math, name)
 
-    @loop
+    @numba().njit(**LOOP)  # type: ignore[untyped-decorator]
     def apply(values, results):  # type: ignore[no-untyped-def]
         for i in range(values.size):
             results[i] = function(values[i])

@@ -22,8 +22,12 @@ from systems import driven_pendulum
 
 
 @loop
+def changed_root_of(coefficients: NDArray[np.float64]) -> float:
+    return first_root(coefficients, coefficients.size - 1)
+
+
 def root_of(coefficients: NDArray[np.float64]) -> float:
-    return first_root(coefficients.copy(), coefficients.size - 1)
+    return changed_root_of(coefficients.copy())
 
 
 def root_by_companion(coefficients: NDArray[np.float64]) -> float:

@@ -1,0 +1,349 @@
+"""Expressions of the language."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import operator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from .arrays import Arrays, Index
+from .marks import ArrayAt, ByAddress, Deferred
+from .numbers import INTRINSICS, NUMBERS, Arithmetic
+from .values import (
+    FLOAT,
+    REGISTERS,
+    TRUTH,
+    WHOLE,
+    ArrayKind,
+    Known,
+    PointerKind,
+    TupleKind,
+    Value,
+    items_of,
+    joined,
+    registers,
+    tuple_of,
+    typed,
+)
+from .writer import Writer
+
+_FOLDED: dict[type[ast.AST], Any] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.Pow: operator.pow, ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift, ast.BitAnd: operator.and_, ast.BitOr: operator.or_, ast.BitXor: operator.xor,
+    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq,
+    ast.NotEq: operator.ne, ast.USub: operator.neg, ast.Not: operator.not_,
+}  # fmt: skip
+_NEW: dict[Any, bool] = {np.empty: False, np.zeros: True, np.ones: False}
+
+
+class Expressions:
+    """What expressions become; constants are worked out at once."""
+
+    def __init__(self, module: Any, what: Deferred) -> None:
+        self.module = module
+        function = what.function
+        cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+        self._around = {**vars(builtins), **function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+        self.writer = Writer()
+        self.numbers = Arithmetic(self.writer, "contract" if what.contract else "")
+        self.arrays = Arrays(self.writer, self.numbers, self._refusal, module.checked)
+        self.kept: list[str] = []
+        self.refusals: list[str] = []
+        self.may_fail = False
+        self.line = 0
+        self._leaves: list[str] = []
+        self._blocks_of_codes: dict[int, str] = {}
+
+    def variable(self, name: str) -> Value | None:
+        """Return the value of a variable; None where the name is not one."""
+        raise NotImplementedError
+
+    def known(self, node: ast.expr) -> Known | None:
+        """Return what an expression is, where that is known without running anything."""
+        if isinstance(node, ast.Constant):
+            return Known(node.value)
+        if isinstance(node, ast.Name):
+            if node.id in self._around and not self.is_variable(node.id):
+                return Known(self._around[node.id])
+            return None
+        parts = [self.known(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+        values = [part.value for part in parts if part is not None]
+        if len(values) < len(parts):
+            return None
+        if isinstance(node, ast.Attribute):
+            return Known(getattr(values[0], node.attr)) if isinstance(values[0], ModuleType) else None
+        if isinstance(node, ast.BinOp):
+            return Known(_FOLDED[type(node.op)](*values))
+        if isinstance(node, ast.UnaryOp):
+            return Known(_FOLDED[type(node.op)](values[0]))
+        if isinstance(node, ast.Compare) and len(node.ops) == 1:
+            return Known(_FOLDED[type(node.ops[0])](*values))
+        if isinstance(node, ast.Tuple):
+            return Known(tuple(values))
+        return None
+
+    def is_variable(self, name: str) -> bool:
+        """Tell whether a name is a variable's."""
+        return self.variable_kind(name) is not None
+
+    def variable_kind(self, name: str) -> Any:
+        """Return the kind of a variable; None where the name is not one."""
+        return getattr(self, "kinds", {}).get(name)
+
+    def expression(self, node: ast.expr) -> Value | Known:
+        """Return the value of an expression."""
+        known = self.known(node)
+        if known is not None:
+            return known
+        written: Value | Known = getattr(self, f"_of_{type(node).__name__.lower()}")(node)
+        return written
+
+    def array(self, node: ast.expr) -> Value:
+        """Return the array that an expression is."""
+        value = self.expression(node)
+        if not isinstance(value, Value) or not isinstance(value.kind, ArrayKind):
+            raise TypeError(f"{ast.unparse(node)} is no array")
+        return value
+
+    def listed(self, value: Value | Known) -> Value:
+        """Return an array, or constants as one."""
+        if isinstance(value, Value):
+            return value
+        name, kind = self.module.constants(value.value)
+        return Value(ArrayKind(kind, 1), (name, str(len(value.value))))
+
+    def items(self, value: Value | Known, count: int = 0) -> list[Value | Known]:
+        """Return the items of a tuple, or the first ones of an array."""
+        if isinstance(value, Known):
+            return [Known(item) for item in value.value]
+        if isinstance(value.kind, ArrayKind) and count:
+            return [self.arrays.indexed(value, [Known(place)]) for place in range(count)]
+        if not isinstance(value.kind, TupleKind):
+            raise TypeError(f"a value of the kind {value.kind} is no tuple")
+        return list(items_of(value))
+
+    def indices(self, node: ast.expr) -> list[Index]:
+        """Return the indices in brackets."""
+        found: list[Index] = []
+        for one in node.elts if isinstance(node, ast.Tuple) else [node]:
+            if isinstance(one, ast.Slice):
+                ends = [None if end is None else self.expression(end) for end in (one.lower, one.upper)]
+                found.append((ends[0], ends[1]))
+            else:
+                found.append(self.expression(one))
+        return found
+
+    def condition(self, node: ast.expr, then: str, otherwise: str) -> None:
+        """Go on with one of two blocks; what does not matter is not looked at."""
+        known = self.known(node)
+        if known is not None:
+            self.writer.jump(then if known.value else otherwise)
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            self.condition(node.operand, otherwise, then)
+        elif isinstance(node, ast.BoolOp):
+            for one in node.values[:-1]:
+                following = self.writer.label()
+                if isinstance(node.op, ast.And):
+                    self.condition(one, following, otherwise)
+                else:
+                    self.condition(one, then, following)
+                self.writer.begin(following)
+            self.condition(node.values[-1], then, otherwise)
+        else:
+            self.writer.branch(self.numbers.truth(self.expression(node)).register, then, otherwise)
+
+    def _refusal(self, code: int) -> str:
+        """Return the block that ends the function with a code."""
+        self.may_fail = True
+        if code not in self._blocks_of_codes:
+            label = self._blocks_of_codes[code] = self.writer.label()
+            self.refusals += [f"{label}:", f"  store i32 {code}, ptr %failure", "  br label %exit"]
+        return self._blocks_of_codes[code]
+
+    def _of_name(self, node: ast.Name) -> Value:
+        value = self.variable(node.id)
+        if value is None:
+            raise TypeError(f"{node.id} has no value here")
+        return value
+
+    def _of_tuple(self, node: ast.Tuple) -> Value:
+        values = [self.expression(one) for one in node.elts]
+        return tuple_of([self.numbers.number(v) if isinstance(v, Known) else v for v in values])
+
+    def _of_attribute(self, node: ast.Attribute) -> Value:
+        value = self.expression(node.value)
+        assert isinstance(value, Value)
+        if isinstance(value.kind, TupleKind) and node.attr in value.kind.names:
+            return list(items_of(value))[value.kind.names.index(node.attr)]
+        if isinstance(value.kind, ArrayKind):
+            shape = [Value(WHOLE, (length,)) for length in self.arrays.shape(value)]
+            if node.attr == "shape":
+                return tuple_of(shape)
+            if node.attr == "size":
+                size: Value | Known = Known(1)
+                for length in shape:
+                    size = self.numbers.binary(ast.Mult(), size, length)
+                return self.numbers.number(size)
+        raise TypeError(f"{ast.unparse(node)}: no such field of a value of the kind {value.kind}")
+
+    def _of_subscript(self, node: ast.Subscript) -> Value | Known:
+        value, indices = self.expression(node.value), self.indices(node.slice)
+        if isinstance(value, Value) and isinstance(value.kind, ArrayKind):
+            return self.arrays.indexed(value, indices)
+        (place,) = indices
+        if isinstance(value, Value) and isinstance(value.kind, PointerKind):
+            return self.arrays.indexed(self._array_at(value, Known(2**62)), indices)
+        if not isinstance(place, Known):
+            if isinstance(value, Known):
+                return self.arrays.indexed(self.listed(value), indices)
+            raise TypeError(f"{ast.unparse(node)}: the place in a tuple has to be a constant")
+        return self.items(value)[place.value]
+
+    def _of_binop(self, node: ast.BinOp) -> Value:
+        return self.numbers.binary(node.op, self.expression(node.left), self.expression(node.right))
+
+    def _of_unaryop(self, node: ast.UnaryOp) -> Value | Known:
+        if isinstance(node.op, ast.Not):
+            truth = self.numbers.truth(self.expression(node.operand))
+            return Value(TRUTH, (self.writer.value(f"xor i1 {truth.register}, true"),))
+        return self.numbers.negative(self.expression(node.operand))
+
+    def _of_compare(self, node: ast.Compare) -> Value:
+        left, found = self.expression(node.left), ""
+        for comparison, other in zip(node.ops, node.comparators, strict=True):
+            right = self.expression(other)
+            one = self.numbers.compared(comparison, left, right).register
+            found = self.writer.value(f"and i1 {found}, {one}") if found else one
+            left = right
+        return Value(TRUTH, (found,))
+
+    def _of_boolop(self, node: ast.BoolOp) -> Value:
+        w = self.writer
+        then, otherwise, after = w.label(), w.label(), w.label()
+        place = w.memory("i1")
+        self.condition(node, then, otherwise)
+        for label, truth in ((then, "true"), (otherwise, "false")):
+            w.begin(label)
+            w.write(f"store i1 {truth}, ptr {place}")
+            w.jump(after)
+        w.begin(after)
+        return Value(TRUTH, (w.value(f"load i1, ptr {place}"),))
+
+    def _of_ifexp(self, node: ast.IfExp) -> Value | Known:
+        known = self.known(node.test)
+        if known is not None:
+            return self.expression(node.body if known.value else node.orelse)
+        w = self.writer
+        then, otherwise, after = w.label(), w.label(), w.label()
+        self.condition(node.test, then, otherwise)
+        found, ends = [], []
+        for label, one in ((then, node.body), (otherwise, node.orelse)):
+            w.begin(label)
+            found.append(self.numbers.number(self.expression(one)))
+            ends.append(w.label())
+            w.begin(ends[-1])  # to be written on where the kind of both is known
+            w.lines.append("")
+        kind = FLOAT if FLOAT in (found[0].kind, found[1].kind) else joined(found[0].kind, found[1].kind)
+        place = w.memory(REGISTERS[str(kind)])
+        later = w.lines
+        for end, value in zip(ends, found, strict=True):
+            w.lines, w.ended = [], False
+            register = self.numbers.converted(value, str(kind)).register
+            w.write(f"store {REGISTERS[str(kind)]} {register}, ptr {place}")
+            w.jump(after)
+            at = later.index(f"{end}:") + 1
+            later[at : at + 1] = w.lines
+        w.lines, w.ended = later, True
+        w.begin(after)
+        return Value(kind, (w.value(f"load {REGISTERS[str(kind)]}, ptr {place}"),))
+
+    def _of_call(self, node: ast.Call) -> Value | Known:
+        known = self.known(node.func)
+        if known is None:
+            raise TypeError(f"{ast.unparse(node.func)} is not known")
+        function = known.value
+        if function in _NEW or function is np.empty_like:
+            return self._new(function, node.args)
+        given = [self.expression(one) for one in node.args]
+        if isinstance(function, ByAddress):
+            return self._called_by_address(given)
+        if isinstance(function, ArrayAt):
+            return self._array_at(*given)
+        if isinstance(function, Deferred):
+            return self._called(function, given)
+        if function in NUMBERS:
+            return self.numbers.converted(given[0], NUMBERS[function])
+        if function in INTRINSICS:
+            return self.numbers.intrinsic(INTRINSICS[function][0], given)
+        if function in (min, max):
+            return self.numbers.extreme(ast.Lt() if function is min else ast.Gt(), given)
+        if function is abs:
+            return self.numbers.absolute(given[0])
+        if function is len and isinstance(given[0], Value):
+            return Value(WHOLE, (self.arrays.shape(given[0])[0],))
+        raise TypeError(f"{ast.unparse(node.func)} is not in the language")
+
+    def _new(self, function: Any, given: list[ast.expr]) -> Value:
+        if function is np.empty_like:
+            model = self.array(given[0])
+            assert isinstance(model.kind, ArrayKind)
+            lengths: list[Value | Known] = [Value(WHOLE, (length,)) for length in self.arrays.shape(model)]
+            element = model.kind.element
+            function = np.empty
+        else:
+            shape = self.expression(given[0])
+            is_tuple = isinstance(shape.value, tuple) if isinstance(shape, Known) else isinstance(shape.kind, TupleKind)
+            lengths = self.items(shape) if is_tuple else [shape]
+            chosen = self.known(given[1]) if len(given) > 1 else Known(np.float64)
+            assert chosen is not None
+            element = np.dtype(chosen.value).name
+        self.kept.append(self.writer.memory("ptr", "null"))
+        array = self.arrays.allocated(lengths, element, self.kept[-1], _NEW[function])
+        if function is np.ones:
+            self.arrays.assign(array, [(None, None)], Known(1))
+        return array
+
+    def _called_by_address(self, given: list[Value | Known]) -> Value:
+        handed = []
+        for value in given[1:]:
+            one = self.numbers.number(value) if isinstance(value, Known) else value
+            handed.append(f"{registers(one.kind)[0]} {one.registers[0]}")
+        address = self.numbers.converted(given[0], WHOLE).register
+        function = self.writer.value(f"inttoptr i64 {address} to ptr")
+        self.writer.write(f"call void {function}({', '.join(handed)})")
+        return Value(None, ())
+
+    def _array_at(self, address: Value | Known, shape: Value | Known) -> Value:
+        assert isinstance(address, Value)
+        assert isinstance(address.kind, PointerKind)
+        is_tuple = isinstance(shape, Value) and isinstance(shape.kind, TupleKind)
+        lengths = [self.numbers.converted(one, WHOLE) for one in (self.items(shape) if is_tuple else [shape])]
+        kind = ArrayKind(address.kind.element, len(lengths))
+        return Value(kind, (address.register, *(length.register for length in lengths)))
+
+    def _called(self, what: Deferred, given: list[Value | Known]) -> Value:
+        values = [self.numbers.number(value) if isinstance(value, Known) else value for value in given]
+        callee = self.module.callee(what, tuple(value.kind for value in values))
+        types = registers(callee.result)
+        handed = [one for value in values for one in typed(value)]
+        instruction = callee.call(handed, "%failure")
+        if types:
+            result = self.writer.value(instruction)
+        else:
+            self.writer.write(instruction)
+        if callee.may_fail:
+            self.may_fail = True
+            going_on = self.writer.label()
+            code = self.writer.value("load i32, ptr %failure")
+            self.writer.branch(self.writer.value(f"icmp ne i32 {code}, 0"), "exit", going_on)
+            self.writer.begin(going_on)
+        if len(types) < 2:
+            return Value(callee.result, (result,) if types else ())
+        text = "{" + ", ".join(types) + "}"
+        parts = (self.writer.value(f"extractvalue {text} {result}, {k}") for k in range(len(types)))
+        return Value(callee.result, tuple(parts))

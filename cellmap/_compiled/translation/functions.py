@@ -1,0 +1,151 @@
+"""Functions of the language: each becomes one of LLVM's, with what it calls beside it."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from .marks import Deferred
+from .numbers import literal
+from .statements import Statements, Widened
+from .values import Kind, Value, registers, typed
+
+_DECLARED = """declare ptr @malloc(i64)
+declare ptr @calloc(i64, i64)
+declare void @free(ptr)
+declare void @abort()
+declare i64 @llvm.abs.i64(i64, i1)
+declare {i64, i1} @llvm.umul.with.overflow.i64(i64, i64)
+declare i64 @llvm.smin.i64(i64, i64)
+declare i64 @llvm.smax.i64(i64, i64)
+declare double @llvm.copysign.f64(double, double)
+declare double @llvm.pow.f64(double, double)
+""" + "".join(f"declare double @llvm.{name}.f64(double)\n" for name in ("sqrt", "floor", "log", "fabs"))
+
+
+@dataclass(frozen=True)
+class Callee:
+    """A function of the module: its name, the kind of its result, and whether it may end without one."""
+
+    name: str
+    result: Kind
+    may_fail: bool
+
+    def call(self, handed: list[str], failure: str) -> str:
+        """Return the instruction that calls it; a code other than 0 is left at the address `failure` where it fails."""
+        return f"call {returned(self.result)} @{self.name}({', '.join([*handed, f'ptr {failure}'])})"
+
+
+class Module:
+    """Functions that call one another, each for the kinds of arguments that it is called with.
+
+    With `checked` an index outside of an array ends the outermost function with the code 2; 1 stands for no memory, 3
+    for an array of negative length.
+    """
+
+    def __init__(self, checked: bool = False) -> None:
+        self.checked = checked
+        self._texts: list[str] = [_DECLARED]
+        self._callees: dict[Any, Callee] = {}
+
+    @property
+    def text(self) -> str:
+        """The whole module."""
+        return "\n".join(self._texts)
+
+    def constants(self, values: tuple[Any, ...]) -> tuple[str, str]:
+        """Return the name of an array of constants, and NumPy's name of their type."""
+        name = f"@constants{len(self._texts)}"
+        items = [literal(value) for value in values]
+        (kind,) = {str(item.kind) for item in items}
+        register = registers(kind)[0]
+        listed = ", ".join(f"{register} {item.register}" for item in items)
+        self._texts.append(f"{name} = internal constant [{len(items)} x {register}] [{listed}]\n")
+        return name, kind
+
+    def callee(self, what: Deferred, kinds: tuple[Kind, ...]) -> Callee:
+        """Return a function for arguments of some kinds, written if it is not there yet.
+
+        Raises
+        ------
+        TypeError
+            Where it is not in the language; the message says in which line.
+        """
+        key = what.function, kinds
+        if key not in self._callees:
+            tree = _tree(what.function)
+            names = [argument.arg for argument in tree.args.args]
+            if len(names) != len(kinds):
+                raise TypeError(f"{what.function.__qualname__} takes {len(names)} arguments, not {len(kinds)}")
+            variables: dict[str, Kind] = dict(zip(names, kinds, strict=True))
+            set_again = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and _is_set(node)}
+            fixed = {n: _argument(n, kind) for n, kind in variables.items() if n not in set_again}
+            result: list[Kind] = []
+            while True:
+                body = Statements(self, what, variables, result, fixed)
+                try:
+                    body.block(tree.body)
+                    break
+                except Widened:
+                    continue
+                except (TypeError, KeyError, ValueError) as error:
+                    code = what.function.__code__
+                    line = code.co_firstlineno + body.line - 1
+                    if str(error).startswith(code.co_filename.rpartition("/")[0]):
+                        raise
+                    raise TypeError(f"{code.co_filename}:{line}: {error}") from error
+            callee = Callee(f"{what.function.__name__}.{len(self._callees)}", body.result, body.may_fail)
+            self._callees[key] = callee
+            self._texts.append(_definition(callee, body, names, kinds, what.is_inlined))
+        return self._callees[key]
+
+
+def returned(kind: Kind) -> str:
+    """Return LLVM's type of a result."""
+    found = registers(kind)
+    return "void" if not found else found[0] if len(found) == 1 else "{" + ", ".join(found) + "}"
+
+
+def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+    assert isinstance(tree, ast.FunctionDef)
+    return tree
+
+
+def _is_set(node: ast.Name) -> bool:
+    return isinstance(node.ctx, ast.Store)
+
+
+def _argument(name: str, kind: Kind) -> Value:
+    return Value(kind, tuple(f"%{name}.{k}" for k in range(len(registers(kind)))))
+
+
+def _definition(callee: Callee, body: Statements, names: list[str], kinds: tuple[Kind, ...], is_inlined: bool) -> str:
+    w, given, stores = body.writer, [], []
+    for name, kind in zip(names, kinds, strict=True):
+        given += typed(_argument(name, kind))
+        if name not in body.places:
+            continue
+        # An argument may become a variable of a wider kind.
+        value = body.fitted(_argument(name, kind), body.kinds[name], first=True)
+        for register, t, place in zip(value.registers, registers(value.kind), body.places[name], strict=True):
+            stores.append(f"  store {t} {register}, ptr {place}")
+    w.begin("exit")
+    for kept in body.kept:
+        w.write(f"call void @free(ptr {w.value(f'load ptr, ptr {kept}')})")
+    types, text = registers(callee.result), returned(callee.result)
+    found = [w.value(f"load {t}, ptr {place}") for t, place in zip(types, body.results, strict=True)]
+    if len(found) > 1:
+        whole = "poison"
+        for k, (t, register) in enumerate(zip(types, found, strict=True)):
+            whole = w.value(f"insertvalue {text} {whole}, {t} {register}, {k}")
+        found = [whole]
+    w.write(f"ret {text} {found[0]}" if found else "ret void")
+    attributes = "alwaysinline nounwind" if is_inlined else "nounwind"
+    head = f"define internal {text} @{callee.name}({', '.join([*given, 'ptr %failure'])}) {attributes} {{"
+    first = [*w.first, *body.conversions, *stores, "  br label %begin", "begin:"]
+    return "\n".join([head, *first, *w.lines, *body.refusals, "}", ""])

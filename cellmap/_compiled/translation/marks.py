@@ -1,0 +1,40 @@
+"""What tells the compiler that a function is written in the language of loops."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+
+class Deferred:
+    """A function of the language; in Python it is the plain function.
+
+    Parameters
+    ----------
+    function : callable
+        What is compiled.
+    contract : bool
+        Whether a product and a sum may be rounded once, together.
+    is_inlined : bool
+        Whether it becomes part of those that call it.
+    """
+
+    def __init__(self, function: Callable[..., Any], contract: bool = True, is_inlined: bool = False) -> None:
+        self.function, self.contract, self.is_inlined = function, contract, is_inlined
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+
+class ByAddress(Deferred):
+    """A function that is somewhere else: loops call it by its address, with numbers and addresses of arrays."""
+
+
+class ArrayAt:
+    """The operation that makes an array of an address, its elements, and a shape."""
+
+    def __call__(self, address: Any, shape: Any) -> Any:
+        """Stand in loops for the array; there is none in Python."""
+        raise NotImplementedError

@@ -1,0 +1,221 @@
+"""Arithmetic of the language: conversions, operators, comparisons, functions of mathematics."""
+
+from __future__ import annotations
+
+import ast
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .values import FLOAT, REGISTERS, TRUTH, UNSIGNED, WHOLE, Known, Value, joined
+from .writer import Writer
+
+_OF_FLOATS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+_OF_WHOLES = {
+    ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and", ast.BitOr: "or", ast.BitXor: "xor",
+    ast.LShift: "shl", ast.RShift: "ashr",
+}  # fmt: skip
+_COMPARED: dict[type[ast.cmpop], tuple[str, str]] = {
+    ast.Lt: ("olt", "lt"), ast.LtE: ("ole", "le"), ast.Gt: ("ogt", "gt"), ast.GtE: ("oge", "ge"),
+    ast.Eq: ("oeq", "eq"), ast.NotEq: ("une", "ne"),
+}  # fmt: skip
+
+INTRINSICS: dict[Callable[..., Any], tuple[str, int]] = {
+    math.sqrt: ("sqrt", 1), np.sqrt: ("sqrt", 1), math.floor: ("floor", 1), np.floor: ("floor", 1),
+    math.log: ("log", 1), np.log: ("log", 1), math.fabs: ("fabs", 1), np.copysign: ("copysign", 2),
+    math.copysign: ("copysign", 2),
+}  # fmt: skip
+"""Functions of floats, with LLVM's names of them and the numbers of their arguments."""
+
+NUMBERS: dict[Any, str] = {np.int64: WHOLE, int: WHOLE, np.uint64: UNSIGNED, np.float64: FLOAT, float: FLOAT}
+"""Types that are called to convert a number."""
+
+CONVERTED = {
+    (WHOLE, FLOAT): "sitofp", (UNSIGNED, FLOAT): "uitofp", (TRUTH, FLOAT): "uitofp", (TRUTH, WHOLE): "zext",
+    (TRUTH, UNSIGNED): "zext", (FLOAT, WHOLE): "fptosi",
+}  # fmt: skip
+
+
+def literal(value: Any) -> Value:
+    """Return a constant number as a value."""
+    if isinstance(value, bool | np.bool_):
+        return Value(TRUTH, ("true" if value else "false",))
+    if isinstance(value, int | np.integer):
+        return Value(UNSIGNED if isinstance(value, np.uint64) else WHOLE, (str(int(value)),))
+    if not isinstance(value, float | np.floating):
+        raise TypeError(f"{value!r} is no number")
+    return Value(FLOAT, (f"0x{struct.pack('>d', value).hex()}",))
+
+
+class Arithmetic:
+    """Instructions for operators.  ``flags`` allow what the processor may do with floats."""
+
+    def __init__(self, writer: Writer, flags: str) -> None:
+        self.writer, self.flags = writer, flags
+
+    def converted(self, value: Value | Known, kind: str) -> Value:
+        """Return a number as one of another kind."""
+        if isinstance(value, Known):
+            if kind == FLOAT:
+                return literal(float(value.value))
+            if kind == UNSIGNED and value.value >= 0:
+                return literal(np.uint64(value.value))
+            value = literal(value.value)
+        if value.kind == kind:
+            return value
+        if {value.kind, kind} == {WHOLE, UNSIGNED}:
+            return Value(kind, value.registers)
+        if kind == TRUTH:
+            return self.truth(value)
+        if not isinstance(value.kind, str):
+            raise TypeError(f"a value of the kind {value.kind} is no number")
+        source, target = REGISTERS[value.kind], REGISTERS[kind]
+        instruction = CONVERTED[value.kind, kind]
+        return Value(kind, (self.writer.value(f"{instruction} {source} {value.register} to {target}"),))
+
+    def truth(self, value: Value | Known) -> Value:
+        """Tell whether a number is not zero."""
+        value = self.number(value)
+        if value.kind == TRUTH:
+            return value
+        if value.kind == FLOAT:
+            return Value(TRUTH, (self.writer.value(f"fcmp une double {value.register}, 0.0"),))
+        return Value(TRUTH, (self.writer.value(f"icmp ne i64 {value.register}, 0"),))
+
+    def number(self, value: Value | Known) -> Value:
+        """Return a constant as the number that it is."""
+        found = literal(value.value) if isinstance(value, Known) else value
+        if not isinstance(found.kind, str):
+            raise TypeError(f"a value of the kind {found.kind} is no number")
+        return found
+
+    def common(self, values: list[Value | Known]) -> list[Value]:
+        """Return numbers of one kind."""
+        kinds = [str(self.number(value).kind) for value in values]
+        if UNSIGNED in kinds:
+            signed = [v for v, kind in zip(values, kinds, strict=True) if kind != UNSIGNED and isinstance(v, Value)]
+            if signed:
+                raise TypeError("a uint64 and another number: say which of them is to be converted")
+            kind: Any = UNSIGNED
+        else:
+            kind = kinds[0]
+            for other in kinds:
+                kind = joined(FLOAT if FLOAT in (kind, other) else kind, FLOAT if FLOAT in (kind, other) else other)
+        return [self.converted(value, kind) for value in values]
+
+    def binary(self, operator: ast.operator, left: Value | Known, right: Value | Known) -> Value:
+        """Apply an operator to two numbers."""
+        if isinstance(operator, ast.Div):
+            left, right = self.converted(left, FLOAT), self.converted(right, FLOAT)
+        if isinstance(operator, ast.Pow):
+            return self._power(left, right)
+        if isinstance(operator, ast.LShift | ast.RShift) and self.number(left).kind == UNSIGNED:
+            right = self.converted(right, UNSIGNED)
+        constant = right.value if isinstance(right, Known) else None
+        a, b = self.common([left, right])
+        if a.kind == FLOAT:
+            if isinstance(operator, ast.Mod):
+                return self._remainder_of_floats(a, b)
+            if type(operator) not in _OF_FLOATS:
+                raise TypeError(f"{ast.dump(operator)} of floats")
+            return self._float(f"{_OF_FLOATS[type(operator)]} {self.flags} double {a.register}, {b.register}")
+        if a.kind == TRUTH:
+            if isinstance(operator, ast.BitAnd | ast.BitOr | ast.BitXor):
+                return Value(TRUTH, (self.writer.value(f"{_OF_WHOLES[type(operator)]} i1 {a.register}, {b.register}"),))
+            a, b = self.converted(a, WHOLE), self.converted(b, WHOLE)
+        if isinstance(operator, ast.FloorDiv | ast.Mod):
+            return self._divided(isinstance(operator, ast.Mod), a, b, constant)
+        instruction = _OF_WHOLES[type(operator)]
+        if a.kind == UNSIGNED and instruction == "ashr":
+            instruction = "lshr"
+        return Value(a.kind, (self.writer.value(f"{instruction} i64 {a.register}, {b.register}"),))
+
+    def negative(self, value: Value | Known) -> Value | Known:
+        """Return a number with the other sign."""
+        if isinstance(value, Known):
+            return Known(-value.value)
+        if value.kind == FLOAT:
+            return self._float(f"fneg double {value.register}")
+        value = self.converted(value, WHOLE)
+        return Value(WHOLE, (self.writer.value(f"sub i64 0, {value.register}"),))
+
+    def compared(self, operator: ast.cmpop, left: Value | Known, right: Value | Known) -> Value:
+        """Compare two numbers."""
+        a, b = self.common([left, right])
+        of_floats, of_wholes = _COMPARED[type(operator)]
+        if a.kind == FLOAT:
+            return Value(TRUTH, (self.writer.value(f"fcmp {of_floats} double {a.register}, {b.register}"),))
+        sign = "" if of_wholes in ("eq", "ne") else "u" if a.kind in (UNSIGNED, TRUTH) else "s"
+        register = REGISTERS[str(a.kind)]
+        return Value(TRUTH, (self.writer.value(f"icmp {sign}{of_wholes} {register} {a.register}, {b.register}"),))
+
+    def extreme(self, operator: ast.cmpop, values: list[Value | Known]) -> Value:
+        """Return the smallest or largest number, as Python's ``min`` and ``max`` find it where there are NaN."""
+        found, *others = self.common(values)
+        for other in others:
+            found = self.selected(self.compared(operator, other, found), other, found)
+        return found
+
+    def selected(self, condition: Value, one: Value, other: Value) -> Value:
+        """Return one of two numbers of the same kind."""
+        kind = REGISTERS[str(one.kind)]
+        text = f"select i1 {condition.register}, {kind} {one.register}, {kind} {other.register}"
+        return Value(one.kind, (self.writer.value(text),))
+
+    def absolute(self, value: Value | Known) -> Value:
+        """Return a number without its sign."""
+        value = self.number(value)
+        if value.kind == FLOAT:
+            return self.intrinsic("fabs", [value])
+        value = self.converted(value, WHOLE)
+        return Value(WHOLE, (self.writer.value(f"call i64 @llvm.abs.i64(i64 {value.register}, i1 false)"),))
+
+    def intrinsic(self, name: str, values: list[Value | Known] | list[Value]) -> Value:
+        """Call a function of floats."""
+        given = ", ".join(f"double {self.converted(value, FLOAT).register}" for value in values)
+        return self._float(f"call double @llvm.{name}.f64({given})")
+
+    def _float(self, instruction: str) -> Value:
+        return Value(FLOAT, (self.writer.value(instruction),))
+
+    def _power(self, base: Value | Known, exponent: Value | Known) -> Value:
+        if self.number(exponent).kind == FLOAT or self.number(base).kind == FLOAT:
+            return self.intrinsic("pow", [base, exponent])
+        if not (isinstance(base, Known) and base.value == 2):
+            raise TypeError("powers of whole numbers other than 2")
+        return Value(WHOLE, (self.writer.value(f"shl i64 1, {self.converted(exponent, WHOLE).register}"),))
+
+    def _divided(self, wants_rest: bool, a: Value, b: Value, constant: int | None) -> Value:
+        """Divide whole numbers: the quotient is rounded down, and the rest has the sign of the divisor."""
+        one, other = a.register, b.register
+        if constant is not None and constant > 0 and constant & (constant - 1) == 0:
+            bits = constant.bit_length() - 1
+            text = f"and i64 {one}, {constant - 1}" if wants_rest else f"ashr i64 {one}, {bits}"
+            return Value(WHOLE, (self.writer.value(text),))
+        value = self.writer.value
+        nothing = value(f"icmp eq i64 {other}, 0")
+        safe = value(f"select i1 {nothing}, i64 1, i64 {other}")
+        quotient, rest = value(f"sdiv i64 {one}, {safe}"), value(f"srem i64 {one}, {safe}")
+        signs, uneven = value(f"xor i64 {rest}, {safe}"), value(f"icmp ne i64 {rest}, 0")
+        differ = value(f"icmp slt i64 {signs}, 0")
+        wrong = value(f"and i1 {differ}, {uneven}")
+        if wants_rest:
+            moved = value(f"add i64 {rest}, {safe}")
+            result = value(f"select i1 {wrong}, i64 {moved}, i64 {rest}")
+        else:
+            moved = value(f"sub i64 {quotient}, 1")
+            result = value(f"select i1 {wrong}, i64 {moved}, i64 {quotient}")
+        return Value(WHOLE, (value(f"select i1 {nothing}, i64 0, i64 {result}"),))
+
+    def _remainder_of_floats(self, a: Value, b: Value) -> Value:
+        """Return the remainder that has the sign of the divisor."""
+        zero = literal(0.0)
+        rest = self._float(f"frem double {a.register}, {b.register}")
+        negative, below = self.compared(ast.Lt(), rest, zero), self.compared(ast.Lt(), b, zero)
+        differ = Value(TRUTH, (self.writer.value(f"xor i1 {negative.register}, {below.register}"),))
+        moved = self._float(f"fadd double {rest.register}, {b.register}")
+        some = self.selected(differ, moved, rest)
+        return self.selected(self.compared(ast.Eq(), rest, zero), self.intrinsic("copysign", [zero, b]), some)

@@ -1,0 +1,235 @@
+"""Statements of the language."""
+
+from __future__ import annotations
+
+import ast
+from typing import Any
+
+from .expressions import Expressions
+from .values import (
+    WHOLE,
+    ArrayKind,
+    Kind,
+    Known,
+    TupleKind,
+    Value,
+    items_of,
+    joined,
+    registers,
+    tuple_of,
+)
+
+
+class Widened(Exception):
+    """A variable turned out to need another kind: what was written of the function is written anew."""
+
+
+class Statements(Expressions):
+    """The body of a function: its variables, in memory that LLVM makes registers of, and its statements."""
+
+    def __init__(
+        self, module: Any, what: Any, kinds: dict[str, Kind], result: list[Kind], fixed: dict[str, Value]
+    ) -> None:
+        super().__init__(module, what)
+        self.kinds, self._result, self._fixed = kinds, result, fixed
+        self.places: dict[str, list[str]] = {}
+        self.conversions: list[str] = []
+        self.results = [self.writer.memory(t) for t in registers(self.result)]
+        self._loops: list[tuple[str, str]] = []
+        for name in kinds:
+            if name not in fixed:
+                self._place(name)
+
+    @property
+    def result(self) -> Kind:
+        """The kind of what is returned, as far as that is known."""
+        return self._result[0] if self._result else None
+
+    def block(self, statements: list[ast.stmt]) -> None:
+        """Write statements, one after the other."""
+        for statement in statements:
+            if self.writer.ended:
+                return
+            self.line = statement.lineno
+            getattr(self, f"_{type(statement).__name__.lower()}")(statement)
+
+    def variable(self, name: str) -> Value | None:
+        """Return the value of a variable; None where the name is not one."""
+        if name in self._fixed:
+            return self._fixed[name]
+        if name not in self.places:
+            return None
+        kind = self.kinds[name]
+        pairs = zip(registers(kind), self.places[name], strict=True)
+        return Value(kind, tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs))
+
+    def fitted(self, value: Value | Known, kind: Kind, first: bool = False) -> Value:
+        """Return a value as one of the kind of a variable; `first` writes what it takes before everything else."""
+        if first:
+            lines, self.writer.lines, ended = self.writer.lines, self.conversions, self.writer.ended
+            self.writer.ended = False
+            found = self.fitted(value, kind)
+            self.writer.lines, self.writer.ended = lines, ended
+            return found
+        if isinstance(kind, str):
+            return self.numbers.converted(value, kind)
+        assert isinstance(value, Value)
+        if isinstance(kind, ArrayKind):
+            return self.arrays.laid_out(value, kind.layout)
+        if isinstance(kind, TupleKind):
+            items = zip(items_of(value), kind.items, strict=True)
+            return tuple_of([self.fitted(item, wanted) for item, wanted in items], kind.names)
+        return value
+
+    def _place(self, name: str) -> None:
+        self.places[name] = [self.writer.memory(t) for t in registers(self.kinds[name])]
+
+    def _set(self, name: str, value: Value | Known) -> None:
+        kind = self.numbers.number(value).kind if isinstance(value, Known) else value.kind
+        if kind is None:
+            raise TypeError(f"{name} is what a function returns that returns nothing")
+        if name not in self.kinds:
+            self.kinds[name] = kind
+        elif self.kinds[name] != (wider := joined(self.kinds[name], kind)):
+            self.kinds[name] = wider
+            raise Widened
+        if name not in self.places:
+            self._place(name)
+        fitted = self.fitted(value, self.kinds[name])
+        for t, register, place in zip(registers(fitted.kind), fitted.registers, self.places[name], strict=True):
+            self.writer.write(f"store {t} {register}, ptr {place}")
+
+    def _assign_to(self, target: ast.expr, value: Value | Known) -> None:
+        if isinstance(target, ast.Name):
+            self._set(target.id, value)
+        elif isinstance(target, ast.Tuple):
+            for one, item in zip(target.elts, self.items(value, len(target.elts)), strict=True):
+                self._assign_to(one, item)
+        elif isinstance(target, ast.Subscript):
+            self.arrays.assign(self.array(target.value), self.indices(target.slice), value)
+        else:
+            raise TypeError(f"an assignment to {ast.unparse(target)}")
+
+    def _assign(self, statement: ast.Assign) -> None:
+        value = self.expression(statement.value)
+        for target in statement.targets:
+            self._assign_to(target, value)
+
+    def _augassign(self, statement: ast.AugAssign) -> None:
+        target = statement.target
+        if isinstance(target, ast.Subscript):
+            array, indices = self.array(target.value), self.indices(target.slice)
+            added = self.expression(statement.value)
+            before = self.arrays.indexed(array, indices)
+            self.arrays.assign(array, indices, self.numbers.binary(statement.op, before, added))
+        else:
+            assert isinstance(target, ast.Name)
+            found = self.expression(ast.Name(target.id))
+            self._set(target.id, self.numbers.binary(statement.op, found, self.expression(statement.value)))
+
+    def _expr(self, statement: ast.Expr) -> None:
+        if not isinstance(statement.value, ast.Constant):
+            self.expression(statement.value)
+
+    def _pass(self, statement: ast.Pass) -> None:
+        pass
+
+    def _if(self, statement: ast.If) -> None:
+        known = self.known(statement.test)
+        if known is not None:
+            self.block(statement.body if known.value else statement.orelse)
+            return
+        w = self.writer
+        then, otherwise, after = w.label(), w.label(), w.label()
+        self.condition(statement.test, then, otherwise)
+        ends = True
+        for label, statements in ((then, statement.body), (otherwise, statement.orelse)):
+            w.begin(label)
+            self.block(statements)
+            ends &= w.ended
+            w.jump(after)
+        w.begin(after)
+        if ends:
+            w.write("unreachable")
+            w.ended = True
+
+    def _while(self, statement: ast.While) -> None:
+        w = self.writer
+        test, body, after = w.label(), w.label(), w.label()
+        w.begin(test)
+        self.condition(statement.test, body, after)
+        w.begin(body)
+        self._inside(statement.body, test, after)
+        w.jump(test)
+        w.begin(after)
+
+    def _inside(self, statements: list[ast.stmt], again: str, after: str) -> None:
+        self._loops.append((again, after))
+        self.block(statements)
+        self._loops.pop()
+
+    def _for(self, statement: ast.For) -> None:
+        assert isinstance(statement.target, ast.Name)
+        name, source = statement.target.id, statement.iter
+        if isinstance(source, ast.Call) and self.known(source.func) == Known(range):
+            self._for_range(name, source.args, statement.body)
+            return
+        if isinstance(source, ast.Attribute) and source.attr == "flat":
+            array, axes = self.array(source.value), None
+        else:
+            array, axes = self.listed(self.expression(source)), 1
+        shape = self.arrays.shape(array)
+        if axes is not None and len(shape) != axes:
+            raise TypeError(f"a loop over the rows of an array of {len(shape)} dimensions")
+
+        def visit(places: list[str]) -> None:
+            after = self.writer.label()
+            self._set(name, self.arrays.element(array, places))
+            self._inside(statement.body, after, self._leaves[-1])
+            self.writer.begin(after)
+
+        self._leaves.append(self.writer.label())
+        self.arrays.each(shape, visit)
+        self.writer.begin(self._leaves.pop())
+
+    def _for_range(self, name: str, given: list[ast.expr], body: list[ast.stmt]) -> None:
+        w = self.writer
+        numbers = [self.expression(one) for one in given]
+        begin, end, step = [*([Known(0)] if len(numbers) == 1 else []), *numbers, Known(1)][:3]
+        first, last, width = (self.numbers.converted(one, WHOLE).register for one in (begin, end, step))
+        counter, test, inside, again, after = w.memory("i64"), w.label(), w.label(), w.label(), w.label()
+        w.write(f"store i64 {first}, ptr {counter}")
+        w.begin(test)
+        place = w.value(f"load i64, ptr {counter}")
+        if isinstance(step, Known):
+            goes_on = w.value(f"icmp {'slt' if step.value > 0 else 'sgt'} i64 {place}, {last}")
+        else:
+            below, above = w.value(f"icmp slt i64 {place}, {last}"), w.value(f"icmp sgt i64 {place}, {last}")
+            goes_on = w.value(f"select i1 {w.value(f'icmp sgt i64 {width}, 0')}, i1 {below}, i1 {above}")
+        w.branch(goes_on, inside, after)
+        w.begin(inside)
+        self._set(name, Value(WHOLE, (place,)))
+        self._inside(body, again, after)
+        w.begin(again)
+        w.write(f"store i64 {w.value(f'add nsw i64 {place}, {width}')}, ptr {counter}")
+        w.jump(test)
+        w.begin(after)
+
+    def _break(self, statement: ast.Break) -> None:
+        self.writer.jump(self._loops[-1][1])
+
+    def _continue(self, statement: ast.Continue) -> None:
+        self.writer.jump(self._loops[-1][0])
+
+    def _return(self, statement: ast.Return) -> None:
+        if statement.value is not None:
+            found = self.expression(statement.value)
+            value = self.numbers.number(found) if isinstance(found, Known) else found
+            wider = value.kind if not self._result else joined(self._result[0], value.kind)
+            if self._result != [wider]:
+                self._result[:] = [wider]
+                raise Widened
+            fitted = self.fitted(value, wider)
+            for t, register, place in zip(registers(wider), fitted.registers, self.results, strict=True):
+                self.writer.write(f"store {t} {register}, ptr {place}")
+        self.writer.jump("exit")
