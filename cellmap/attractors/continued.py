@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from .._lib.checks import real_array, shown
 from .._lib.signatures import checked
+from .._lib.threads import run_over
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor, sort_key
+from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import newton, stable_orbit
 from .search import check_attractors, neighbourhood_of, region_extent
 from .settling import Catalogue
@@ -67,12 +68,21 @@ def continue_attractors(
     periods = np.array([a.period for a in orbits])
     guesses = np.array([a.points[0] for a in orbits])
     points, settled = newton(point_map, guesses, periods, extent, _REACH, attracting=True)
-    found: list[Attractor] = []
-    for k in np.flatnonzero(settled):
-        if Catalogue.of(found, point_map).owners_of(points[k : k + 1])[0] >= 0:
-            continue
+    followed: dict[int, Attractor] = {}
+    for k in np.flatnonzero(settled).tolist():
         orbit = stable_orbit(point_map, points[k], int(periods[k]), extent)
-        region = None if orbit is None else neighbourhood_of(point_map, orbit, extent)
-        if orbit is not None and region is not None:
+        if orbit is not None:
+            followed[k] = orbit
+
+    def grow(k: int) -> None:
+        regions[k] = neighbourhood_of(point_map, followed[k], extent)
+
+    regions: dict[int, Neighbourhood | None] = {}
+    run_over(list(followed), grow)
+    found: list[Attractor] = []
+    for k, orbit in followed.items():
+        region = regions[k]
+        # A periodic point inside the region of another orbit is on that orbit.
+        if region is not None and Catalogue.of(found, point_map).owners_of(points[k : k + 1])[0] < 0:
             found.append(replace(orbit, neighbourhood=region))
     return tuple(sorted(found, key=sort_key))

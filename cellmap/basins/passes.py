@@ -24,13 +24,14 @@ from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import Rows, Starts
-from .label_store import LabelStore
+from .label_store import InMemory, LabelStore
 from .label_tiles import Batch, Labelling
 from .progress import Progress
 from .record import HELD, Basins
 from .strides import StridedTile
 
 _SAMPLE = 1024  # starts from which attractors are sought first
+_IN_A_TILE = 4096  # starts where a tile has neither to travel nor to be sealed: all threads are busy to the end
 _PATIENCE = 256  # periods before starts that are left are searched for further attractors
 _REPEATS = 32  # passes over the same periods with ever more attractors, at most
 _LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
@@ -132,7 +133,9 @@ class Run:
         examined = Examined.nothing_yet(self.point_map, extent)
         now = self.store.resume(examined)
         if now is None:
-            now = Progress(tuple(known), examined, Rows(total), (), min(_PATIENCE, self.max_periods))
+            small = self.client is None and isinstance(self.store, InMemory)
+            size, horizon = _IN_A_TILE if small else CHUNK, min(_PATIENCE, self.max_periods)
+            now = Progress(tuple(known), examined, Rows(total), (), horizon, size=size)
             if self.order and known and all(a.neighbourhood is not None for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(replace(now, tiles=tuple(self.order[0])))

@@ -25,7 +25,7 @@ class Progress:
     attractors, looked at those that went on, and which they have behind them now; ``horizon``: periods after which
     this one does; ``repeats``: sweeps up to that horizon before this one, with fewer attractors; ``undecided``: initial
     conditions that the last of them left; ``tally``: what all sweeps before it took; ``tiles``: the initial conditions
-    of each tile, where these are not simply consecutive ones.
+    of each tile, where these are not simply consecutive ones; ``size``: how many are in a tile otherwise.
     """
 
     attractors: tuple[Attractor, ...]
@@ -37,12 +37,13 @@ class Progress:
     undecided: int | None = None
     tally: Tally = NOTHING
     tiles: tuple[StridedTile, ...] | None = None
+    size: int = CHUNK
 
     @cached_property
     def parts(self) -> list[slice]:
         """Tiles, as slices of the rows."""
         if self.tiles is None:
-            return slices(len(self.rows), CHUNK)
+            return slices(len(self.rows), self.size)
         ends = np.cumsum([0, *map(len, self.tiles)]).tolist()
         return [slice(begin, end) for begin, end in pairwise(ends)]
 

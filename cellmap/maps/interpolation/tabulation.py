@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Axes = Sequence[NDArray[np.float64]]
 
+_IN_A_TILE = 2048  # images where a tile has neither to travel nor to be sealed: small tables keep all threads busy
+
 
 @dataclass(frozen=True, eq=False)
 class Images:
@@ -59,7 +61,8 @@ class TableTiles:
         What is yielded, ``part, images, arrays``, asks for that slice of arrays of the names in `results`, which have a
         number or row for each point.
         """
-        parts = slices(int(np.prod([len(axis) for axis in axes])), CHUNK)
+        size = _IN_A_TILE if self.client is None and self.file is None else CHUNK
+        parts = slices(int(np.prod([len(axis) for axis in axes])), size)
         tiles = tiles_of(next(iter(results)))
         file = self.file
         arrays = results if file is None else {name: file[name] for name in results}
