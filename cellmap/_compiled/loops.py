@@ -28,8 +28,8 @@ CHECKED = bool(os.environ.get("CELLMAP_BOUNDS_CHECK"))
 class Loop(Deferred):
     """A function of arrays and numbers that is called from Python."""
 
-    def __init__(self, function: Callable[..., Any], contract: bool = True) -> None:
-        super().__init__(function, contract)
+    def __init__(self, function: Callable[..., Any], contract: bool = True, vectors: bool = False) -> None:
+        super().__init__(function, contract, vectors)
         self._entries: dict[Any, tuple[Callable[..., Any], Any]] = {}
         self._entry: Callable[..., Any] = lambda *arguments: MISFIT
 
@@ -81,9 +81,10 @@ class AddressedLoop(Deferred):
             return compiled_once(_source_of(self.function), compiled)
 
 
-def loop(function: Callable[..., Any] | None = None, *, contract: bool = True) -> Any:
+def loop(function: Callable[..., Any] | None = None, *, contract: bool = True, vectors: bool = False) -> Any:
     """Make a function a loop that is called from Python."""
-    return functools.partial(Loop, contract=contract) if function is None else Loop(function)
+    made = functools.partial(Loop, contract=contract, vectors=vectors)
+    return made if function is None else made(function)
 
 
 def loop_by_address(signature: str) -> Callable[[Callable[..., Any]], AddressedLoop]:
@@ -91,9 +92,9 @@ def loop_by_address(signature: str) -> Callable[[Callable[..., Any]], AddressedL
     return functools.partial(AddressedLoop, signature=signature)
 
 
-def inlined(function: Callable[..., Any] | None = None, *, contract: bool = True) -> Any:
+def inlined(function: Callable[..., Any] | None = None, *, contract: bool = True, vectors: bool = False) -> Any:
     """Make a function part of the loops that call it."""
-    made = functools.partial(Deferred, contract=contract, is_inlined=True)
+    made = functools.partial(Deferred, contract=contract, vectors=vectors, is_inlined=True)
     return made if function is None else made(function)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..loops import loop
 
 
-@loop
+@loop(vectors=True)
 def solve_banded(band, reach, right):
     """Solve a system for each column of `right`, by elimination with row exchanges; both arrays are overwritten.
 

@@ -12,7 +12,7 @@ NO_BASIN = np.int16(-1)
 _LOWEST = np.int16(32767)
 
 
-@loop
+@loop(vectors=True)
 def mixed_boxes(labels, rows, first, last, out):
     """Write into ``out[r, j]`` whether the labels at the corners of a box between cell centres differ.
 
@@ -42,7 +42,7 @@ def mixed_boxes(labels, rows, first, last, out):
             target[j] = min(low[j], low[j + 1]) < max(high[j], high[j + 1])
 
 
-@loop
+@loop(vectors=True)
 def halve(bits, rows, shift, first, last, out):
     """Write into ``out[r, j]`` whether any of the boxes that a box of twice their side holds is set.
 

@@ -47,7 +47,7 @@ class Covers(NamedTuple):
     certain: NDArray[np.bool_]
 
 
-@loop
+@loop(vectors=True)
 def ellipsoids_of(points, begin, count, regions, turn, places, distances, found):
     """Write into ``found[i]`` the owner of the first ellipsoid that holds row ``begin + i``, -1 where there is none.
 

@@ -87,7 +87,7 @@ def sweep(first, targets, shares, right, out):
         out[i] = total / (1.0 - own)
 
 
-@loop
+@loop(vectors=True)
 def eliminate(band, right, leak, pivots):
     """Take states out of a chain, the last one first, without a subtraction (Grassmann, Taksar, Heyman 1985).
 
@@ -115,7 +115,7 @@ def eliminate(band, right, leak, pivots):
             leak[i] += factor * leak[k]
 
 
-@loop
+@loop(vectors=True)
 def substitute(band, right, pivots):
     """Write the solution into ``right``, after the elimination."""
     n, m = right.shape

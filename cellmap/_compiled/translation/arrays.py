@@ -114,7 +114,7 @@ class Arrays:
         w.begin(body)
         act(place)
         w.write(f"store i64 {w.value(f'add nsw i64 {place}, 1')}, ptr {counter}")
-        w.jump(test)
+        w.repeat(test)
         w.begin(after)
 
     def allocated(self, shape: list[Value | Known], element: str, kept: str, zero: bool) -> Value:

@@ -49,7 +49,7 @@ class Expressions:
         function = what.function
         cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
         self._around = {**vars(builtins), **function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
-        self.writer = Writer()
+        self.writer = Writer(what.vectors)
         self.numbers = Arithmetic(self.writer, "contract" if what.contract else "")
         self.arrays = Arrays(self.writer, self.numbers, self._refusal, module.checked)
         self.kept: list[str] = []

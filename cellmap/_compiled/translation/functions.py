@@ -25,6 +25,7 @@ declare i64 @llvm.smax.i64(i64, i64)
 declare double @llvm.copysign.f64(double, double)
 declare double @llvm.pow.f64(double, double)
 """ + "".join(f"declare double @llvm.{name}.f64(double)\n" for name in ("sqrt", "floor", "log", "fabs"))
+_NO_VECTORS = '!0 = distinct !{!0, !1}\n!1 = !{!"llvm.loop.vectorize.enable", i1 false}\n'
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Module:
 
     def __init__(self, checked: bool = False) -> None:
         self.checked = checked
-        self._texts: list[str] = [_DECLARED]
+        self._texts: list[str] = [_DECLARED, _NO_VECTORS]
         self._callees: dict[Any, Callee] = {}
 
     @property

@@ -16,12 +16,16 @@ class Deferred:
         What is compiled.
     contract : bool
         Whether a product and a sum may be rounded once, together.
+    vectors : bool
+        Whether its innermost loops are long, so that it pays to compile them for vectors.
     is_inlined : bool
         Whether it becomes part of those that call it.
     """
 
-    def __init__(self, function: Callable[..., Any], contract: bool = True, is_inlined: bool = False) -> None:
-        self.function, self.contract, self.is_inlined = function, contract, is_inlined
+    def __init__(
+        self, function: Callable[..., Any], contract: bool = True, vectors: bool = False, is_inlined: bool = False
+    ) -> None:
+        self.function, self.contract, self.vectors, self.is_inlined = function, contract, vectors, is_inlined
         functools.update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:

@@ -160,7 +160,7 @@ class Statements(Expressions):
         self.condition(statement.test, body, after)
         w.begin(body)
         self._inside(statement.body, test, after)
-        w.jump(test)
+        w.repeat(test)
         w.begin(after)
 
     def _inside(self, statements: list[ast.stmt], again: str, after: str) -> None:
@@ -212,7 +212,7 @@ class Statements(Expressions):
         self._inside(body, again, after)
         w.begin(again)
         w.write(f"store i64 {w.value(f'add nsw i64 {place}, {width}')}, ptr {counter}")
-        w.jump(test)
+        w.repeat(test)
         w.begin(after)
 
     def _break(self, statement: ast.Break) -> None:

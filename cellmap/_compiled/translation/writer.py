@@ -6,7 +6,8 @@ from __future__ import annotations
 class Writer:
     """Lines of a function: those of its first block, in which variables get their memory, and those after."""
 
-    def __init__(self) -> None:
+    def __init__(self, vectors: bool = False) -> None:
+        self.again = "" if vectors else ", !llvm.loop !0"  # what a loop says of itself where it begins again
         self.first: list[str] = []
         self.lines: list[str] = []
         self.ended = False  # nothing runs that would be written now
@@ -49,6 +50,11 @@ class Writer:
     def jump(self, label: str) -> None:
         """Go on with a block."""
         self.write(f"br label %{label}")
+        self.ended = True
+
+    def repeat(self, label: str) -> None:
+        """Begin a loop again."""
+        self.write(f"br label %{label}{self.again}")
         self.ended = True
 
     def branch(self, condition: str, then: str, otherwise: str) -> None:
