@@ -14,9 +14,12 @@ from .._lib.threads import run_over
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import newton, stable_orbit
+from .matching import attractor_distance
+from .quasiperiodic import quasiperiodic_attractors
 from .search import check_attractors, neighbourhood_of, region_extent
 from .settling import Catalogue
 
+_FOLLOWED = 256  # periods in which an orbit comes to the invariant curve in the place of another
 _REACH = 0.1  # of the extent: an orbit that is found farther away is another one
 
 
@@ -24,12 +27,13 @@ _REACH = 0.1  # of the extent: an orbit that is found farther away is another on
 def continue_attractors(
     point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64] | None = None
 ) -> tuple[Attractor, ...]:
-    """Return the periodic attractors of a map near those of a map with slightly different parameters.
+    """Return the periodic and quasi-periodic attractors of a map near those of one with slightly different parameters.
 
-    Newton's method starts from where each attractor was.  The orbits that it finds count if their multipliers lie
-    inside the unit circle, and get trapping regions of their own.  Attractors that have vanished or lost their
-    stability, and those that are not periodic, are left out: a search for attractors with the others as known ones
-    finds what has taken their place.
+    Newton's method starts from where each periodic attractor was.  The orbits that it finds count if their multipliers
+    lie inside the unit circle, and get trapping regions of their own.  From a point of each quasi-periodic attractor an
+    orbit is followed to an invariant curve nearby.  Attractors that have vanished or lost their stability, and those
+    that are chaotic or sticking sets, are left out: a search for attractors with the others as known ones finds what
+    has taken their place.
 
     Parameters
     ----------
@@ -56,7 +60,8 @@ def continue_attractors(
     """
     check_attractors(attractors, point_map, "attractors")
     orbits = [a for a in attractors if a.neighbourhood is not None]
-    if not orbits:
+    circles = [a for a in attractors if a.circle is not None]
+    if not orbits and not circles:
         return ()
     if extent is None:
         extent = region_extent(point_map, np.concatenate([a.points for a in attractors]))
@@ -65,8 +70,8 @@ def continue_attractors(
         if lengths.shape != (point_map.dimension,) or not ((lengths > 0.0) & np.isfinite(lengths)).all():
             raise ValueError(f"extent={shown(extent)}: give {point_map.dimension} positive lengths")
         extent = lengths
-    periods = np.array([a.period for a in orbits])
-    guesses = np.array([a.points[0] for a in orbits])
+    periods = np.array([a.period for a in orbits], np.int64)
+    guesses = np.array([a.points[0] for a in orbits]).reshape(-1, point_map.dimension)
     points, settled = newton(point_map, guesses, periods, extent, _REACH, attracting=True)
     followed: dict[int, Attractor] = {}
     for k in np.flatnonzero(settled).tolist():
@@ -85,4 +90,7 @@ def continue_attractors(
         # A periodic point inside the region of another orbit is on that orbit.
         if region is not None and Catalogue.of(found, point_map).owners_of(points[k : k + 1])[0] < 0:
             found.append(replace(orbit, neighbourhood=region))
+    for before in circles:
+        near = quasiperiodic_attractors(point_map, before.points[:1], extent, _FOLLOWED, found).attractors
+        found += [now for now in near if attractor_distance(before, now, extent) <= _REACH]
     return tuple(sorted(found, key=sort_key))

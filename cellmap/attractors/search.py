@@ -18,6 +18,7 @@ from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import newton, resolution, stable_orbit
 from .chaos import chaotic_attractors
 from .equilibria import sets_of_equilibria
+from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
 
@@ -28,6 +29,7 @@ _REPRESENTATIVES = 8  # ends that are polished at a time because they lie far ap
 _LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
+_MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
 _RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
@@ -44,7 +46,8 @@ def find_attractors(
     The initial conditions are iterated.  End points that lie far apart are refined by Newton's method on the exact map,
     for the periods after which their orbits come closest to themselves.  A solution counts as an attractor if its
     Floquet multipliers lie inside the unit circle.  It gets a verified trapping region, and orbits that enter this
-    region have converged.  Orbits that never settle are tested for chaos.
+    region have converged.  Orbits that do not settle are compared with invariant curves, and those that never do are
+    tested for chaos.
 
     Parameters
     ----------
@@ -55,7 +58,8 @@ def find_attractors(
     max_periods : int, optional
         Longest orbit.
     max_period : int, optional
-        Longest period of a periodic attractor.
+        Longest period of a periodic attractor that is tried first.  Where orbits do not settle, longer ones are tried,
+        up to twice as many steps as they have made, at least 512 and at most 8192.
     attractors : sequence of Attractor, optional
         Attractors that are known already, with their trapping regions.
 
@@ -63,7 +67,7 @@ def find_attractors(
     -------
     tuple of Attractor
         Attractors in an order that does not depend on the initial conditions: fixed points, periodic, rotating,
-        sticking sets, chaotic.
+        sticking sets, quasi-periodic, chaotic.
 
     Examples
     --------
@@ -149,6 +153,8 @@ def sort_out(
         # Orbits that approach one of these rest on it in the end, and on no set of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sets_of_equilibria(point_map, others, extent, attractors)
+        if not fresh and (age >= _MATURE or not patient):
+            fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
         if not fresh:
             break
         attractors = [*attractors, *fresh]
@@ -206,6 +212,31 @@ def new_attractors(
         if found:
             return found
     return []
+
+
+def curves_and_cycles(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    known: Sequence[Attractor],
+    extent: NDArray[np.float64],
+    examined: Examined,
+    age: int,
+) -> list[Attractor]:
+    """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
+    found = quasiperiodic_attractors(point_map, states, extent, age, known)
+    attractors = list(found.attractors)
+    for point, period in found.cycles:
+        orbit = long_cycle(point_map, point, period, extent)
+        if orbit is None or orbit.points[0] in examined:
+            continue
+        if Catalogue.of([*known, *attractors], point_map).owners_of(orbit.points[:1])[0] >= 0:
+            continue
+        neighbourhood = neighbourhood_of(point_map, orbit, extent)
+        if neighbourhood is None:
+            examined.refuse(orbit.points)
+        else:
+            attractors.append(replace(orbit, neighbourhood=neighbourhood))
+    return attractors
 
 
 @dataclass(eq=False)

@@ -240,7 +240,7 @@ def _seeds(memory: Mapping[int, Attractor], extent: NDArray[np.float64]) -> NDAr
 
 def _light(attractor: Attractor) -> Attractor:
     """Return an attractor with no more points than are needed to find it again."""
-    if attractor.kind is not Kind.CHAOTIC:
+    if attractor.kind not in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
         return attractor
     return replace(attractor, points=thinned(attractor.points, _KEPT), cover=None)
 

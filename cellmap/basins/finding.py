@@ -57,7 +57,8 @@ def find_basins(
     max_periods : int, optional
         Periods after which an initial condition whose orbit has not settled is undecided.
     max_period : int, optional
-        Longest period of a periodic attractor.
+        Longest period of a periodic attractor that is tried first.  Where orbits do not settle, longer ones are tried,
+        up to twice as many steps as they have made, at least 512 and at most 8192.
     attractors : sequence of Attractor, optional
         Attractors that are known already, with their trapping regions.
     progress : bool, optional

@@ -258,7 +258,7 @@ class LiveBasins:
                 self._memory = {k: carry(a) for k, a in self._memory.items()}
             before = {k: carry(a) for k, a in before.items()}
         found = continue_attractors(point_map, tuple(before.values()), self._extent) if before else ()
-        regular = [a for a in before.values() if a.neighbourhood is not None]
+        regular = [a for a in before.values() if a.neighbourhood is not None or a.circle is not None]
         if len(found) < len(regular):
             seeds = np.concatenate([thinned(a.points, _SEEDS) for a in regular])
             found = find_attractors(point_map, seeds, *self._limits, attractors=found)

@@ -136,7 +136,7 @@ class Run:
             small = self.client is None and isinstance(self.store, InMemory)
             size, horizon = _IN_A_TILE if small else CHUNK, min(_PATIENCE, self.max_periods)
             now = Progress(tuple(known), examined, Rows(total), (), horizon, size=size)
-            if self.order and known and all(a.neighbourhood is not None for a in known):
+            if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(replace(now, tiles=tuple(self.order[0])))
             tiles = tuple(tile for group in self.order for tile in group) or None
@@ -246,7 +246,7 @@ class Run:
 
     def _unsettled(self, attractors: Sequence[Attractor]) -> Rows:
         """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""
-        if any(a.neighbourhood is None for a in attractors):
+        if any(not a.verified for a in attractors):
             return Rows(len(self.initial_conditions))
         return self.store.where(lambda labels: labels < 0)
 

@@ -11,6 +11,9 @@ import numpy as np
 from .._lib.sealed import array_of, get_number, get_text, put_text
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
+from ..orbits.invariant_circle import InvariantCircle
+
+_SAMPLED = (Kind.CHAOTIC, Kind.EQUILIBRIA, Kind.QUASIPERIODIC)  # kinds of which the points are a sample
 
 
 def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None:
@@ -30,7 +33,7 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     group.attrs.update(period=attractor.period, turns=attractor.rotations)
     for name in ("points", "multipliers", "exponents"):
         group[name] = getattr(attractor, name)
-    for part in ("neighbourhood", "cover"):
+    for part in ("neighbourhood", "cover", "circle"):
         record = getattr(attractor, part)
         if record is not None:
             for field in dataclasses.fields(record):
@@ -41,7 +44,7 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
 def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> Attractor:
     d = len(coordinates)
     kind, period = Kind(get_text(group, "kind")), get_number(group, "period")
-    points = array_of(group, "points", np.float64, (None if kind in (Kind.CHAOTIC, Kind.EQUILIBRIA) else period, d))
+    points = array_of(group, "points", np.float64, (None if kind in _SAMPLED else period, d))
     if not len(points) or not np.isfinite(points).all():
         raise ValueError(f"{group.name} has no points")
     neighbourhood, cover = None, None
@@ -59,6 +62,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
             boxes,
             array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
         )
+    circle = _read_circle(group, d) if "circle" in group else None
     rotations = group.attrs["turns"]
     if np.shape(rotations) != (d,) or rotations.dtype.kind != "i":
         raise ValueError(f"{group.name} has the rotations {rotations}")
@@ -72,4 +76,18 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         coordinates=coordinates,
         neighbourhood=neighbourhood,
         cover=cover,
+        circle=circle,
+    )
+
+
+def _read_circle(group: h5py.Group, d: int) -> InvariantCircle:
+    coefficients = array_of(group, "circle/coefficients", np.complex128, (None, d, None))
+    if not len(coefficients) or coefficients.shape[-1] % 2 == 0:
+        raise ValueError(f"{group.name} has Fourier coefficients of shape {coefficients.shape}")
+    numbers = ("frequency", "frequency_error", "invariance_error", "cycle_period")
+    return InvariantCircle(
+        coefficients=coefficients,
+        rotation_numbers=array_of(group, "circle/rotation_numbers", np.float64, (d,)),
+        rotation_errors=array_of(group, "circle/rotation_errors", np.float64, (d,)),
+        **{name: float(array_of(group, f"circle/{name}", np.float64, ())) for name in numbers},
     )

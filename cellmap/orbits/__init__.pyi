@@ -7,6 +7,7 @@ from .covariant import CovariantVectors as CovariantVectors
 from .covariant import covariant_vectors as covariant_vectors
 from .exponent_fields import ExponentField as ExponentField
 from .exponent_fields import finite_time_exponents as finite_time_exponents
+from .invariant_circle import InvariantCircle as InvariantCircle
 from .lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from .periodic_orbit import OrbitKind as OrbitKind

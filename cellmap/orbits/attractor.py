@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import Coordinate
+from .invariant_circle import InvariantCircle
 
 
 class Kind(StrEnum):
@@ -25,6 +26,8 @@ class Kind(StrEnum):
     """Rotating (running) solution: periodic up to full rotations of an angle, which increases or decreases for ever."""
     EQUILIBRIA = "equilibria"
     """Sticking set, a continuum of equilibria: dry friction keeps the state at each of its points."""
+    QUASIPERIODIC = "quasi-periodic"
+    """Invariant circle: closed curves on which no orbit ever closes, such as a limit cycle seen by a time-T map."""
     CHAOTIC = "chaotic"
 
 
@@ -50,7 +53,7 @@ class Neighbourhood:
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Boxes that a chaotic attractor visits, or that contain a sticking set.
+    """Boxes that a chaotic attractor visits, or that contain a sticking set or lie in the tube around invariant curves.
 
     Parameters
     ----------
@@ -60,7 +63,7 @@ class Cover:
         Whole-number places of the boxes, sorted.
     certain : ndarray of bool, shape (number,), or None
         For equilibria, the boxes that hold nothing else, or only orbits that approach them; in the others an orbit
-        belongs to the set if it rests.
+        belongs to the set if it rests.  All boxes of the tube around invariant curves, in which orbits approach them.
     """
 
     lower: NDArray[np.float64]
@@ -81,24 +84,27 @@ class Attractor:
     Parameters
     ----------
     kind : Kind
-        Fixed point, periodic, rotating, equilibria (a sticking set) or chaotic.
+        Fixed point, periodic, rotating, equilibria (a sticking set), quasi-periodic or chaotic.
     period : int
-        Period in steps of the map; 0 for a chaotic attractor.
+        Period in steps of the map; 0 for a quasi-periodic or chaotic attractor.
     points : ndarray, shape (period, dimension)
         Its points in the order of the orbit, angles wrapped; for a chaotic attractor a sample of an orbit, for a
-        sticking set a sample of its equilibria.
+        sticking set a sample of its equilibria, for invariant curves points in their order along each.
     rotations : tuple of int
         Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are not angles.
     multipliers : ndarray of complex, shape (dimension,)
-        Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a chaotic attractor.
+        Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a quasi-periodic or
+        chaotic attractor.
     exponents : ndarray, shape (dimension,) or (1,)
         Lyapunov exponents per step of the map.
     neighbourhood : Neighbourhood or None
         Verified trapping region around a periodic attractor.
     cover : Cover or None
-        Boxes that contain a chaotic attractor or a sticking set.
+        Boxes that contain a chaotic attractor or a sticking set, or verified boxes around invariant curves.
     coordinates : tuple of Coordinate
         Names and units.
+    circle : InvariantCircle or None
+        Curves of a quasi-periodic attractor, with its rotation number and, for a limit cycle, its period in time.
     """
 
     kind: Kind
@@ -110,10 +116,20 @@ class Attractor:
     coordinates: tuple[Coordinate, ...]
     neighbourhood: Neighbourhood | None = None
     cover: Cover | None = None
+    circle: InvariantCircle | None = None
+
+    @property
+    def verified(self) -> bool:
+        """Whether no orbit leaves its trapping region: ellipsoids, or boxes all of which are certain."""
+        return self.neighbourhood is not None or (
+            self.cover is not None and self.cover.certain is not None and bool(self.cover.certain.all())
+        )
 
     @property
     def rotation_number(self) -> tuple[float, ...]:
         """Rotation number: full rotations of each coordinate per step of the map; NaN for angles if chaotic."""
+        if self.circle is not None:
+            return tuple(self.circle.rotation_numbers.tolist())
         if not self.period:
             return tuple(np.nan if c.is_angle else 0.0 for c in self.coordinates)
         return tuple(t / self.period for t in self.rotations)
@@ -127,6 +143,11 @@ class Attractor:
             return f"fixed point ({_place(self.points[0], self.coordinates)})"
         if self.kind is Kind.EQUILIBRIA:
             return f"equilibria around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
+        if self.circle is not None:
+            if np.isfinite(self.circle.cycle_period):
+                return f"limit cycle, period {self.circle.cycle_period:.6g} in time"
+            curves = len(self.circle.coefficients)
+            return f"quasi-periodic, rotation number {self.circle.frequency:.6g}" + f", {curves} curves" * (curves > 1)
         text = f"{self.kind}, period {self.period}"
         for t in self.rotations:
             if t:
@@ -136,6 +157,10 @@ class Attractor:
     def __repr__(self) -> str:
         if self.kind is Kind.CHAOTIC:
             return f"Attractor(chaotic, largest exponent {self.exponents[0]:.4g})"
+        if self.circle is not None:
+            return (
+                f"Attractor({self.name}, largest exponent {self.exponents[0]:.2g}, {self.exponents[-1]:.4g} the least)"
+            )
         place = ", ".join(f"{v:.6g}" for v in self.points[0])
         return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g})"
 

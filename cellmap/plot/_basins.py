@@ -87,11 +87,12 @@ def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray
 
 
 def _mark_attractors(ax: Axes, basins: Basins, wide: list[int]) -> None:
-    """Draw the points of attractors that lie in the window; a chaotic attractor as a cloud."""
+    """Draw the points of attractors that lie in the window; a chaotic or quasi-periodic one as a cloud."""
     for attractor in basins.attractors:
         places = attractor.points[:, wide]
-        if attractor.kind is Kind.CHAOTIC:
-            ax.plot(*places.T, ",", color="black", alpha=0.5, scalex=False, scaley=False)
+        if attractor.kind in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
+            alpha = 0.5 if attractor.kind is Kind.CHAOTIC else 1.0
+            ax.plot(*places.T, ",", color="black", alpha=alpha, scalex=False, scaley=False)
             continue
         for k, j in enumerate(wide):
             turn = basins.coordinates[j].period

@@ -101,12 +101,12 @@ def _palette(continuation: BasinContinuation, colours: Mapping[int, Any] | None)
 
 
 def _draw_attractors(ax: Axes, continuation: BasinContinuation, column: int, palette: Mapping[int, Colour]) -> None:
-    """Draw a coordinate of the attractors' points in the colours of their basins; a chaotic attractor as a cloud."""
+    """Draw a coordinate of the points of attractors in the colours of their basins; chaotic ones as a cloud."""
     drawn: dict[tuple[int, str], list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
     for value, found in zip(continuation.values, continuation.attractors, strict=True):
         for label, attractor in found.items():
             places = attractor.points[:, column]
-            marker = "," if attractor.kind is Kind.CHAOTIC else "."
+            marker = "," if attractor.kind in (Kind.CHAOTIC, Kind.QUASIPERIODIC) else "."
             drawn.setdefault((label, marker), []).append((np.full(len(places), value), places))
     heights = [places for pieces in drawn.values() for _, places in pieces]
     for (label, marker), pieces in drawn.items():

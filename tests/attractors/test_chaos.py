@@ -177,10 +177,6 @@ NOT_CHAOTIC = {
         (angle("a"), angle("b")),
         ((-pi, -pi), (pi, pi)),
     ),
-    # An invariant circle (delayed logistic map, Aronson et al. 1982): attracting, with the exponent 0.
-    "invariant circle": (lambda x, p: (2.05 * x[0] * (1 - x[1]), x[0]), ("x", "y"), ((0.3, 0.3), (0.6, 0.6))),
-    # A rigid rotation.
-    "rotation": (lambda x, p: (x[0] + 1.0,), (angle("a"),), ((-pi,), (pi,))),
     # Convergence like 1/n to a fixed point with the multiplier 1.
     "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), ((-0.5,), (0.5,))),
 }
@@ -193,6 +189,23 @@ def test_undecided_rather_than_chaotic(name):
     basins = find_basins(discrete_map(function, {}, coordinates), grid, max_periods=300)
     assert basins.attractors == ()
     assert (basins.labels == Label.UNDECIDED).all()
+
+
+@pytest.mark.parametrize(
+    ("function", "coordinates", "window"),
+    [
+        # An invariant circle (delayed logistic map, Aronson et al. 1982): attracting, with the exponent 0.
+        (lambda x, p: (2.05 * x[0] * (1 - x[1]), x[0]), ("x", "y"), ((0.3, 0.3), (0.6, 0.6))),
+        # A rigid rotation: the whole circle.
+        (lambda x, p: (x[0] + 1.0,), (angle("a"),), ((-pi,), (pi,))),
+    ],
+    ids=["invariant circle", "rotation"],
+)
+def test_quasi_periodic_rather_than_chaotic(function, coordinates, window):
+    grid = CellGrid(*window, (8,) * len(coordinates))
+    basins = find_basins(discrete_map(function, {}, coordinates), grid, max_periods=300)
+    assert [a.kind for a in basins.attractors] == [Kind.QUASIPERIODIC]
+    assert (basins.labels == 0).all()
 
 
 def test_chaotic_transient_that_ends_is_no_attractor():

@@ -110,8 +110,11 @@ def test_period_is_that_of_a_plain_iteration(r, period):
     assert a.multipliers[0] == pytest.approx(np.prod([r * (1 - 2 * x) for x in cycle]), abs=1e-7)
 
 
-def test_cycle_longer_than_allowed_is_not_found():
-    assert find_attractors(logistic(3.5), LINE, max_periods=300, max_period=3) == ()
+@pytest.mark.parametrize(("r", "period"), [(3.5, 4), (3.56, 8), (3.84, 3), (3.6276, 6)])
+def test_longer_cycles_than_those_tried_first_are_found(r, period):
+    """Periods beyond max_period are tried when orbits have not settled."""
+    (attractor,) = find_attractors(logistic(r), LINE, max_periods=600, max_period=2)
+    assert attractor.period == period
 
 
 @pytest.mark.parametrize("rotations", [-2, -1, 0, 1, 3])
@@ -319,7 +322,13 @@ def test_known_attractors_are_kept(search):
 
 def test_map_without_attractors():
     assert find_attractors(discrete_map(lambda x, p: (2 * x[0],), {}, ("x",)), LINE) == ()
-    assert find_attractors(circle(0.381966, 0.5), CIRCLE, max_periods=300) == ()
+    assert find_attractors(discrete_map(lambda x, p: (1 - 2 * abs(x[0]) + 2.0,), {}, ("x",)), LINE) == ()
+
+
+def test_irrational_rotation_is_an_attractor():
+    """The whole circle."""
+    (attractor,) = find_attractors(circle(0.381966, 0.5), CIRCLE, max_periods=300)
+    assert attractor.kind is Kind.QUASIPERIODIC
 
 
 @pytest.mark.parametrize("rate", [1.0, 1.5, 2.0 / 3.0])

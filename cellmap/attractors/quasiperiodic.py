@@ -1,0 +1,182 @@
+"""Quasi-periodic attractors: invariant circles of maps, and limit cycles of autonomous systems under time-T maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference
+from ..maps.orbit_batch import Orbits
+from ..maps.poincare import check_unforced, flow_map
+from ..maps.point_map import PointMap, follow
+from ..maps.stroboscopic import Stroboscopic
+from ..maps.system import ForcedSystem
+from ..orbits.attractor import Attractor, Kind
+from ..orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size, fitted_circle, measured
+from ..orbits.newton import newton, stable_orbit
+from .boxes import inside_cover
+from .chaos import lyapunov_exponents
+from .tube import DENSE, Curves, cover_of_tube, verified_tube
+
+_ORBITS = 4  # tried in one look
+_EXPONENT_PERIODS = 500
+_ZERO = 0.01  # largest size of an exponent that may be zero
+_GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
+_CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
+_TURNS = 64  # of a limit cycle in one step, at most
+_SAMPLE = 512  # points of an attractor that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Quasi-periodic attractors, and cycles that orbits turned out to be on or near: a point and a period of each."""
+
+    attractors: list[Attractor]
+    cycles: list[tuple[NDArray[np.float64], int]]
+
+
+def quasiperiodic_attractors(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    extent: NDArray[np.float64],
+    age: int,
+    known: Sequence[Attractor] = (),
+) -> Found:
+    """Return the invariant circles to which orbits of some age come, verified to attract.
+
+    A few of the orbits are followed, first for as long again as they have lasted.  An orbit is quasi-periodic if a
+    Fourier series of its points satisfies the equation of invariance, its rotation number is none of the rational
+    numbers with denominators up to 512 within ten times its error, its largest Lyapunov exponent is zero within 0.01,
+    and a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
+
+    An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
+    """
+    exact = point_map.without_table
+    found = Found([], [])
+    left = states
+    for _ in range(_ORBITS):
+        if not len(left):
+            break
+        before = Orbits.starting(left[len(left) // 2][None].copy())
+        exact.advance(before, age)
+        left = np.delete(left, len(left) // 2, axis=0)
+        attractors = [*known, *found.attractors]
+        if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
+            continue
+        attractor = _attractor(exact, before.points[0], extent, age, found)
+        if attractor is not None and len(_outside(attractor.points[:1], attractors, exact)):
+            assert attractor.cover is not None
+            found.attractors.append(attractor)
+            left = left[~inside_cover(attractor.cover, left, exact)]
+    return found
+
+
+def long_cycle(
+    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> Attractor | None:
+    """Return the periodic attractor beside a point after which an orbit all but closes."""
+    solutions, settled = newton(point_map, point[None], np.array([period]), extent, attracting=True)
+    return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
+
+
+def _attractor(
+    exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, found: Found
+) -> Attractor | None:
+    system = _autonomous(exact)
+    sampled = exact
+    if system is not None:
+        s = exact.specified
+        assert isinstance(s, Stroboscopic)
+        sampled = flow_map(system, _GOLDEN * exact.period, s.rtol, s.atol, s.method, s.max_steps)
+    fitted, period = fitted_circle(sampled, state, extent, age)
+    if fitted is None:
+        if period and system is None:
+            found.cycles.append((state, period))
+        return None
+    circle = fitted.circle if system is None else _cycle(system, exact, sampled, fitted)
+    if circle is None:
+        return None
+    points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
+    curves = Curves(exact, points, _size(points, exact, extent))
+    tube = verified_tube(curves, extent, 10.0 * circle.invariance_error)
+    cover = None if tube is None else cover_of_tube(curves, tube)
+    if cover is None:
+        return None
+    exponents = np.sort(lyapunov_exponents(exact, points[0, :1], _EXPONENT_PERIODS)[0][0])[::-1]
+    if abs(exponents[0]) > _ZERO:
+        return None
+    kept = points[:, :: max(1, DENSE * len(points) // _SAMPLE)].reshape(-1, exact.dimension)
+    return Attractor(
+        Kind.QUASIPERIODIC,
+        0,
+        kept,
+        (0,) * exact.dimension,
+        np.empty(0, complex),
+        exponents,
+        exact.coordinates,
+        cover=cover,
+        circle=circle,
+    )
+
+
+def _size(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return lengths along each axis in which a tube around curves is about as wide in all directions."""
+    d = exact.dimension
+    span = np.max([curve_size(curve, exact.coordinates) for curve in points.reshape(len(points), -1, d)], axis=0)
+    return np.asarray(np.maximum(span, 0.01 * extent * (span / extent).max()))
+
+
+def _autonomous(exact: PointMap) -> ForcedSystem | None:
+    """Return the system of a stroboscopic map if its right-hand side does not depend on time."""
+    if not isinstance(exact.spec, Stroboscopic):
+        return None
+    try:
+        check_unforced(exact.spec.system)
+    except ValueError:
+        return None
+    return exact.spec.system
+
+
+def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: FittedCircle) -> InvariantCircle | None:
+    """Return a limit cycle, fitted in steps of one length, as an invariant circle of the map with steps of another.
+
+    The period of the cycle follows from the rotation number up to the whole turns in one step, either way round: that
+    period is right after which the flow has closed the orbit.
+    """
+    circle, point = fitted.circle, fitted.orbit[-1]
+    size = curve_size(fitted.orbit, exact.coordinates)
+    s = exact.specified
+    assert isinstance(s, Stroboscopic)
+    for whole in range(_TURNS):
+        for turns, forward in ((whole + circle.frequency, True), (whole + 1.0 - circle.frequency, False)):
+            period = sampled.period / turns
+            image = follow(flow_map(system, period, s.rtol, s.atol, s.method, s.max_steps), point, 1)
+            if np.abs(difference(image.points, point, exact.coordinates) / size).max() <= _CLOSED:
+                steps = exact.period / period
+                coefficients = circle.coefficients if forward else circle.coefficients[..., ::-1]
+                longer = exact.period / sampled.period
+                return measured(
+                    exact,
+                    replace(
+                        circle,
+                        frequency=steps % 1.0,
+                        frequency_error=circle.frequency_error * longer,
+                        rotation_numbers=circle.rotation_numbers * longer,
+                        rotation_errors=circle.rotation_errors * longer,
+                        coefficients=coefficients,
+                        cycle_period=period,
+                    ),
+                )
+    return None
+
+
+def _outside(states: NDArray[np.float64], known: Sequence[Attractor], point_map: PointMap) -> NDArray[np.float64]:
+    """Return the states that are in no box of a known attractor."""
+    for other in known:
+        if other.cover is not None and len(states):
+            states = states[~inside_cover(other.cover, states, point_map)]
+    return states

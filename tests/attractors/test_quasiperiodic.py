@@ -1,0 +1,248 @@
+"""Quasi-periodic attractors: invariant curves, rotation numbers, limit cycles of autonomous systems."""
+
+from __future__ import annotations
+
+from math import asin, cos, pi, sin
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, plot, stroboscopic_map
+from cellmap.attractors import continue_attractors
+from cellmap.attractors.labels import Label
+from cellmap.basins import continue_basins
+from cellmap.maps import flow_map
+from cellmap.orbits import Kind
+
+mpl.use("Agg")
+
+
+def delayed_logistic(x, p):
+    return p.a * x[0] * (1 - x[1]), x[0]
+
+
+def torque_rhs(t, x, p):
+    theta, v = x
+    return v, p.torque - p.damping * v - p.k * sin(theta)
+
+
+def van_der_pol(t, x, p):
+    return x[1], p.mu * (1 - x[0] ** 2) * x[1] - x[0] + p.force * cos(p.omega * t)
+
+
+def sine_circle(x, p):
+    """Circle map of Arnold with a contracting coordinate."""
+    return x[0] + p.shift - p.k / (2 * pi) * sin(2 * pi * x[0]), 0.5 * x[1] + 0.2 * cos(2 * pi * x[0])
+
+
+LOGISTIC = discrete_map(delayed_logistic, {"a": 2.1}, ("x", "y"))
+UNIT = CellGrid((0, 0), (1, 1), (40, 40))
+TORQUE = ForcedSystem(torque_rhs, {"torque": 0.5, "damping": 0.1, "k": 1.0}, 1.0, (angle("theta"), "v"))
+VAN_DER_POL = ForcedSystem(van_der_pol, {"mu": 1.0, "force": 0.0, "omega": 1.6}, lambda p: 2 * pi / p.omega, ("x", "v"))
+VAN_DER_POL_PERIOD = 6.6632868593231301897
+"""At mu = 1, to 20 digits: Amore, Boyd, Fernandez, Physics Letters A 382 (2018) 3293 (and others before)."""
+CIRCLE = discrete_map(sine_circle, {"shift": 0.6, "k": 0.9}, (angle("u", period=1.0), "r"))
+STRIP = CellGrid((-0.5, -1), (0.5, 1), (12, 12))
+
+
+def turns_about_the_fixed_point(a: float, periods: int) -> np.ndarray:
+    """Turns of the delayed logistic map's orbit about its fixed point, step by step, in plain Python."""
+    x = y = 1 - 1 / a + 0.1
+    centre, angles = 1 - 1 / a, []
+    for n in range(periods + 2000):
+        x, y = a * x * (1 - y), x
+        if n >= 2000:
+            angles.append(np.arctan2(y - centre, x - centre))
+    steps = np.diff(angles) / (2 * pi)
+    return steps - np.round(steps)
+
+
+@pytest.fixture(scope="module")
+def logistic_basins():
+    return find_basins(LOGISTIC, UNIT)
+
+
+# --- invariant curves
+
+
+def test_rotation_number_of_the_delayed_logistic_map(logistic_basins):
+    """To 8 digits, against the turns of a long orbit: their weighted mean, and the plain one, whose error is 1/n."""
+    (attractor,) = logistic_basins.attractors
+    assert attractor.kind is Kind.QUASIPERIODIC
+    steps = turns_about_the_fixed_point(2.1, 30_000)
+    t = np.arange(1, len(steps) + 1) / (len(steps) + 1)
+    weights = np.exp(-1 / (t * (1 - t)))
+    witness = abs(weights @ steps / weights.sum())
+    assert abs(abs(steps.mean()) - witness) < 1 / len(steps)
+    frequency = attractor.circle.frequency
+    assert min(abs(frequency - witness), abs(1 - frequency - witness)) < 1e-9 * witness
+    assert attractor.circle.frequency_error < 1e-10
+
+
+@pytest.mark.parametrize("a", [2.02, 2.1, 2.15])
+def test_nothing_undecided_on_invariant_curves(a):
+    """Beyond its Neimark-Sacker bifurcation at a = 2 every bounded orbit comes to the curve."""
+    basins = find_basins(LOGISTIC.with_params(a=a), UNIT)
+    assert [b.kind for b in basins.attractors] == [Kind.QUASIPERIODIC]
+    assert not (basins.labels == Label.UNDECIDED).any()
+    exponents = basins.attractors[0].exponents
+    assert abs(exponents[0]) < 0.01
+    assert exponents[1] < -0.01
+
+
+def test_curve_is_invariant_where_its_record_says_so(logistic_basins):
+    """The map takes K(phase) to K(phase + frequency), at phases that the fit has not seen."""
+    circle = logistic_basins.attractors[0].circle
+    phases = np.random.default_rng(0).uniform(size=500)
+    here = circle.points(phases, LOGISTIC.coordinates)[0]
+    there = circle.points((phases + circle.frequency) % 1.0, LOGISTIC.coordinates)[0]
+    assert np.abs(LOGISTIC(here) - there).max() < 1e-10
+    assert circle.invariance_error < 1e-10
+
+
+def test_trapping_region_attracts(logistic_basins):
+    """Random points of the boxes of the tube come to the curve."""
+    (attractor,) = logistic_basins.attractors
+    cover, rng = attractor.cover, np.random.default_rng(1)
+    chosen = cover.boxes[rng.integers(len(cover.boxes), size=2000)]
+    ends = LOGISTIC.iterate(cover.lower + (chosen + rng.uniform(size=chosen.shape)) * cover.widths, 400).points
+    curve = attractor.circle.points(np.arange(20_000) / 20_000, LOGISTIC.coordinates)[0]
+    nearest = np.array([np.linalg.norm(curve - end, axis=1).min() for end in ends])
+    assert nearest.max() < 1e-4
+    assert attractor.verified
+
+
+def test_curves_that_the_map_permutes():
+    """A coordinate that alternates between two values makes two curves of one: the map goes from each to the other."""
+
+    def alternating(x, p):
+        return (*delayed_logistic(x, p), -x[2] - 0.25 * (x[2] - x[2] ** 3))
+
+    one = find_attractors(LOGISTIC, [[0.3, 0.4]])[0].circle
+    two = find_attractors(discrete_map(alternating, {"a": 2.1}, ("x", "y", "s")), [[0.3, 0.4, 0.8]])[0].circle
+    assert len(two.coefficients) == 2
+    assert two.frequency == pytest.approx(2 * one.frequency, abs=1e-9)
+
+
+def test_forced_oscillator_outside_its_tongue():
+    """A weakly forced van der Pol oscillator: one circle, nothing undecided, one exponent zero."""
+    basins = find_basins(stroboscopic_map(VAN_DER_POL.with_params(force=0.5)), CellGrid((-3, -4), (3, 4), (12, 12)))
+    (attractor,) = basins.attractors
+    assert attractor.kind is Kind.QUASIPERIODIC
+    assert (basins.labels == 0).all()
+    assert np.isnan(attractor.circle.cycle_period)
+
+
+# --- what is not quasi-periodic
+
+
+def shift_of_cycle(turns: int, period: int) -> float:
+    """The parameter at which the critical circle map has a superstable cycle, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle, u = 0.5 * (low + high), 0.0
+        for _ in range(period):
+            u += middle - sin(2 * pi * u) / (2 * pi)
+        low, high = (middle, high) if u < turns else (low, middle)
+    return middle
+
+
+@pytest.mark.parametrize(("turns", "period"), [(5, 8), (21, 89), (13, 200)])
+def test_locked_cycles_are_periodic(turns, period):
+    """Superstable cycles of the critical circle map, longer than the periods that are tried first."""
+    locked = CIRCLE.with_params(shift=shift_of_cycle(turns, period), k=1.0)
+    (attractor,) = find_attractors(locked, [[0.1, 0.2], [0.3, -0.5]])
+    assert (attractor.kind, attractor.period, attractor.rotations[0]) == (Kind.ROTATING, period, turns)
+
+
+def test_between_tongues_it_is_quasi_periodic():
+    """An irrational rotation number, that of a long orbit."""
+    (attractor,) = find_attractors(CIRCLE.with_params(shift=0.6066), [[0.1, 0.2]])
+    steps, u = [], 0.1
+    for _ in range(20_000):
+        steps.append(0.6066 - 0.9 / (2 * pi) * sin(2 * pi * u))
+        u += steps[-1]
+    t = np.arange(1, len(steps) + 1) / (len(steps) + 1)
+    weights = np.exp(-1 / (t * (1 - t)))
+    assert attractor.rotation_number[0] == pytest.approx(weights @ np.array(steps) / weights.sum(), abs=1e-9)
+    assert attractor.rotation_number[1] == 0.0
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        lambda x, p: (x[0] + x[1] + 0.5 * sin(x[0]), x[1] + 0.5 * sin(x[0])),  # islands, which attract nothing
+        lambda x, p: (0.99999 * (0.6 * x[0] - 0.8 * x[1]), 0.99999 * (0.8 * x[0] + 0.6 * x[1])),  # a slow spiral
+    ],
+    ids=["conservative", "slow"],
+)
+def test_curves_that_do_not_attract(rule):
+    """No attractor of this kind where orbits stay on curves of their own, or creep inwards."""
+    found = find_attractors(discrete_map(rule, {}, ("x", "y")), [[0.5, 0.3], [-0.3, 0.9]], max_periods=300)
+    assert all(a.kind is not Kind.QUASIPERIODIC for a in found)
+
+
+def test_chaos_is_chaos():
+    """At a = 2.27 the curve of the delayed logistic map has broken up."""
+    (attractor,) = find_attractors(LOGISTIC.with_params(a=2.27), [[0.5, 0.4]])
+    assert attractor.kind is Kind.CHAOTIC
+
+
+# --- limit cycles of autonomous systems
+
+
+def test_pendulum_with_constant_torque():
+    """Fractions 0.152 and 0.848 of Stender and Hoffmann, Nonlinear Dynamics 107 (2022) 1451, and SciPy's period."""
+    places = CellGrid((-pi + asin(0.5), -10), (pi + asin(0.5), 10), (150, 150))
+    basins = find_basins(flow_map(TORQUE, 2 * pi), places)
+    assert [round(f.share, 5) for f in basins.fractions.values()] == [0.15227, 0.84773]
+    cycle = basins.attractors[1]
+
+    state, times = [0.0, 5.0], []
+    for target in (2 * pi * 200, 2 * pi * 201):
+
+        def arrived(t, y, target=target):
+            return y[0] - target
+
+        arrived.terminal = True
+        times.append(solve_ivp(TORQUE.fun, (0, 600), state, "DOP853", events=arrived, rtol=1e-12, atol=1e-12).t[-1])
+    assert cycle.circle.cycle_period == pytest.approx(times[1] - times[0], rel=1e-8)
+    assert cycle.rotation_number[0] == pytest.approx(2 * pi / (times[1] - times[0]), rel=1e-8)
+
+
+def test_swing_equation():
+    """A generator that loses synchrony rotates for ever; nothing is undecided."""
+    basins = find_basins(
+        stroboscopic_map(TORQUE.with_params(torque=1.0, k=8.0)), CellGrid((-pi, -12), (pi, 12), (30, 30))
+    )
+    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT, Kind.QUASIPERIODIC]
+    assert not (basins.labels < 0).any()
+
+
+@pytest.mark.parametrize("step", [2 * pi, VAN_DER_POL_PERIOD, VAN_DER_POL_PERIOD / 3, 5 * VAN_DER_POL_PERIOD / 7])
+def test_limit_cycle_under_any_sampling_time(step):
+    """The same cycle and its true period, also where the samples close after one, three or seven steps."""
+    (attractor,) = find_basins(flow_map(VAN_DER_POL, step), CellGrid((-3, -4), (3, 4), (10, 10))).attractors
+    assert attractor.kind is Kind.QUASIPERIODIC
+    assert attractor.circle.cycle_period == pytest.approx(VAN_DER_POL_PERIOD, rel=1e-8)
+
+
+# --- everything around
+
+
+def test_followed_over_parameters(logistic_basins):
+    """From one parameter to the next, by itself and with its basin; beyond a = 2 there is no such attractor."""
+    (now,) = continue_attractors(LOGISTIC.with_params(a=2.11), logistic_basins.attractors)
+    again = find_attractors(LOGISTIC.with_params(a=2.11), [[0.5, 0.4]])[0]
+    assert now.circle.frequency == pytest.approx(again.circle.frequency, abs=1e-9)
+    assert continue_attractors(LOGISTIC.with_params(a=1.95), logistic_basins.attractors) == ()
+    followed = continue_basins(LOGISTIC, "a", [2.1, 2.11, 2.12], CellGrid((0, 0), (1, 1), (12, 12)))
+    assert [list(a) for a in followed.attractors] == [[0]] * 3
+    assert plot.draw(followed) is not None
+
+
+def test_drawn(logistic_basins):
+    assert plot.basins(logistic_basins).get_xlabel() == "x"
+    assert "quasi-periodic, rotation number 0.156106" in logistic_basins.label_name(0)
