@@ -179,7 +179,8 @@ REASONS = {
         (-pi, pi),
         Reason.CONSERVATIVE,
     ),
-    "slow rotation": (lambda x, p: (x[0] + 1.0,), (angle("a"),), (-pi, pi), Reason.REGULAR),
+    # Each orbit on a circle of its own.
+    "rotation": (lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), ("x", "y"), (-1, 1), Reason.REGULAR),
     "half a turn": (lambda x, p: (x[0] + pi,), (angle("a"),), (-pi, pi), Reason.PERIODIC),
     "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.REGULAR),
 }
