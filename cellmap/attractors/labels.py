@@ -23,14 +23,16 @@ class Label(IntEnum):
     """It did not return to the Poincaré section."""
     UNLABELLED = -5
     """The call ended before the initial condition was labelled, as its limit of time or a cancellation asked for."""
+    OUT_OF_STEPS = -6
+    """The integrator did not reach the end of a period, or any correct digit, with the largest number of steps."""
 
 
-LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower() for k in Label}
+LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower().replace("_", " ") for k in Label}
 """Names of the labels that are not attractors."""
 
 LABELS_OF = np.full(max(Status) + 1, Label.UNDECIDED, np.int64)
 """Labels of orbits that have come to no attractor, by their status."""
-for _name in ("ESCAPED", "DIVERGED", "NO_RETURN"):
+for _name in ("ESCAPED", "DIVERGED", "NO_RETURN", "OUT_OF_STEPS"):
     LABELS_OF[Status[_name]] = Label[_name]
 
 

@@ -4,6 +4,7 @@ from .certification.certifying import certify as certify
 from .continuation import continue_basins as continue_basins
 from .continuation_record import BasinContinuation as BasinContinuation
 from .continuation_record import ContinuationInterrupt as ContinuationInterrupt
+from .doubts import UnsettledWarning as UnsettledWarning
 from .finding import find_basins as find_basins
 from .live import LiveBasins as LiveBasins
 from .live import LiveFrame as LiveFrame

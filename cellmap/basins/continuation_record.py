@@ -44,7 +44,8 @@ class BasinContinuation:
         Values of the parameter in the order in which they were taken, in its unit.
     labels : tuple of int, length m
         Labels of all attractors that were found, from 0 in the order of their first appearance, then the negative
-        labels that occur: -1 (escaped), -2 (diverged), -3 (undecided), -4 (did not return).
+        labels that occur: -1 (escaped), -2 (diverged), -3 (undecided), -4 (did not return), -6 (out of
+        steps).
     counts : ndarray of int, shape (n, m)
         Number of initial conditions with each label, at each value.
     attractors : tuple of mapping of int to Attractor, length n

@@ -22,6 +22,7 @@ from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
+from .doubts import warn_of_doubts
 from .initial_conditions import Starts
 from .label_store import InMemory, LabelStore
 from .passes import Run
@@ -94,6 +95,9 @@ def find_basins(
     -----
     ToleranceWarning
         If the integrator missed its tolerance along some orbits.
+    UnsettledWarning
+        If more than 5 % of the initial conditions are undecided, escaped or out of steps, or diverge with an explicit
+        method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.
     UserWarning
         If `max_seconds` were over before all initial conditions were labelled.
 
@@ -124,7 +128,9 @@ def find_basins(
         run = Run(point_map, places, store, max_periods, max_period, client, progress, Stop(limit))
         for _ in run.tiles(attractors):
             pass
-        return run.result(settings, time.perf_counter() - began)
+        basins = run.result(settings, time.perf_counter() - began)
+    warn_of_doubts(basins)
+    return basins
 
 
 def _store(

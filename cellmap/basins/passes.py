@@ -80,8 +80,9 @@ class Run:
         tally, total = NOTHING if self.now is None else self.now.tally, len(self.initial_conditions)
         if tally.inaccurate:
             warn_caller(
-                f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits; loosen "
-                "rtol and atol, or allow more steps with max_steps",
+                f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits"
+                f" ({tally.inaccurate / total:.1%}){_why_inaccurate(self.point_map)}; loosen rtol and atol, or allow "
+                "more steps with max_steps",
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)
@@ -268,3 +269,9 @@ def new_numbers(used: Sequence[int], attractors: int) -> NDArray[np.int16]:
 def _joined(left: Mapping[int, Orbits], tiles: int) -> Orbits | None:
     """Return the states that tiles have left in their order, None where some are missing."""
     return Orbits.joined([left[number] for number in range(tiles)]) if len(left) == tiles else None
+
+
+def _why_inaccurate(point_map: PointMap) -> str:
+    """Return the reason that the map knows, if it does."""
+    unknown = point_map.without_table.unknown_formulas
+    return f", for kinks are not located where formulas are unknown ({unknown})" if unknown else ""

@@ -56,8 +56,8 @@ class Basins:
     ----------
     labels : ndarray of int16
         For each initial condition the number of its attractor, or -1 (escaped), -2 (diverged), -3 (undecided), -4 (did
-        not return to the section), -5 (unlabelled: the call ended before); shape of the grid, or of the initial
-        conditions without their last axis.
+        not return to the section), -5 (unlabelled: the call ended before), -6 (out of steps); shape of the
+        grid, or of the initial conditions without their last axis.
     attractors : tuple of Attractor
         Attractor k has the label k.
     settling_time : ndarray of int32

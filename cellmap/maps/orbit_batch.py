@@ -30,9 +30,11 @@ class Status(IntEnum):
     """The orbit left the window of an interpolated map."""
     DIVERGED = periods.DIVERGED
     """The orbit grew beyond all bounds, or an angle reached 1e15 full rotations, where it has no phase; or the
-    right-hand side was not finite on the orbit, or no step was short enough."""
+    right-hand side was not finite on the orbit."""
     NO_RETURN = 4
     """The orbit did not return to the Poincaré section."""
+    OUT_OF_STEPS = periods.OUT_OF_STEPS
+    """After the largest number of steps the orbit was not at the end of the period, or not one digit of it correct."""
 
 
 PERIODS_AT_ONCE = 2**15

@@ -29,8 +29,10 @@ CODE_COLOURS: dict[int, str] = {
     Label.UNDECIDED: "black",
     Label.NO_RETURN: "0.24",
     Label.UNLABELLED: "white",
+    Label.OUT_OF_STEPS: "0.58",
 }
-"""Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled."""
+"""Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled, out of
+steps."""
 
 
 def colour_of(number: int) -> Colour:

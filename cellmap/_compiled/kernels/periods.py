@@ -18,7 +18,7 @@ from .calls import call_period
 from .step_numbers import DIVERGED as NOT_FINITE
 from .step_numbers import MISSED, next_rungs, sort_by_rung
 
-INACCURATE, ESCAPED, DIVERGED = 1, 2, 3
+INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
 """What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
 PROBE = 16
@@ -76,9 +76,9 @@ class Motion(NamedTuple):
 def integrate(motion, points, rotations, status, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
-    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, whose image has no right digit or
-    an angle without phase, has DIVERGED.  ``lower`` and ``turn`` are the cuts and turns of the coordinates; a turn of 0
-    leaves a coordinate as it is.
+    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, or has an angle without phase, has
+    DIVERGED; one that is finite, but not at the end of the period or without a right digit, is OUT_OF_STEPS.
+    ``lower`` and ``turn`` are the cuts and turns of the coordinates; a turn of 0 leaves a coordinate as it is.
     """
     n, d = points.shape
     starts, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
@@ -115,9 +115,10 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
                     if rungs[m] == MISSED:
                         status[k] = INACCURATE
                         if ratios[k] > motion.digit:
-                            _end(points, status, k)
+                            _end(points, status, k, OUT_OF_STEPS)
                     elif rungs[m] == NOT_FINITE:
-                        _end(points, status, k)
+                        # The ratio is infinite for one that has not arrived, and NaN where it is nowhere.
+                        _end(points, status, k, OUT_OF_STEPS if ratios[k] == np.inf else DIVERGED)
             sort_by_rung(members[:left], rungs[:left], motion.ladder.size, ordered, taken, ends)
             members, ordered = ordered, members
             first, begin = False, 0
@@ -164,7 +165,7 @@ def iterate(function, context, parameters, bound, points, rotations, status, low
                     points[k, j] = block[0, j, i]
                     inside &= abs(points[k, j]) < bound
                 if not inside:
-                    _end(points, status, k)
+                    _end(points, status, k, DIVERGED)
                 elif _wrap(points, rotations, status, k, lower, turn):
                     moving += 1
                     for j in range(d):
@@ -204,13 +205,13 @@ def _wrap(points, rotations, status, k, lower, turn):
     """Bring the angles of an orbit into their turns, or end it where one has no phase; tell whether it goes on."""
     for j in range(points.shape[1]):
         if not wrap_angle(points, rotations, k, j, lower[j], turn[j]):
-            _end(points, status, k)
+            _end(points, status, k, DIVERGED)
             return False
     return True
 
 
 @inlined
-def _end(points, status, k):
-    status[k] = DIVERGED
+def _end(points, status, k, reason):
+    status[k] = reason
     for j in range(points.shape[1]):
         points[k, j] = np.nan

@@ -1,0 +1,101 @@
+"""Warnings of basins in which many initial conditions have no attractor: how many, the likely cause, and a remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from .._lib.checks import warn_caller
+from ..attractors.labels import Label
+from ..attractors.transients import Reason
+from ..maps.orbit_batch import Orbits, Status
+from ..maps.point_map import PointMap
+from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
+from .initial_conditions import Starts
+from .record import Basins
+
+_MANY = 0.05  # fraction of the initial conditions from which there is a warning
+_TRIED = 8  # orbits that are integrated again
+_PERIODS = 4
+
+_MORE = "raise max_periods={}"
+_REMEDIES = {
+    Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
+    Reason.LATE: _MORE,
+    Reason.ENDING: _MORE,
+    Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
+    Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
+    Reason.TRANSIENT: _MORE,
+    Reason.KNOWN: _MORE,
+    Reason.VISITING: _MORE,
+}
+
+
+class UnsettledWarning(UserWarning):
+    """Many initial conditions have no attractor."""
+
+
+def warn_of_doubts(basins: Basins) -> None:
+    """Warn of each label without attractor that more than 5 % of the initial conditions carry."""
+    for message in _doubts(basins):
+        warn_caller(message, UnsettledWarning)
+
+
+def _doubts(basins: Basins) -> Iterator[str]:
+    shares = {label: f.share for label, f in basins.fractions.items() if label < 0 and f.share > _MANY}
+    if Label.UNDECIDED in shares and basins.undecided:
+        cause, count = max(basins.undecided.items(), key=lambda item: item[1])
+        examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]
+        yield (
+            f"{shares[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
+            f"{cause}; {remedy.format(basins.settings['max_periods'])}"
+        )
+    if Label.ESCAPED in shares:
+        yield (
+            f"{shares[Label.ESCAPED]:.1%} of the initial conditions escaped from the window of the interpolated map: "
+            "give it a larger grid, or outside='integrate'"
+        )
+    if Label.OUT_OF_STEPS in shares:
+        yield f"{shares[Label.OUT_OF_STEPS]:.1%} of the initial conditions are out of steps: {_stiffness(basins)[1]}"
+    if Label.DIVERGED in shares:
+        stiff, what = _stiffness(basins, Label.DIVERGED)
+        if stiff:
+            yield f"{shares[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+
+
+def _stiffness(basins: Basins, label: Label = Label.OUT_OF_STEPS) -> tuple[bool, str]:
+    """Integrate a few of the initial conditions by the method for stiff systems; tell whether that helps, and how.
+
+    Their first periods are integrated, in one of which the orbits end as a rule.
+    """
+    point_map = basins.point_map
+    spec = None if point_map is None else point_map.without_table.spec
+    if not isinstance(spec, Stroboscopic):
+        return False, "allow more with max_steps"
+    more = f"allow more than max_steps={spec.max_steps}, or loosen rtol and atol"
+    rows = np.flatnonzero(basins.labels.ravel() == label)
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, _TRIED).round().astype(int))]
+    points = Starts(basins.grid, basins.initial_conditions).points(rows)
+    arrived = np.count_nonzero(_ends(spec.build(), points) >= Status.ESCAPED)
+    if spec.system.switches is not None or spec.method == "Rosenbrock" or not arrived:
+        return False, more
+    try:
+        stiff = replace(spec, method="Rosenbrock", max_steps=max(spec.max_steps, MAX_STEPS)).build()
+    except (TypeError, ValueError):
+        return False, more
+    helped = np.count_nonzero(_ends(stiff, points) < Status.ESCAPED)
+    if 2 * helped <= len(points):
+        return False, f"{more}; method='Rosenbrock' brings {helped} of {len(points)} tried to the end"
+    return True, (
+        f"method={spec.method!r} needs too many steps for a stiff system; {helped} of {len(points)} tried reach the "
+        "end of their periods with method='Rosenbrock'" + f" and max_steps={MAX_STEPS}" * (spec.max_steps < MAX_STEPS)
+    )
+
+
+def _ends(point_map: PointMap, points: np.ndarray) -> np.ndarray:
+    """Return how the orbits of some points stand after a few periods."""
+    orbits = Orbits.starting(points.copy())
+    point_map.advance(orbits, _PERIODS)
+    return orbits.status

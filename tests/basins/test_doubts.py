@@ -1,0 +1,104 @@
+"""Basins in which many initial conditions have no attractor: how many, why, and what to change."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    angle,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    load_basins,
+    plot,
+    save_basins,
+    stroboscopic_map,
+)
+from cellmap.attractors.labels import Label
+from cellmap.basins import UnsettledWarning
+from cellmap.maps import Status
+
+
+def van_der_pol(t, x, p):
+    return x[1], p.mu * (1 - x[0] ** 2) * x[1] - x[0] + p.force * cos(p.omega * t)
+
+
+STIFF = ForcedSystem(
+    van_der_pol, {"mu": 100.0, "force": 50.0, "omega": 0.05}, lambda p: 2 * pi / p.omega, ("x", "v"), name="stiff"
+)
+GRID = CellGrid((-2, -2), (2, 2), (4, 4))
+
+
+def test_a_tame_stiff_system_as_it_comes():
+    """LSODA's value of the issue of stiffness, 2.005759, by Radau here; nothing is asked of the user."""
+    image = stroboscopic_map(STIFF, rtol=1e-7, atol=1e-7).iterate([2.0, 1.0], 1)
+    witness = solve_ivp(STIFF.fun, (0, STIFF.length), (2.0, 1.0), "Radau", rtol=1e-9, atol=1e-9).y[:, -1]
+    assert image.status == Status.OK
+    assert image.points == pytest.approx(witness, rel=1e-5)
+
+
+@pytest.mark.parametrize("steps", [64, 16384])
+def test_out_of_steps_with_an_explicit_method(steps):
+    """The remedy is seen to help before it is given."""
+    exact = stroboscopic_map(STIFF, method="DOP853", max_steps=steps, rtol=1e-6, atol=1e-6)
+    with pytest.warns(UnsettledWarning, match=r"100.0% .* 8 of 8 tried reach the end .* method='Rosenbrock'"):
+        basins = find_basins(exact, GRID, max_periods=4)
+    assert np.isin(basins.labels, (Label.OUT_OF_STEPS, Label.DIVERGED)).all()
+
+
+def test_out_of_steps_is_not_divergence(tmp_path):
+    """A fast forcing needs more steps than are allowed; the label is kept in files and has a colour."""
+
+    def rhs(t, x, p):
+        return x[1], -x[0] - 0.1 * x[1] + sin(x[0] * 40) * 300
+
+    system = ForcedSystem(rhs, {}, 20.0, ("x", "v"))
+    exact = stroboscopic_map(system, method="DOP853", max_steps=32)
+    assert (exact.iterate([[0.5, 0.1], [1.0, 3.0]], 1).status == Status.OUT_OF_STEPS).all()
+    with pytest.warns(UnsettledWarning, match=r"100.0% of the initial conditions are out of steps: allow more than"):
+        basins = find_basins(exact, GRID, max_periods=4)
+    assert (basins.labels == Label.OUT_OF_STEPS).all()
+    assert "out of steps 100 %" in repr(basins)
+    assert (load_basins(save_basins(basins, tmp_path / "b.h5")).labels == Label.OUT_OF_STEPS).all()
+    assert plot.basins(basins) is not None
+
+
+def test_true_divergence_brings_no_warning(recwarn):
+    """x' = x^2 from x > 1 reaches infinity within a period, with any method."""
+    system = ForcedSystem(lambda t, x, p: (x[0] ** 2 - x[0],), {}, 1.0, ("x",))
+    basins = find_basins(stroboscopic_map(system), CellGrid((1.0,), (9.0,), (20,)), max_periods=200)
+    assert basins.fractions[Label.DIVERGED].share > 0.9
+    assert not [w for w in recwarn if w.category is UnsettledWarning]
+
+
+def test_undecided_says_why():
+    """Nothing attracts in a conservative map."""
+    standard = discrete_map(lambda x, p: (x[0] + x[1] + 5 * sin(x[0]), x[1] + 5 * sin(x[0])), {}, map(angle, "ab"))
+    with pytest.warns(UnsettledWarning, match=r"100.0% .* undecided: .* volumes do not shrink; there is no attractor"):
+        find_basins(standard, CellGrid((-pi, -pi), (pi, pi), (8, 8)), max_periods=300)
+
+
+def test_late_orbits_ask_for_more_periods():
+    """x - x^3 comes to 0 like 1/sqrt(n)."""
+    with pytest.warns(UnsettledWarning, match="raise max_periods=300"):
+        find_basins(discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",)), [[0.3], [0.2]], max_periods=300)
+
+
+def test_escaped_orbits_ask_for_a_larger_window():
+    doubling = discrete_map(lambda x, p: (1.5 * x[0] - 0.2 * x[0] ** 3,), {}, ("x",))
+    table = interpolated_map(doubling, CellGrid((-1,), (1,), (64,)), outside="escape")
+    with pytest.warns(UnsettledWarning, match=r"escaped .* outside='integrate'"):
+        find_basins(table, CellGrid((-1,), (1,), (64,)))
+
+
+def test_few_without_attractor_bring_no_warning(recwarn):
+    """Two of 100 initial conditions diverge."""
+    cubic = discrete_map(lambda x, p: (x[0] ** 3,), {}, ("x",))
+    find_basins(cubic, CellGrid((-1.02,), (1.02,), (102,)))
+    assert not recwarn.list
