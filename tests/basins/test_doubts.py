@@ -47,7 +47,7 @@ def test_a_tame_stiff_system_as_it_comes():
 def test_out_of_steps_with_an_explicit_method(steps):
     """The remedy is seen to help before it is given."""
     exact = stroboscopic_map(STIFF, method="DOP853", max_steps=steps, rtol=1e-6, atol=1e-6)
-    with pytest.warns(UnsettledWarning, match=r"100.0% .* 8 of 8 tried reach the end .* method='Rosenbrock'"):
+    with pytest.warns(UnsettledWarning, match=r"100.0% .* 8 of 8 tried reach the end .* with method='Rosenbrock'"):
         basins = find_basins(exact, GRID, max_periods=4)
     assert np.isin(basins.labels, (Label.OUT_OF_STEPS, Label.DIVERGED)).all()
 
@@ -61,7 +61,7 @@ def test_out_of_steps_is_not_divergence(tmp_path):
     system = ForcedSystem(rhs, {}, 20.0, ("x", "v"))
     exact = stroboscopic_map(system, method="DOP853", max_steps=32)
     assert (exact.iterate([[0.5, 0.1], [1.0, 3.0]], 1).status == Status.OUT_OF_STEPS).all()
-    with pytest.warns(UnsettledWarning, match=r"100.0% of the initial conditions are out of steps: allow more than"):
+    with pytest.warns(UnsettledWarning, match=r"100.0% .* are out of steps: 8 of 8 tried .* max_steps=16384"):
         basins = find_basins(exact, GRID, max_periods=4)
     assert (basins.labels == Label.OUT_OF_STEPS).all()
     assert "out of steps 100 %" in repr(basins)
