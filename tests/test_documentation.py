@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -45,13 +46,37 @@ LONG = {
 def test_programs_run(page, tmp_path, monkeypatch):
     """From top to bottom, as one program, in an empty folder; names of an earlier block serve the later ones."""
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"__name__": "__main__"}
+    printed: dict[int, str] = {}
+
+    def kept(*values: object) -> None:
+        line = sys._getframe(1).f_lineno
+        printed[line] = f"{printed.get(line, '')} {' '.join(map(str, values))}"
+
+    names: dict[str, object] = {"__name__": "__main__", "print": kept}
     for number, text in enumerate(programs(page), 1):
         if text == SHOWN:
             names |= shown()[0]
         else:
+            printed.clear()
             exec(compile(text, f"{page.name}, program {number}", "exec"), names)
+            for line, numbers in promised(text).items():
+                found = [float(v) for v in re.findall(NUMBER, printed[line])]
+                for given in numbers:
+                    last = 10.0 ** -len(given.partition(".")[2])
+                    assert any(abs(v - float(given)) < 0.51 * last for v in found), (given, printed[line])
         plt.close("all")
+
+
+NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+
+
+def promised(text: str) -> dict[int, list[str]]:
+    """Return the numbers that a program says it prints: those of comments that begin with a number, up to a colon."""
+    found = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if comment := re.fullmatch(r" *print\(.*\) +# (-?\d[^:]*)(?::.*)?", line):
+            found[number] = re.findall(NUMBER, comment[1])
+    return found
 
 
 SHOWN, *_ = programs(ROOT / "README.md")
@@ -105,8 +130,6 @@ def test_links_lead_to_files_and_headings(page):
             continue
         name, _, heading = target.partition("#")
         other = page.parent / name if name else page
-        if "docs/_static" in str(other) or "_static" in name:
-            continue  # pictures that a study draws
         assert other.exists(), target
         if heading:
             titles = re.findall(r"^#+ (.*)$", other.read_text(encoding="utf-8"), re.MULTILINE)

@@ -226,4 +226,5 @@ def test_chaos_along_a_later_axis() -> None:
     assert [f.share for f in basins.fractions.values()] == [0.5, 0.5]
     for attractor in basins.attractors:
         assert attractor.exponents[1] == pytest.approx(np.log(0.2), rel=1e-6)
-        assert 0.45 < attractor.exponents[0] < 0.55
+        # 0.49615 +- 0.00018 from 3e6 iterates; of 16,000 the standard error is 0.0025.
+        assert attractor.exponents[0] == pytest.approx(0.49615, abs=3 * 0.0025)

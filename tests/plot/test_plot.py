@@ -11,6 +11,8 @@ from math import pi
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
 
 import systems
 from cellmap import (
@@ -372,7 +374,12 @@ def test_picture_can_be_written(pendulum, shade, tmp_path):
     for suffix in ("png", "pdf", "svg"):
         path = tmp_path / f"basins.{suffix}"
         ax.figure.savefig(path)
-        assert path.stat().st_size > 1000
+        assert path.read_bytes().startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[suffix])
+    seen = np.asarray(Image.open(tmp_path / "basins.png").convert("RGB")).reshape(-1, 3)
+    if not shade:  # every attractor's colour covers more than a legend does
+        for colour in COLOURS[: len(pendulum.attractors)]:
+            near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
+            assert near.sum() > 200
 
 
 # --- import

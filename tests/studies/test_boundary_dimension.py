@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -68,6 +69,19 @@ def test_smooth_at_4_mm_and_fractal_at_10_mm() -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path) -> None:
+def test_what_must_come_out_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     boundary_dimension.main(quick=True, output=tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["boundary_dimension.png"]
+    said = capsys.readouterr().out
+    assert "A =  0.00 mm, 1 attractors: no boundary" in said
+    rows = re.findall(r"A = +([\d.]+) mm, .*?: ([\d.]+) \+- ([\d.]+) by.*?\((.*?)\); ([\d.]+) \+- ([\d.]+) by", said)
+    found = {float(a): (float(d), float(e), verdict, float(box), float(f)) for a, d, e, verdict, box, f in rows}
+    smooth, error, verdict, box, _ = found[4.0]
+    assert verdict == "consistent with smooth"
+    assert abs(smooth - 1.0) < 3.0 * error
+    assert box == pytest.approx(1.0, abs=0.03)
+    fractal, error, verdict, box, box_error = found[10.0]
+    assert verdict == "fractal"
+    assert 1.75 - 3.0 * error < fractal < 1.83 + 3.0 * error
+    assert 1.75 - 2.0 * box_error < box < 1.83 + 2.0 * box_error
+    assert re.findall(r"stability at ([\d., ]+) mm", said) == ["12.210173", "2.329021, 12.542910"]

@@ -36,8 +36,9 @@ def test_what_must_come_out(tmp_path, capsys):
     table = [line.split("|")[1:-1] for line in (tmp_path / "cell_mappings.md").read_text().splitlines()[4:]]
     wrong = {row[0].strip(): float(row[3]) for row in table}
     found = {row[0].strip(): int(row[1]) for row in table}
-    assert wrong["simple, 1 period"] == pytest.approx(14.0, abs=4.0)
-    assert wrong["simple, 4 periods"] == pytest.approx(3.0, abs=2.5)
+    # 14 % and, with several periods, 3 % on 401 x 401 cells; here there are 200 x 150.
+    assert wrong["simple, 1 period"] == pytest.approx(14.0, rel=0.1)
+    assert wrong["simple, 1 period"] > wrong["simple, 4 periods"] > 3.0 > wrong["simple, 8 periods"]
     assert wrong["ICM 3"] < 0.5
     assert found["generalized, 1 period"] < 5 == found["generalized, 8 periods"]
     assert "method" in capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -28,7 +29,18 @@ def test_a_simulated_rod_has_the_parabola_of_the_report(film: float) -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fits_hold_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     decay.main(quick=True, output=tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["decay.png"]
-    assert "length 2 of 2, damping 2 of 2, friction 2 of 2" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    (true,) = re.findall(r"true: damping ([\d.]+), friction ([\d.]+), length ([\d.]+)", said)
+    fits = re.findall(
+        r"viscous and dry: MotionFit\(length ([\d.]+) \+- ([\d.e-]+), damping ([\d.]+) \+- ([\d.]+), "
+        r"friction ([\d.]+) \+- ([\d.]+)",
+        said,
+    )
+    assert fits
+    for length, d_length, damping, d_damping, friction, d_friction in (map(float, fit) for fit in fits):
+        assert abs(damping - float(true[0])) < 4.0 * d_damping
+        assert abs(friction - float(true[1])) < 4.0 * d_friction
+        assert abs(length - float(true[2])) < 4.0 * d_length

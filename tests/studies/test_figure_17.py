@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -91,6 +92,13 @@ def test_dots_lie_over_the_curve_of_their_rod() -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path) -> None:
+def test_what_must_come_out_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure_17.main(quick=True, output=tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["figure_17.png", "figure_17_map.png"]
+    said = capsys.readouterr().out
+    (chance,) = re.findall(r"chi-square [\d.]+ of \d+, p = ([\d.]+)", said)
+    assert float(chance) > 1e-3
+    (more,) = re.findall(r"by averaging: \+([\d.]+) %", said)
+    assert float(more) == pytest.approx(100 * 0.05**2 / 4, rel=1e-3)  # to second order in the angle
+    for ratio in re.findall(r"long over short rod at 40 Hz ([\d.]+)", said):
+        assert float(ratio) == pytest.approx((6.9 / 3.1) ** 0.5, rel=2e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -29,6 +30,11 @@ def test_what_it_computes(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path) -> None:
+def test_what_must_come_out_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure_3.main(quick=True, output=tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["figure_3.png"]
+    said = capsys.readouterr().out
+    angles = re.findall(r"theta_c at . mm: ([\d.]+) rad", said)
+    assert [float(a) for a in angles] == pytest.approx([0.927068123, 1.226427972], abs=1e-9)
+    (difference,) = re.findall(r"Kapitza's formula: ([-+\d.e]+) m", said)
+    assert float(difference) < 1e-12

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import sqrt
+import re
+from math import cosh, pi, sqrt
 from pathlib import Path
 
 import matplotlib as mpl
@@ -92,6 +93,22 @@ def test_the_dimension_at_a_tenth() -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path) -> None:
+def test_what_must_come_out_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     melnikov.main(quick=True, output=tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["melnikov.png"]
+    said = capsys.readouterr().out
+    s, d, w = 2**0.5, 0.15, 0.8333
+    critical = s / (3.0 * pi) * d * cosh(pi * w / s) / w
+    ((formula, quadrature),) = re.findall(r"critical force: ([\d.]+) by formula, ([\d.]+) by quadrature", said)
+    assert [float(formula), float(quadrature)] == pytest.approx([critical] * 2, abs=1e-6)
+    for force, dimension, error, verdict in re.findall(
+        r"f = ([\d.]+), .*?: ([\d.]+) \+- ([\d.]+) by.*?\((.*?)\)", said
+    ):
+        if float(force) < critical:
+            assert verdict == "consistent with smooth"
+            assert abs(float(dimension) - 1.0) < 3.0 * float(error)
+        elif float(force) == 0.1:
+            assert verdict == "fractal"
+            assert abs(float(dimension) - 1.776) < 0.01 + 2.0 * float(error)
+    (cross,) = re.findall(r"cross from f = ([\d.]+) on", said)
+    assert float(cross) == pytest.approx(critical, rel=0.01)  # first order in damping and force

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -39,6 +40,17 @@ def test_an_error_is_carried_over_to_the_critical_amplitude() -> None:
 
 
 @pytest.mark.slow
-def test_it_runs_quickly(tmp_path: Path) -> None:
+def test_what_must_come_out_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shaker.main(quick=True, output=tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["shaker.png"]
+    said = capsys.readouterr().out
+    rows = re.findall(
+        r"^  (white|uneven times|coloured|coloured, taken for white) +([\d., ]+) % of 60", said, re.MULTILINE
+    )
+    covered = {name: [float(v) for v in values.split(",")] for name, values in rows}
+    for name in ("white", "uneven times", "coloured"):  # of 60 at 95 %, 50 or fewer have a chance of 0.0003
+        assert min(covered[name]) > 100 * 50 / 60
+    assert min(covered["coloured, taken for white"]) < 100 * 50 / 60
+    off = [float(v) for v in re.findall(r"off by ([-+\d.]+) errors", said)]
+    assert len(off) >= 2
+    assert max(map(abs, off)) < 3.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,9 +43,18 @@ def test_labels_are_compared_by_attractors():
     scene = pictures.scenes(12)[1]
     exact = stroboscopic_map(scene.system)
     reference = find_basins(exact, scene.grid)
-    same = pictures._run("direct", "", 1.0, reference, reference)
+    turned = replace(reference, attractors=reference.attractors[::-1], labels=_exchanged(reference.labels))
+    same = pictures._run("direct", "", 1.0, turned, reference)
     assert same.error == 0.0
     assert "2 of 2 attractors" in same.more
+    wrong = turned.labels.copy()
+    wrong.flat[[0, 50, 100]] = _exchanged(wrong.flat[[0, 50, 100]])
+    assert pictures._run("direct", "", 1.0, replace(turned, labels=wrong), reference).error == 3 / wrong.size
+
+
+def _exchanged(labels):
+    """The labels of two attractors in the other order."""
+    return np.choose(labels + 1, [-1, 1, 0]).astype(labels.dtype)
 
 
 def test_tables_and_charts():
@@ -53,7 +64,11 @@ def test_tables_and_charts():
 
 @pytest.mark.slow
 def test_known_values_come_out():
-    for chart in measures.compare(quick=True):
-        last = chart.runs[-1]
-        assert last.error < 0.1
-        assert "exactly" in last.more
+    charts = measures.compare(quick=True)
+    assert len(charts) == 3
+    for chart in charts:
+        for run in chart.runs:
+            ((value, error, exact),) = re.findall(r"([\d.]+) ± ([\d.]+), exactly ([\d.]+)", run.more)
+            assert abs(float(value) - float(exact)) < 4.0 * float(error) + 1e-4, (chart.title, run)
+        spreads = [float(re.findall(r"± ([\d.]+),", run.more)[0]) for run in chart.runs]
+        assert spreads[-1] < 0.06  # so that the comparison says something

@@ -62,11 +62,6 @@ def traced_function(function: Callable[..., Any], dimension: int, names: Names) 
     return found if isinstance(found, Trace) else None
 
 
-def traces_faithfully(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> bool:
-    """Whether a function can be traced, and its trace gives what the function itself gives in plain Python."""
-    return not why_untraced(function, dimension, params)
-
-
 def why_untraced(function: Callable[..., Any], dimension: int, params: Mapping[str, float]) -> str:
     """Return the reason why the formulas of a function are not known; empty if they are."""
     return _why_untraced(function, dimension, tuple(params), tuple(params.values()))

@@ -8,7 +8,7 @@ import numba
 import pytest
 
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
-from cellmap._compiled.codegen.kernel import traces_faithfully
+from cellmap._compiled.codegen.kernel import why_untraced
 
 
 def image(rhs, start=(1.0,)):
@@ -29,12 +29,13 @@ def catches(t, x, p):
 
 
 def test_function_that_asks_for_types():
-    assert not traces_faithfully(asks_for_the_type, 1, {})
+    assert why_untraced(asks_for_the_type, 1, {}).startswith("they give other values than the function")
     assert image(asks_for_the_type)[0] == pytest.approx(math.exp(-1.0), abs=1e-8)
 
 
 def test_function_that_catches_exceptions_is_refused():
-    assert not traces_faithfully(catches, 1, {})
+    assert why_untraced(catches, 1, {}) != ""
+    assert why_untraced(lambda t, x, p: (-x[0],), 1, {}) == ""
     with pytest.raises(TypeError, match="cannot be compiled"):
         image(catches)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, exp, log
+from math import cos, log
 from typing import Any
 
 import matplotlib as mpl
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_periodic_orbits, plot, set_threads
 from cellmap.analysis.boundary import chaotic_saddle, escape_rate
+from cellmap.analysis.fractal import box_dimension
+from cellmap.maps import jacobian
 from systems import henon_map, logistic_map
 
 mpl.use("Agg")
@@ -182,14 +184,16 @@ def test_same_seed_same_orbit() -> None:
     assert not np.array_equal(a.points, c.points)
 
 
-def test_exponent_along_the_saddle() -> None:
-    """Of every orbit of the tent that stays it is ln 3."""
-    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=200)
-    steps = np.abs(np.diff(saddle.points[:, 0]))
-    assert exp(log(3.0)) == pytest.approx(3.0)
-    stretched = np.abs(np.diff(tent(3.0)(saddle.points[:, 0][:, None])[:, 0]))
-    same_side = (saddle.points[1:, 0] < 0.5) == (saddle.points[:-1, 0] < 0.5)
-    assert stretched[same_side] == pytest.approx(3.0 * steps[same_side], rel=1e-9, abs=1e-12)
+def test_escape_rate_exponent_and_dimension_belong_together() -> None:
+    """Kantz and Grassberger (1985): rate = (1 - D) exponent; on the open tent ln 3, D = ln 2/ln 3, rate ln(3/2)."""
+    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=1000)
+    exponent = float(np.log(np.abs(jacobian(tent(3.0), saddle.points))).mean())
+    assert exponent == pytest.approx(log(3.0), rel=1e-9)
+    dimension = box_dimension(saddle.points)
+    assert abs(dimension.dimension - log(2.0) / log(3.0)) < 3.0 * dimension.standard_error
+    rate = escape_rate(tent(3.0), UNIT, n_samples=50_000)
+    error = np.hypot(rate.standard_error, exponent * dimension.standard_error)
+    assert abs(rate.rate - (1.0 - dimension.dimension) * exponent) < 3.0 * error < 0.1
 
 
 @pytest.mark.parametrize(
@@ -210,8 +214,13 @@ def test_what_it_refuses(change: Any, match: str) -> None:
 
 def test_pictures() -> None:
     found = escape_rate(tent(3.0), UNIT, n_samples=20_000)
-    plot.fit(found).figure.savefig("/dev/null", format="png")
-    assert plot.chaotic_saddle(chaotic_saddle(tent(3.0), UNIT, n_points=100)).get_xlabel() == "x"
+    line = plot.fit(found).get_lines()[0]
+    assert np.array_equal(line.get_xdata(), found.fit.x[found.fit.inside])
+    assert np.array_equal(line.get_ydata(), np.exp(found.fit.y[found.fit.inside]))
+    alone = chaotic_saddle(tent(3.0), UNIT, n_points=100)
+    ax = plot.chaotic_saddle(alone)
+    assert ax.get_xlabel() == "x"
+    assert np.array_equal(ax.get_lines()[0].get_xydata(), np.hstack([alone.points[:-1], alone.points[1:]]))
     horseshoe = chaotic_saddle(
         henon_map(6.0, 0.4), CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1)), n_points=100, lifetime=10
     )

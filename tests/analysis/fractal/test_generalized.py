@@ -6,6 +6,7 @@ from math import inf, log, pi
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import systems
 from cellmap import angle, lyapunov_spectrum, set_threads
@@ -88,12 +89,22 @@ def test_pairs_are_counted_exactly(henon):
     assert found.pairs == apart.sum() // 2
 
 
-def test_theiler_window_matters():
-    """A slowly sampled circle is a curve through time; with neighbours in time alone the sum counts steps."""
+def test_neighbours_in_time_lower_the_dimension():
+    """Autocorrelated noise (Theiler 1986): both slopes follow from the distribution of distances after each lag."""
+    memory, count = 0.99, 6000
     rng = np.random.default_rng(0)
-    walk = np.cumsum(rng.normal(size=(3000, 3)), axis=0)
-    biased, freed = (correlation_dimension(walk, theiler=w, fit_range=(2.0, 12.0)) for w in (0, 300))
-    assert (freed.shares < biased.shares).sum() > 5
+    series = [rng.normal(size=3)]
+    for kick in rng.normal(size=(count - 1, 3)):
+        series.append(memory * series[-1] + np.sqrt(1.0 - memory**2) * kick)
+    radii = np.array([0.7, 0.45, 0.3, 0.2])
+    biased, freed = (correlation_dimension(np.array(series), radii, theiler=w, fit_range=(0.2, 0.7)) for w in (0, 1000))
+    lags = np.arange(1, count)
+    spread = 2.0 * (1.0 - memory**lags)  # variance of a difference, along each of three axes
+    near = chi2.cdf(radii[:, None] ** 2 / spread, 3) @ (count - lags)
+    slopes = [np.polyfit(np.log(radii), np.log(c), 1)[0] for c in (near, chi2.cdf(radii**2 / 2.0, 3))]
+    assert slopes == pytest.approx([2.707, 2.947], abs=1e-3)
+    assert biased.dimension == pytest.approx(slopes[0], abs=0.03)
+    assert freed.dimension == pytest.approx(slopes[1], abs=0.05)
 
 
 def test_pairs_across_the_seam_of_an_angle():

@@ -582,15 +582,26 @@ def test_tipping_refuses_other_windows(cubic: PointMap, line: Basins) -> None:
 # --- pictures
 
 
+def whole_turns_off(apart: Any, basins: Basins) -> Any:
+    for j, c in enumerate(basins.coordinates):
+        if c.period is not None:
+            apart[:, j] -= c.period * np.round(apart[:, j] / c.period)
+    return apart
+
+
 def test_pictures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[FatalShock]) -> None:
     assert len(plot.basin_stability(basin_stability(disc, n_samples=50)).patches) == 2
     assert len(plot.settling_times(settling_statistics(pendulum)).get_lines()) == 4
-    for picture in (
-        plot.fatal_shock(shocks[1], basins=pendulum),
-        plot.ball(local_integrity(pendulum, 1, refine=False), basins=pendulum),
-        plot.ball(largest_ball(disc, 0), basins=disc),
-    ):
-        picture.figure.savefig("/dev/null", format="png")
+    for ball, basins in ((local_integrity(pendulum, 1, refine=False), pendulum), (largest_ball(disc, 0), disc)):
+        lines = [line.get_xydata() for line in plot.ball(ball, basins=basins).get_lines()]
+        circles = [line[np.isfinite(line).all(axis=1)] - ball.centre for line in lines if len(line) > 300]
+        away = [np.hypot(*(whole_turns_off(d, basins) / ball.scale).T) for d in circles]
+        assert any(np.allclose(d, ball.radius, rtol=1e-6) for d in away)
+        assert any(np.allclose(line, ball.centre) for line in lines)
+    ax = plot.fatal_shock(shocks[1], basins=pendulum)
+    (cross,) = (line for line in ax.get_lines() if line.get_marker() == "X")
+    assert cross.get_xydata()[0] == pytest.approx(shocks[1].end)
+    assert ax.get_xlim() == pytest.approx((-pi, pi))
     assert plot.tipping(tipping_probabilities(line, line)).get_ylabel() == "before"
     solid = find_basins(discrete_map(_disc, {}, ("x", "y", "z")), CellGrid((-1.3,) * 3, (1.3,) * 3, (6,) * 3))
     with pytest.raises(ValueError, match="two axes"):
