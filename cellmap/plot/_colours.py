@@ -29,7 +29,7 @@ CODE_COLOURS: dict[int, str] = {
     Label.UNDECIDED: "black",
     Label.NO_RETURN: "0.24",
     Label.UNLABELLED: "white",
-    Label.OUT_OF_STEPS: "0.58",
+    Label.OUT_OF_STEPS: "#6b4423",
 }
 """Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled, out of
 steps."""

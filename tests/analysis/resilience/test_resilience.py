@@ -223,7 +223,11 @@ def test_starts_that_do_not_settle_are_kept_apart(line: Basins) -> None:
     times[:15] = -1
     found = settling_statistics(replace(line, labels=labels, settling_time=times))
     assert found.undecided == 10
-    assert found.others == {"escaped": 1, "diverged": 4, "undecided": 10, "did not return": 0}
+    assert {name: count for name, count in found.others.items() if count} == {
+        "escaped": 1,
+        "diverged": 4,
+        "undecided": 10,
+    }
     assert sum(s.count for s in found.basins.values()) == 285
     assert min(s.quantiles.min() for s in found.basins.values()) >= 0.0
 
