@@ -80,7 +80,7 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
     points = Starts(basins.grid, basins.initial_conditions).points(rows)
     enough = replace(spec, max_steps=max(spec.max_steps, MAX_STEPS))
     others = {f"max_steps={enough.max_steps}": enough} if enough.max_steps > spec.max_steps else {}
-    if spec.system.switches is None and spec.method != "Rosenbrock":
+    if spec.system.functions[1:] == (None, None) and spec.method != "Rosenbrock":
         others["method='Rosenbrock'"] = replace(enough, method="Rosenbrock")
     for changed, other in others.items():
         try:

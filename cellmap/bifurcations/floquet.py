@@ -271,7 +271,7 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
     """Compile the linearised period as a function of some parameters; raise as :func:`floquet_multipliers` does."""
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem")
-    if system.switches is not None:
+    if system.functions[1:] != (None, None):
         raise TypeError(
             f"system={system.name}: its right-hand side is discontinuous and has no linearisation there; "
             "give a system without switching functions (no dry friction)"

@@ -2,6 +2,7 @@ from .coordinates import Coordinate as Coordinate
 from .coordinates import angle as angle
 from .discrete import discrete_map as discrete_map
 from .grid import CellGrid as CellGrid
+from .impacts import Impact as Impact
 from .interpolation.interpolated import interpolated_map as interpolated_map
 from .inverse import inverse_stroboscopic_map as inverse_stroboscopic_map
 from .orbit_batch import Status as Status

@@ -29,7 +29,7 @@ class Formulas:
     @property
     def has_events(self) -> bool:
         """Whether the right-hand side has switches, or branches that can be located."""
-        return self.system.switches is not None or self.in_modes is not None
+        return self.system.functions[1:] != (None, None) or self.in_modes is not None
 
     def derivatives(self, times: NDArray[np.float64], state: tuple[float, ...]) -> NDArray[np.float64]:
         """Return the right-hand side at many times, shape (times, dimension).
@@ -50,12 +50,12 @@ class Formulas:
 def formulas(system: ForcedSystem) -> Formulas:
     """Return what is known of the right-hand side of a system."""
     names = tuple(system.params)
-    if system.switches is None:
+    if system.functions[1:] == (None, None):
         unknown = why_untraced(system.rhs, system.dimension, system.params)
         if unknown:
             return Formulas(system, unknown)
-    in_modes = traced_switching((system.rhs, system.switches), system.dimension, names)
-    if system.switches is not None:
+    in_modes = traced_switching(system.functions, system.dimension, names)
+    if system.functions[1:] != (None, None):
         return Formulas(system, in_modes) if isinstance(in_modes, str) else Formulas(system, "", None, in_modes)
     if isinstance(in_modes, str) or not in_modes.is_analytic:
         return Formulas(system, "", traced_function(system.rhs, system.dimension, names))

@@ -93,7 +93,7 @@ def tangent_flow(
     """Return the motion of states with one tangent vector each, 2 d components; None without known derivatives."""
     names, kernel, known = tuple(system.params), None, formulas(system)
     if known.has_events:
-        kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, tolerance, True)
+        kernel = switching_kernel(system.functions, system.dimension, names, tolerance, True)
     elif not known.unknown:
         kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance, method)
     if kernel is None:
@@ -106,15 +106,16 @@ def tangent_flow(
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
     system = known.system
     names, locates = tuple(system.params), method in {"auto", "Taylor"}
-    if system.switches is None and not (known.has_events and locates):
+    if system.functions[1:] == (None, None) and not (known.has_events and locates):
         return flow_kernel(system.rhs, system.dimension, names, method, rtol, not known.unknown)
     if not locates:
-        raise ValueError(f"method={method!r}: a discontinuous right-hand side needs method='Taylor'")
-    kernel = switching_kernel((system.rhs, system.switches), system.dimension, names, rtol, False)
+        what = "impacts need" if system.impacts else "a discontinuous right-hand side needs"
+        raise ValueError(f"method={method!r}: {what} method='Taylor'")
+    kernel = switching_kernel(system.functions, system.dimension, names, rtol, False)
     if kernel is None:
         raise TypeError(
-            f"rhs of {system.name} has switches and must therefore be plain arithmetic, branches, and analytic "
-            "functions of math" + (known.unknown and f" ({known.unknown})")
+            f"rhs of {system.name} has switches or impacts and must therefore be plain arithmetic, branches, and "
+            "analytic functions of math" + (known.unknown and f" ({known.unknown})")
         )
     return kernel
 

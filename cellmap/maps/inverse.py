@@ -78,8 +78,10 @@ class Inverse(MapSpec[PointMap]):
     def __post_init__(self) -> None:
         if not isinstance(self.system, ForcedSystem):
             raise TypeError(f"system={shown(self.system)}: give a ForcedSystem")
-        if self.system.switches is not None:
-            raise ValueError(f"system={self.system!r} has switches: its solutions are not unique backwards in time")
+        if self.system.functions[1:] != (None, None):
+            raise ValueError(
+                f"system={self.system!r} has switches or impacts: its solutions are not unique backwards in time"
+            )
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""

@@ -153,7 +153,7 @@ def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | 
     """
     period = system.period if callable(system.period) else None
     functions = (system.rhs, system.switches, period)
-    if unknown_formulas(system):
+    if unknown_formulas(system) or system.impacts:
         return None
     rhs, switches = _swept_functions(functions, system.dimension, tuple(system.params), names)
     try:

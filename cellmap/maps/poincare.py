@@ -193,9 +193,10 @@ def section_map(
     True
     """
     check_unforced(system)
-    if system.switches is not None:
+    if system.functions[1:] != (None, None):
         raise ValueError(
-            f"system={system!r} has switches, and its Poincaré map is not available: take flow_map(system, time)"
+            f"system={system!r} has switches or impacts, and its Poincaré map is not available: take "
+            "flow_map(system, time)"
         )
     section = _section(system, section)
     longest = _STRETCHES * system.length if max_time is None else finite_number("max_time", max_time, above=0.0)

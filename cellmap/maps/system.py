@@ -15,6 +15,7 @@ from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
+from .impacts import Impact, joined
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -52,6 +53,9 @@ class ForcedSystem:
         Switching functions: ``switches(t, x, p)`` returns the tuple of smooth functions at whose zeros `rhs` is
         discontinuous.  Between the surfaces, and for fixed signs, `rhs` must be smooth; on a surface it must be affine
         in its sign (any function of one sign is).
+    impacts : sequence of Impact, optional
+        Events at which the state jumps: walls, moving tables, kicks at given times.  After ever smaller impacts on a
+        surface a state rests on it until the acceleration lifts it off.
     outputs : mapping of str to callable, optional
         Further quantities by name, functions ``f(t, x, p)`` that return a tuple, such as energies or positions of
         parts; see :meth:`output`.
@@ -85,6 +89,7 @@ class ForcedSystem:
     coordinates: Iterable[str | Coordinate] = ()
     name: str = ""
     switches: StateFunction | None = None
+    impacts: Sequence[Impact] = ()
     outputs: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -96,10 +101,14 @@ class ForcedSystem:
         set_field("name", text("name", self.name) or getattr(self.rhs, "__name__", type(self.rhs).__name__))
         if self.switches is not None and not callable(self.switches):
             raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
+        if not isinstance(self.impacts, Sequence) or not all(isinstance(i, Impact) for i in self.impacts):
+            raise TypeError(f"impacts={shown(self.impacts)}: give a sequence of Impact(guard, reset)")
+        set_field("impacts", tuple(self.impacts))
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
             raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
+        self._try_impacts()
 
     def __repr__(self) -> str:
         values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
@@ -114,6 +123,11 @@ class ForcedSystem:
     def axes(self) -> tuple[Coordinate, ...]:
         """State variables, as :class:`Coordinate` objects."""
         return as_coordinates(self.coordinates)
+
+    @functools.cached_property
+    def functions(self) -> tuple[Callable[..., Any] | None, ...]:
+        """Right-hand side, switching functions, and guards and resets of all impacts, None where there are none."""
+        return (self.rhs, self.switches, joined(self.impacts))
 
     @property
     def length(self) -> float:
@@ -198,6 +212,22 @@ class ForcedSystem:
             ) from None
         function = over_arrays(self.outputs[name])
         return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
+
+    def _try_impacts(self) -> None:
+        """Call guards and resets at a state; check what they return."""
+        place = tuple(0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension))
+        for k, impact in enumerate(self.impacts):
+            for name, count in (("guard", 1), ("reset", self.dimension)):
+                try:
+                    found = getattr(impact, name)(0.01370521 * self.length, place, self.parameters)
+                except (ValueError, ZeroDivisionError, OverflowError):
+                    continue  # outside the domain of the function
+                except (AttributeError, IndexError, TypeError) as error:
+                    raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
+                values = np.atleast_1d(np.array(found, dtype=object))
+                if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
+                    what = "a number" if name == "guard" else f"the {count} state variables after the impact"
+                    raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
 
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""

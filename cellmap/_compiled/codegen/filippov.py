@@ -13,15 +13,17 @@ and 0 where it slides, "slide" is 1 where it slides and 0 where it is free.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..kernels.collisions import RESTS, SOLID, STRIKES
 from .branches import BranchingGraph, Switch, initial_functions
 from .derivative import along
 from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
+from .impacts import Impact, impact_of
 from .trace import Trace, empty_trace, evaluated
 
 
@@ -34,7 +36,8 @@ class SwitchingTrace:
     switch; those of switches that count are between -1/2 and 1/2.  ``surfaces`` h_i, ``rates`` b_i, ``gains`` a_ij,
     ``jumps`` g_i and ``normals`` grad h_i depend on time, state and the signs.  ``beginnings`` are the surfaces as they
     are before there is a mode.  A switch that `counts` has a whole number for its sign; its surface is the distance
-    from the nearest one.
+    from the nearest one.  Of a switch at which there is one of the `impacts`, the rate is that of the mode without rest
+    and its own gain the acceleration; it "slides" while the state rests on its surface.
     """
 
     motion: Trace
@@ -48,11 +51,23 @@ class SwitchingTrace:
     normals: tuple[tuple[Expression, ...], ...]
     beginnings: tuple[Expression, ...]
     counts: tuple[bool, ...]
+    impacts: tuple[Impact | None, ...] = ()
+
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """What each switch does: see the kinds in :mod:`cellmap._compiled.kernels.collisions`."""
+        kinds = [int(counts) for counts in self.counts]
+        for e, impact in enumerate(self.impacts):
+            if impact is not None:
+                kinds[e] = (SOLID if impact.solid else RESTS) if impact.rests else STRIKES
+        return tuple(kinds)
 
     @property
     def can_slide(self) -> bool:
-        """Whether there is a mode that slides."""
-        return any(not row[i].vanishes for i, row in enumerate(self.gains))
+        """Whether there is a mode that slides, or rests."""
+        return any(kind >= RESTS for kind in self.kinds) or any(
+            not row[i].vanishes for i, row in enumerate(self.gains) if self.kinds[i] < STRIKES
+        )
 
     @property
     def is_coupled(self) -> bool:
@@ -78,8 +93,12 @@ def switching_trace(
     switches: Callable[..., Sequence[Any]] | None,
     dimension: int,
     names: Sequence[str],
+    impacts: Callable[..., Sequence[Any]] | None = None,
 ) -> SwitchingTrace:
     """Trace ``rhs(t, x, p, s)`` with its switching functions, or ``rhs(t, x, p)`` alone, with the branches of both.
+
+    ``impacts(t, x, p)`` returns for each impact the guard, which falls to zero there, 1 if no state may begin behind it
+    and else 0, and the state after it.
 
     Raises
     ------
@@ -94,10 +113,43 @@ def switching_trace(
     if switches is not None:
         given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
     outputs = graph.trace_paths(base.run(rhs, names, *([given] if switches is not None else [])))
+    struck = () if impacts is None else graph.trace_paths(base.run(impacts, names))
+    strikes = [struck[k : k + 2 + dimension] for k in range(0, len(struck), 2 + dimension)]
+    guards = [graph.add_switch(guard) for guard, *_ in strikes]
     modes = [switch for switch in graph.switches if switch.is_mode]
     if not modes:
         raise UntraceableError("nothing switches")
-    return _in_modes(replace(base, outputs=outputs), modes, given)
+    traced = _in_modes(replace(base, outputs=outputs), modes, given)
+    if not strikes:
+        return traced
+    places = [next(i for i, mode in enumerate(modes) if mode.sign is guard) for guard in guards]
+    return _with_impacts(traced, dict(zip(places, strikes, strict=True)))
+
+
+def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Expression]]) -> SwitchingTrace:
+    """Add impacts at some of the switches.  Where something else slides, nothing rests."""
+    base, graph = traced.free_motion, traced.free_motion.graph
+    slides = traced.can_slide
+    impacts: list[Impact | None] = [None] * len(traced.surfaces)
+    rates, gains, events = list(traced.rates), [list(row) for row in traced.gains], list(traced.events)
+    components = list(traced.motion.outputs)
+    for e, (guard, solid, *reset) in strikes.items():
+        impact = impacts[e] = replace(impact_of(base, guard, reset, not slides), solid=bool(solid.value))
+        rates[e], gains[e][e] = impact.rate, impact.acceleration
+        if impact.rests:
+            slide = graph.node("slide", value=e)
+            components = [
+                graph.apply("add", c, graph.times(slide, f)) for c, f in zip(components, impact.push, strict=True)
+            ]
+            events[e] = graph.apply("sub", events[e], graph.apply("mul", slide, impact.acceleration))
+    return replace(
+        traced,
+        motion=replace(traced.motion, outputs=tuple(components)),
+        events=tuple(events),
+        rates=tuple(rates),
+        gains=tuple(map(tuple, gains)),
+        impacts=tuple(impacts),
+    )
 
 
 def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression]) -> SwitchingTrace:
@@ -227,7 +279,8 @@ def _is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
     low, high = np.zeros(_SAMPLES), np.ones(_SAMPLES)
 
     def between(share: Any, expressions: Sequence[Expression]) -> list[Any]:
-        return evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
+        found = evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
+        return [np.broadcast_to(values, _SAMPLES) for values in found]
 
     (begin,), (end,) = (between(share, [switch.function]) for share in (low, high))
     crosses = np.asarray((begin < 0.0) & (end > 0.0) | (begin > 0.0) & (end < 0.0))
@@ -236,8 +289,8 @@ def _is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
         (value,) = between(middle, [switch.function])
         same = (value > 0.0) == (begin > 0.0)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    there = np.abs(np.stack(np.broadcast_arrays(*between(low, jump))))[:, crosses]
-    nearby = np.abs(np.stack(np.broadcast_arrays(*between(low + 0.1, jump))))[:, crosses]
+    there = np.abs(np.stack(between(low, jump)))[:, crosses]
+    nearby = np.abs(np.stack(between(low + 0.1, jump)))[:, crosses]
     usable = np.isfinite(there).all(axis=0) & np.isfinite(nearby).all(axis=0)
     size = 1e-9 * np.maximum(nearby.max(axis=0, initial=0.0), 1e-3)
     return bool(usable.any() and (there.max(axis=0, initial=0.0) <= size)[usable].all())

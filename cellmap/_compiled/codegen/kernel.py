@@ -31,8 +31,8 @@ from .switching import compiled_switching
 from .trace import Trace, is_faithful, parameter_record, trace
 
 Names = tuple[str, ...]
-Functions = tuple[Callable[..., Any], Callable[..., Any] | None]
-"""A right-hand side, and its switching functions where it has any."""
+Functions = tuple[Callable[..., Any] | None, ...]
+"""A right-hand side, its switching functions, and the guards and resets of its impacts, where it has any."""
 
 _LOG = logging.getLogger("cellmap")
 
@@ -142,7 +142,9 @@ def switching_kernel(
 def traced_switching(functions: Functions, dimension: int, names: Names) -> SwitchingTrace | str:
     """Trace a right-hand side with its switching functions and branches once; where that fails, return the reason."""
     try:
-        return switching_trace(*functions, dimension, names)
+        rhs, switches, *impacts = functions
+        assert rhs is not None
+        return switching_trace(rhs, switches, dimension, names, *impacts)
     except UntraceableError as error:
         return str(error)
 

@@ -6,6 +6,7 @@ They belong to one system, and :mod:`cellmap._compiled.kernels.switching_period`
     general_step(lanes, series, p, end, rate)   one step of the others
     begin(lanes, series, p, start)              the mode in which each lane begins
     surfaces(t, x, p, signs, values, rates, gains, jumps, normals)      all that decides about its mode
+    impacts(t, x, v, p, signs, landed, turned, stuck, held)     states and deviations after impacts, surface by surface
 
 A step is a Taylor step that also expands the event functions, and sets a flag where a bound from their coefficients
 leaves room for an event.
@@ -20,6 +21,7 @@ import numpy as np
 
 from ..kernels import switching_period
 from ..kernels.blocks import LANES
+from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
 from ..machine_code import machine_code, vector_width
 from .emit import assignment, input_name
 from .expression import Expression, in_order
@@ -32,6 +34,7 @@ from .trace import CONSTANT, STATEFUL
 
 _STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
+_STRUCK = ("landed", "turned", "stuck", "held")
 
 
 def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> CompiledPeriod:
@@ -45,11 +48,12 @@ def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_
     addresses = [loaded.address(name) for name in names]
     if one_step:
         addresses[switching_period.FREE] = 0
+    impacts = loaded.address("impacts") if traced.impacts else 0
     dimension, count = len(traced.normals[0]), len(traced.surfaces)
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
     project = traced.can_slide and not aligned
     sizes = (len(traced.motion.states), dimension, count, order)
-    context = np.array([*addresses, *sizes, project, traced.is_coupled, *traced.counts], dtype=np.int64)
+    context = np.array([*addresses, *sizes, project, traced.is_coupled, impacts, *traced.kinds], dtype=np.int64)
     move = switching_period.period(count == 1)
     return CompiledPeriod(move.address, loaded, context)
 
@@ -73,7 +77,18 @@ def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: i
     functions.append(
         surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, {arrays}")
     )
-    return module_text("\n".join(functions), begin, surfaces, *bodies)
+    bodies += [begin, surfaces]
+    if traced.impacts:
+        collide = Instructions(1)
+        _write_impacts(collide, traced, parameters)
+        arrays = ", ".join(f"ptr noalias %{output}" for output in _STRUCK)
+        functions.append(
+            collide.function(
+                "impacts", f"double %t, ptr noalias %x, ptr %v, ptr noalias %p, ptr noalias %signs, {arrays}"
+            )
+        )
+        bodies.append(collide)
+    return module_text("\n".join(functions), *bodies)
 
 
 def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, parameters: int) -> None:
@@ -85,9 +100,13 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
         address = functools.partial(_place, out, lane)
         scope = {**once, **{f"x{j}": out.load(address("%lanes", j), vector=True) for j in range(size)}}
         lines, sides = _evaluated(traced.beginnings)
-        for e, (side, counts) in enumerate(zip(sides, traced.counts, strict=True)):
-            lines.append(f"side{e} = " + (f"math.floor({side})" if counts else f"1.0 if {side} > 0.0 else -1.0"))
-            lines.append(f"open{e} = " + ("0.0" if counts else f"1.0 if {side} == 0.0 else 0.0"))
+        for e, (side, kind) in enumerate(zip(sides, traced.kinds, strict=True)):
+            lines.append(
+                f"side{e} = " + (f"math.floor({side})" if kind == COUNTS else f"1.0 if {side} > 0.0 else -1.0")
+            )
+            close = f"abs({side}) <= {CLOSE!r}" if kind >= STRIKES else f"{side} == 0.0"
+            close = f"{side} <= {CLOSE!r}" if kind == SOLID else close
+            lines.append(f"open{e} = " + ("0.0" if kind == COUNTS else f"1.0 if {close} else 0.0"))
         lines += [f"flag = {' + '.join(f'open{e}' for e in range(count))}", "free = 0.0"]
         translate(out, lines, scope)
         out.store(out.as_vector(scope["t"]), address("%lanes", size))
@@ -114,6 +133,23 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
     scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(len(traced.normals[0]))}
     scope |= {f"g{e}": out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))}
     places = [(array, i) for array, expressions in zip(_OUTPUTS, outputs, strict=True) for i in range(len(expressions))]
+    translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
+    for array, i in places:
+        out.store(scope[f"{array}_{i}"], out.address(f"%{array}", i))
+
+
+def _write_impacts(out: Instructions, traced: SwitchingTrace, parameters: int) -> None:
+    """Write the function of one lane that stores states and deviations after an impact at each surface in arrays."""
+    base, d = traced.free_motion, len(traced.normals[0])
+    aside = tuple(base.graph.node("state", value=d + j) for j in range(d))
+    rest = {"landed": base.states, "turned": aside, "stuck": base.states, "held": aside}
+    outputs = {name: [e for i in traced.impacts for e in (getattr(i, name) if i else rest[name])] for name in _STRUCK}
+    lines, names = _evaluated([e for name in _STRUCK for e in outputs[name]])
+    scope = {**parameter_scope(out, parameters), "t": Value("%t")}
+    scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(d)}
+    scope |= {f"x{d + j}": out.load(out.address("%v", j)) for j in range(d)}
+    scope |= {f"g{e}": out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))}
+    places = [(name, i) for name in _STRUCK for i in range(len(outputs[name]))]
     translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
     for array, i in places:
         out.store(scope[f"{array}_{i}"], out.address(f"%{array}", i))

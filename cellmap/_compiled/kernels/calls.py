@@ -28,6 +28,11 @@ def call_surfaces(address, t, state, p, signs, values, rates, gains, jumps, norm
 
 
 @by_address
+def call_impacts(address, t, state, deviation, p, signs, landed, turned, stuck, held):
+    """Evaluate states and deviations after impacts, all surfaces one behind the other in each of the four arrays."""
+
+
+@by_address
 def call_rows(address, rows, count, p):
     """Move states in rows on by a step, in place: ``step(rows, count, p)``."""
 

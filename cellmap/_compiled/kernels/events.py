@@ -155,7 +155,7 @@ def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, ti
             return NO_EVENT
         if slides[e] > 0.0 and -10.0 * TIE < a[0] < 0.0:
             a[0] = 0.0
-        if counts[e]:
+        if counts[e] == 1:
             roots[e] = _leaves_between(event, shift, a, length)
         else:
             roots[e] = first_root(a, order - shift)

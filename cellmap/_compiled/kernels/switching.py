@@ -142,7 +142,7 @@ def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before,
             slides[e] = 0.0
             fresh[e] = 2.0
             on_surface[e] = 0.0
-        elif hits[e] and counts[e]:
+        elif hits[e] and counts[e] == 1:
             speed = rates[e]
             for k in range(count):
                 speed += gains[e, k] * before[k]

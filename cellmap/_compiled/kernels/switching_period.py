@@ -21,13 +21,14 @@ import numpy as np
 from ..loops import inlined, loop_by_address
 from .blocks import LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
+from .collisions import begin_at_impacts, collide
 from .events import NO_EVENT, land
 from .switching import begin_on_surface, follow, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
 
-CONTEXT = 10  # numbers, and one more for each surface
+CONTEXT = 11  # numbers, and one more for each surface
 
 
 @inlined
@@ -104,11 +105,11 @@ def period(single):
 
         The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
         coordinates and of surfaces, the order, whether lanes that slide are brought back at the end, whether surfaces
-        depend on the sides of others, and for each surface whether its switch counts.
+        depend on the sides of others, the address of impacts or 0, and for each surface what its switch does.
         """
         addresses = array_at(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
-        coupled = addresses[9]
+        coupled, impacts = addresses[9], addresses[10]
         count = 1 if single else addresses[6]
         counts = array_at(context, CONTEXT + count)[CONTEXT:]
         x, error = array_at(blocks_of_states, (blocks, size, LANES)), array_at(blocks_of_errors, (blocks, size, LANES))
@@ -119,7 +120,7 @@ def period(single):
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
         rows = ((size + count) * length + size + 3) * LANES
-        whole = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length)
+        whole = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + 4 * count * dimension)
         gains, jumps, normals = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
         place = 0
         lanes, place = _piece(whole, place, shared)
@@ -136,6 +137,10 @@ def period(single):
         after, place = _piece(whole, place, count)
         fresh, place = _piece(whole, place, count + 1)
         a, place = _piece(whole, place, length)
+        jumped, place = _piece(whole, place, count * dimension)
+        turned, place = _piece(whole, place, count * dimension)
+        stuck, place = _piece(whole, place, count * dimension)
+        bent, place = _piece(whole, place, count * dimension)
         for b in range(blocks):
             lanes[errors_row * LANES :] = 0.0
             rate = max(steps[b], 1) / period
@@ -151,8 +156,13 @@ def period(single):
                         values, rates, gains, jumps, normals, counts, signs, slides, fresh, state,
                         hits, on_surface, held, after,
                     )  # fmt: skip
+                    if impacts != 0:
+                        begin_at_impacts(
+                            impacts, addresses[SURFACES], t, state, p, counts, signs, slides, fresh, values, rates,
+                            gains, jumps, normals, jumped, turned, stuck, bent,
+                        )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
-            rounds = 8 * steps[b] + 1024
+            rounds = 8 * steps[b] + (1024 if impacts == 0 else 16384)
             moving = 1
             while moving and rounds:
                 rounds -= 1
@@ -171,6 +181,12 @@ def period(single):
                             t = landed
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                             project(state, values, normals, hits, slides, on_surface, held)
+                            if impacts != 0:
+                                t = collide(
+                                    impacts, addresses[SURFACES], t, end - 1e-12 * period, end, state, p, counts, hits,
+                                    signs, slides, fresh, errors, values, rates, gains, jumps, normals,
+                                    jumped, turned, stuck, bent,
+                                )  # fmt: skip
                             entered = switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after)
                             if coupled:
                                 _settle(

@@ -55,7 +55,7 @@ def exact_maps(system: ForcedSystem | PointMap, phase: float) -> tuple[dict[Sour
     reference = stroboscopic_map(system, phase, SMALLEST_TOLERANCE, SMALLEST_TOLERANCE)
     usual = method_of(reference)
     wanted: dict[str, tuple[float, ...]] = {usual: _JUMPING}
-    if system.switches is None:
+    if system.functions[1:] == (None, None):
         wanted = {usual: _TOLERANCES, "DOP853": _TOLERANCES, "RK45": _LOOSE}
     found = {(m, tol): stroboscopic_map(system, phase, tol, tol, m) for m, tols in wanted.items() for tol in tols}
     return found, reference

@@ -1,0 +1,122 @@
+"""Impacts: events at which the state jumps, as expressions.
+
+An impact happens where its guard g falls to zero; then the reset R takes the place of the state.  Deviations v pass by
+the saltation matrix,
+
+    v  ->  DR v + (f(R) - DR f - dR/dt) (grad g . v) / (dg/dt).
+
+After ever smaller impacts an orbit rests on the surface: along the normal n of the impact a force keeps the
+acceleration of the guard at zero, as long as it does not pull.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .derivative import along
+from .expression import Expression, Graph, in_order
+from .trace import Trace, evaluated
+
+_SAMPLES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """Expressions of an impact.
+
+    ``rate`` and ``acceleration`` of the guard where nothing holds it; ``landed``, ``turned``: state and deviation
+    after the impact, of a deviation that further states stand for; ``stuck``, ``held``: those that begin a rest;
+    ``push``: the force that holds the guard, empty where a state cannot rest; ``solid``: whether no state may begin
+    behind it.
+    """
+
+    rate: Expression
+    acceleration: Expression
+    landed: tuple[Expression, ...]
+    turned: tuple[Expression, ...]
+    stuck: tuple[Expression, ...]
+    held: tuple[Expression, ...]
+    push: tuple[Expression, ...]
+    solid: bool = False
+
+    @property
+    def rests(self) -> bool:
+        """Whether a state can rest on the surface."""
+        return bool(self.push)
+
+
+def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], may_rest: bool) -> Impact:
+    """Return the expressions of an impact in a motion, whose outputs are those of a mode in which nothing is held."""
+    graph, d, one = base.graph, len(base.states), base.graph.constant(1.0)
+    motion = dict(zip((base.time, *base.states), (one, *base.outputs), strict=True))
+    deviation = tuple(graph.node("state", value=d + j) for j in range(d))
+    ahead = dict(zip(base.states, deviation, strict=True))
+    (rate,) = along(graph, [guard], motion)
+    (acceleration,) = along(graph, [rate], motion)
+    (toward,) = along(graph, [guard], ahead)
+    carried, moving = along(graph, reset, ahead), along(graph, reset, motion)
+    after = graph.substituted(base.outputs, dict(zip(base.states, reset, strict=True)))
+    delay = graph.apply("div", toward, rate)
+    turned = tuple(
+        _plus(graph, c, graph.times(delay, graph.minus(f, m))) for c, f, m in zip(carried, after, moving, strict=True)
+    )
+    impact = Impact(rate, acceleration, tuple(reset), turned, base.states, deviation, ())
+    return _with_rest(base, impact, guard, ahead) if may_rest else impact
+
+
+def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expression, Expression]) -> Impact:
+    """Add what belongs to a rest, where the impact acts along one direction on which the guard's rate depends."""
+    graph, zero = base.graph, base.graph.constant(0.0)
+    changes = [graph.minus(r, x) for r, x in zip(impact.landed, base.states, strict=True)]
+    slope = _gradient(base, impact.rate)
+    # The reset turns the rate of the guard round, and changes the state along one direction: that of its own change.
+    seeds = {x: s for x, s in zip(base.states, slope, strict=True) if s is not zero}
+    normal = along(graph, changes, seeds)
+    across = _dot(graph, slope, normal)
+    if not _is_solid(base, across):
+        return impact
+    push = tuple(graph.apply("neg", graph.times(graph.apply("div", impact.acceleration, across), n)) for n in normal)
+    stuck = tuple(
+        graph.minus(x, graph.times(graph.apply("div", impact.rate, across), n))
+        for x, n in zip(base.states, normal, strict=True)
+    )
+    (drift,) = along(graph, [impact.rate], ahead)
+    held = [
+        graph.minus(ahead[x], graph.times(graph.apply("div", drift, across), n))
+        for x, n in zip(base.states, normal, strict=True)
+    ]
+    up = _gradient(base, guard)
+    apart = graph.apply("div", _dot(graph, up, held), _dot(graph, up, up))
+    held = [graph.minus(h, graph.times(apart, u)) for h, u in zip(held, up, strict=True)]
+    return replace(impact, push=push, stuck=stuck, held=tuple(held))
+
+
+def _is_solid(base: Trace, across: Expression) -> bool:
+    """Whether a divisor is not zero at places drawn at random."""
+    if across.vanishes:
+        return False
+    rng = np.random.default_rng(0)
+    inputs = {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in in_order([across]) if not e.arguments and e.value is None}
+    inputs |= {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in (*base.states, *base.parameters, base.time)}
+    inputs |= {e: np.ones(_SAMPLES) for e in in_order([across]) if e.operation == "sign"}
+    (found,) = evaluated([across], inputs)
+    return bool((np.abs(found) > 1e-12).all())
+
+
+def _gradient(base: Trace, function: Expression) -> tuple[Expression, ...]:
+    one = base.graph.constant(1.0)
+    return tuple(along(base.graph, [function], {x: one})[0] for x in base.states)
+
+
+def _plus(graph: Graph, a: Expression, b: Expression) -> Expression:
+    return b if a.vanishes else a if b.vanishes else graph.apply("add", a, b)
+
+
+def _dot(graph: Graph, a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
+    total = graph.constant(0.0)
+    for u, v in zip(a, b, strict=True):
+        total = _plus(graph, total, graph.times(u, v))
+    return total

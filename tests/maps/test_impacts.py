@@ -1,0 +1,276 @@
+"""Impacts: against closed forms, against SciPy with events, and what is refused."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import CellGrid, ForcedSystem, angle, find_basins, stroboscopic_map
+from cellmap.attractors.labels import Label
+from cellmap.maps import Impact, Status, flow_map, inverse_stroboscopic_map, jacobian, section_map, trajectory
+from cellmap.orbits import Kind
+
+
+def falling(t, x, p):
+    return x[1], -p.g
+
+
+def oscillator(t, x, p):
+    return x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)
+
+
+def table(t, p):
+    return p.amplitude * cos(p.omega * t), -p.amplitude * p.omega * sin(p.omega * t)
+
+
+def above_table(t, x, p):
+    return x[0] - table(t, p)[0]
+
+
+def thrown_by_table(t, x, p):
+    speed = table(t, p)[1]
+    return x[0], speed - p.e * (x[1] - speed)
+
+
+FLOOR = Impact(lambda t, x, p: x[0], lambda t, x, p: (x[0], -p.e * x[1]))
+WALL = Impact(lambda t, x, p: x[0] - p.wall, lambda t, x, p: (x[0], -p.e * x[1]), direction=1)
+BALL = ForcedSystem(falling, {"g": 9.81, "e": 0.8}, 1.0, ("h", "v"), impacts=[FLOOR])
+TABLE = ForcedSystem(
+    falling,
+    {"g": 1.0, "e": 0.5, "amplitude": 2.0, "omega": 1.0},
+    lambda p: 2 * pi / p.omega,
+    ("h", "v"),
+    impacts=[Impact(above_table, thrown_by_table)],
+)
+STRUCK = ForcedSystem(
+    oscillator,
+    {"damping": 0.05, "force": 1.0, "omega": 0.8, "e": 0.7, "wall": 0.5},
+    lambda p: 2 * pi / p.omega,
+    ("q", "v"),
+    impacts=[WALL],
+)
+
+
+def bounced(h: float, v: float, time: float, g: float, e: float) -> tuple[float, float]:
+    """Height and velocity of a ball on a floor at rest, flight by flight."""
+    while True:
+        landing = (v + sqrt(v * v + 2 * g * h)) / g
+        if landing > time:
+            return h + v * time - g * time * time / 2, v - g * time
+        h, v, time = 0.0, e * sqrt(v * v + 2 * g * h), time - landing
+        if v < 1e-9:
+            return 0.0, 0.0
+
+
+def by_scipy(system: ForcedSystem, place, most: int = 60):
+    """One period by SciPy, stopped at each impact of the only guard; None after too many."""
+    (impact,) = system.impacts
+    p, t, x = system.parameters, 0.0, np.array(place, float)
+
+    def guard(t, x):
+        return impact.guard(t, x, p)
+
+    guard.terminal, guard.direction = True, impact.direction
+    for _ in range(most):
+        part = solve_ivp(system.fun, (t, system.length), x, "DOP853", events=guard, rtol=1e-12, atol=1e-13)
+        t, x = part.t[-1], part.y[:, -1]
+        if part.status == 0:
+            return x
+        x = np.array(impact.reset(t, x, p))
+    return None
+
+
+# --- flights, impacts, rest
+
+
+@pytest.mark.parametrize("periods", [1, 3, 7])
+@pytest.mark.parametrize("place", [(1.0, 0.0), (2.0, 3.0), (0.01, 0.0), (0.0, 5.0), (0.0, 0.0), (0.3, -4.0)])
+def test_ball_on_a_floor(place, periods):
+    """Closed form, through the accumulation of impacts to rest."""
+    found = stroboscopic_map(BALL, rtol=1e-11, atol=1e-11).iterate(place, periods)
+    assert found.status == Status.OK
+    assert found.points == pytest.approx(bounced(*place, periods, 9.81, 0.8), abs=1e-10)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.95])
+def test_any_restitution(e):
+    system = BALL.with_params(e=e)
+    found = stroboscopic_map(system, rtol=1e-11, atol=1e-11).iterate([1.0, 0.5], 4)
+    assert found.points == pytest.approx(bounced(1.0, 0.5, 4, 9.81, e), abs=1e-9)
+
+
+def test_elastic_impacts_keep_the_energy():
+    found = stroboscopic_map(BALL.with_params(e=1.0), rtol=1e-12, atol=1e-12).iterate([1.0, 0.5], 100).points
+    assert 9.81 * found[0] + found[1] ** 2 / 2 == pytest.approx(9.81 + 0.125, abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [(2.5, 0.0), (3.0, 1.0), (2.0, 1.0)])
+def test_moving_table(place):
+    """Four impacts in a period and one, against SciPy with events."""
+    found = stroboscopic_map(TABLE, rtol=1e-11, atol=1e-11).iterate(place, 1)
+    assert found.status == Status.OK
+    assert found.points == pytest.approx(by_scipy(TABLE, place), abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [(4.0, -1.0), (2.0, 0.0)])
+def test_rest_ends_where_the_table_falls_away(place):
+    """Chattering, rest, and lift-off where the table's acceleration is -g: at cos t = 1/2, t = 5 pi/3."""
+    left, speed = pi / 3, sqrt(3.0)
+    exact = stroboscopic_map(TABLE, rtol=1e-11, atol=1e-11)
+    assert exact(place) == pytest.approx((1.0 + speed * left - left**2 / 2, speed - left), abs=1e-9)
+    assert jacobian(exact, place) == pytest.approx(np.zeros((2, 2)), abs=1e-12)  # rest forgets where it came from
+
+
+def test_rest_on_a_table_that_never_throws():
+    """With an acceleration below g every ball comes to rest, from below the table as well, where it is put on it."""
+    slow = stroboscopic_map(TABLE.with_params(amplitude=0.8))
+    basins = find_basins(slow, CellGrid((0.5, -2), (4, 2), (12, 12)), max_periods=300)
+    (attractor,) = basins.attractors
+    assert (attractor.kind, (basins.labels == 0).all()) == (Kind.FIXED_POINT, True)
+    assert attractor.points[0] == pytest.approx((0.8, 0.0), abs=1e-12)
+
+
+def test_trajectory_stays_above_the_floor():
+    motion = trajectory(BALL, [1.0, 0.0], periods=3, samples_per_period=100)
+    assert motion.states[..., 0].min() > -1e-9
+    assert motion.states[250:, 0] == pytest.approx([bounced(1.0, 0.0, t, 9.81, 0.8)[0] for t in motion.times[250:]])
+
+
+# --- oscillators
+
+
+def test_impact_oscillator():
+    """Random initial conditions against SciPy with events."""
+    rng = np.random.default_rng(0)
+    places = np.stack([rng.uniform(-1.5, 0.45, 10), rng.uniform(-2, 2, 10)], axis=1)
+    found = stroboscopic_map(STRUCK).iterate(places, 1)
+    witness = np.array([by_scipy(STRUCK, place) for place in places])
+    assert (found.status == Status.OK).all()
+    assert np.abs(found.points - witness).max() < 1e-8
+
+
+@pytest.mark.parametrize("place", [(0.1, 0.3), (-1.0, 0.7)])
+def test_derivative_is_that_of_differences(place):
+    exact, step = stroboscopic_map(STRUCK, rtol=1e-12, atol=1e-12), 1e-6
+    shifts = step * np.eye(2)
+    differences = (exact(place + shifts) - exact(place - shifts)).T / (2 * step)
+    assert jacobian(exact, place) == pytest.approx(differences, abs=1e-7)
+
+
+def test_derivative_through_impacts_with_a_moving_table():
+    exact, step, place = stroboscopic_map(TABLE, rtol=1e-12, atol=1e-12), 1e-6, np.array([2.5, 0.0])
+    shifts = step * np.eye(2)
+    differences = (exact(place + shifts) - exact(place - shifts)).T / (2 * step)
+    assert jacobian(exact, place) == pytest.approx(differences, abs=1e-5)
+
+
+def test_same_bits_in_any_company():
+    """An image does not depend on the lanes beside it."""
+    places = np.random.default_rng(1).uniform(-1.5, 0.5, (37, 2))
+    exact = stroboscopic_map(STRUCK)
+    together = exact(places)
+    assert all((exact(place) == image).all() for place, image in zip(places, together, strict=True))
+
+
+def test_basins_of_the_impact_oscillator():
+    """Two attractors; fractions of 100 random initial conditions by SciPy agree within their error."""
+    basins = find_basins(stroboscopic_map(STRUCK), CellGrid((-2, -2), (0.5, 2), (60, 60)))
+    assert [a.period for a in basins.attractors] == [1, 1]
+    assert not (basins.labels < 0).any()
+    for attractor in basins.attractors:
+        assert by_scipy(STRUCK, attractor.points[0]) == pytest.approx(attractor.points[0], abs=1e-8)
+
+
+@pytest.mark.slow
+def test_campaign_of_impact_oscillators():
+    """Random parameters and initial conditions against SciPy: no OK with an error above ten tolerances."""
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        system = STRUCK.with_params(
+            damping=rng.uniform(0, 0.2), force=rng.uniform(0.2, 2), omega=rng.uniform(0.4, 3), e=rng.uniform(0.3, 1)
+        )
+        place = (rng.uniform(-1.5, 0.45), rng.uniform(-2, 2))
+        found, witness = stroboscopic_map(system, rtol=1e-8, atol=1e-8).iterate(place, 1), by_scipy(system, place)
+        if witness is not None and found.status == Status.OK:
+            assert found.points == pytest.approx(witness, abs=1e-7)
+
+
+# --- kicks and thin walls
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.0])
+def test_kicked_rotor_is_the_standard_map(shift):
+    """Also with the kick at the sampling time itself, once a period and no more."""
+    kick = Impact(lambda t, x, p: -sin(2 * pi * t - p.shift), lambda t, x, p: (x[0], x[1] + p.k * sin(x[0])))
+    rotor = ForcedSystem(
+        lambda t, x, p: (x[1], 0.0 * x[0]), {"k": 1.3, "shift": shift}, 1.0, (angle("theta"), "v"), impacts=[kick]
+    )
+    theta, v = np.array([0.3, 2.0]), np.array([0.4, -1.0])
+    begin = np.stack([theta, v], axis=1)
+    early = shift / (2 * pi)
+    for _ in range(8):
+        theta = theta + early * v
+        v = v + 1.3 * np.sin(theta)
+        theta = theta + (1 - early) * v
+    found = stroboscopic_map(rotor, rtol=1e-12, atol=1e-12).iterate(begin, 8).points
+    assert np.exp(1j * found[:, 0]) == pytest.approx(np.exp(1j * theta), abs=1e-10)
+    assert found[:, 1] == pytest.approx(v, abs=1e-10)
+
+
+def test_thin_wall_has_two_sides():
+    """Free motion at speed 1 beside a wall at 0, elastic, from either side."""
+    walls = [Impact(lambda t, x, p: x[0], lambda t, x, p: (x[0], -x[1]), direction=d, solid=False) for d in (-1, 1)]
+    free = ForcedSystem(lambda t, x, p: (x[1], 0.0 * x[1]), {}, 3.0, ("q", "v"), impacts=walls)
+    exact = stroboscopic_map(free)
+    assert exact([[1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) == pytest.approx(np.array([[2, 1], [-2, -1], [4, 1]]))
+
+
+# --- what is refused or reported
+
+
+def test_zeno_that_cannot_rest_is_reported():
+    """Beside dry friction nothing rests on an impact: the accumulation of impacts is out of steps, not divergence."""
+
+    def rhs(t, x, p, s):
+        return x[1], -9.81, -s[0]
+
+    system = ForcedSystem(rhs, {"e": 0.5}, 5.0, ("h", "v", "u"), switches=lambda t, x, p: (x[2],), impacts=[
+        Impact(lambda t, x, p: x[0], lambda t, x, p: (x[0], -p.e * x[1], x[2]))
+    ])  # fmt: skip
+    assert stroboscopic_map(system).iterate([1.0, 0.0, 1.0], 1).status == Status.OUT_OF_STEPS
+
+
+def test_maps_that_know_no_impacts():
+    with pytest.raises(ValueError, match="impacts"):
+        inverse_stroboscopic_map(BALL)
+    with pytest.raises(ValueError, match="impacts"):
+        section_map(BALL, ("v", 0.0, -1))
+    with pytest.raises(ValueError, match="impacts need method='Taylor'"):
+        stroboscopic_map(BALL, method="DOP853")
+    assert flow_map(BALL, 0.5)([1.0, 0.0]) == pytest.approx(bounced(1.0, 0.0, 0.5, 9.81, 0.8))
+
+
+@pytest.mark.parametrize(
+    ("impacts", "message"),
+    [
+        (FLOOR, "give a sequence of Impact"),
+        ([lambda t, x, p: x], "give a sequence of Impact"),
+        ([Impact(lambda t, x, p: x[0], lambda t, x, p: x[:1])], r"impacts\[0\].reset returns .* the 2 state variables"),
+        ([Impact(lambda t, x, p: x, lambda t, x, p: x)], r"impacts\[0\].guard returns .*: return a number"),
+        ([Impact(lambda t, x, p: x[5], lambda t, x, p: x)], r"impacts\[0\].guard fails at"),
+    ],
+)
+def test_impacts_that_are_none(impacts, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        ForcedSystem(falling, {"g": 1.0}, 1.0, ("h", "v"), impacts=impacts)
+
+
+def test_directions():
+    with pytest.raises(ValueError, match="direction=2"):
+        Impact(lambda t, x, p: x[0], lambda t, x, p: x, direction=2)
+    with pytest.raises(TypeError, match="guard=1"):
+        Impact(1.0, lambda t, x, p: x)
+    assert Label.OUT_OF_STEPS == -6
