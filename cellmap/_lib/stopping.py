@@ -17,6 +17,8 @@ class Stop:
     ----------
     seconds : float or None
         Time after which the request makes itself.
+    parent : Stop or None
+        A request of which this one is a part.
 
     Examples
     --------
@@ -28,8 +30,8 @@ class Stop:
     True
     """
 
-    def __init__(self, seconds: float | None = None) -> None:
-        self._event = Event()
+    def __init__(self, seconds: float | None = None, parent: Stop | None = None) -> None:
+        self._event, self._parent = Event(), parent
         self._deadline = None if seconds is None else time.monotonic() + seconds
 
     def request(self) -> None:
@@ -39,12 +41,15 @@ class Stop:
     @property
     def timed_out(self) -> bool:
         """Whether the time is over, and nobody has asked for the end."""
-        return not self._event.is_set() and self._deadline is not None and time.monotonic() >= self._deadline
+        if self._event.is_set():
+            return False
+        late = self._deadline is not None and time.monotonic() >= self._deadline
+        return late or (self._parent is not None and self._parent.timed_out)
 
     @property
     def requested(self) -> bool:
         """Whether the end was asked for, or the time is over."""
-        return self._event.is_set() or self.timed_out
+        return self._event.is_set() or self.timed_out or (self._parent is not None and self._parent.requested)
 
     def check(self) -> None:
         """Raise :class:`Stopped` where that is so."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
@@ -83,21 +83,32 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
 
 
 def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterator[tuple[Task, Result]]:
-    """Yield ``task, work(task)`` for every task as it is completed, on all threads; few results wait to be taken."""
+    """Yield ``task, work(task)`` for every task as it is completed, on all threads; few results wait to be taken.
+
+    Where they are no longer asked for, tasks that are under way come to their end, and no others begin.
+    """
     threads = thread_count()
     if threads == 1 or len(tasks) == 1:
         for task in tasks:
             yield task, work(task)
         return
     pool, rest = ThreadPoolExecutor(threads), iter(tasks)
+    under_way: dict[Future[Result], Task] = {}
     try:
-        under_way = {pool.submit(work, task): task for task in islice(rest, _AHEAD * threads)}
+        under_way |= {pool.submit(work, task): task for task in islice(rest, _AHEAD * threads)}
         while under_way:
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                 yield under_way.pop(future), future.result()
                 under_way |= {pool.submit(work, task): task for task in islice(rest, 1)}
-    finally:
+    except GeneratorExit:
+        # The garbage collector may say so while this thread holds the locks of pools, which let nobody in twice.
+        for future in under_way:
+            future.cancel()
+        raise
+    except BaseException:
         pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 @contextmanager

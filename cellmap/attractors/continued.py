@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -70,27 +70,61 @@ def continue_attractors(
         if lengths.shape != (point_map.dimension,) or not ((lengths > 0.0) & np.isfinite(lengths)).all():
             raise ValueError(f"extent={shown(extent)}: give {point_map.dimension} positive lengths")
         extent = lengths
-    periods = np.array([a.period for a in orbits], np.int64)
-    guesses = np.array([a.points[0] for a in orbits]).reshape(-1, point_map.dimension)
+    found = list(with_regions(point_map, orbits_followed(point_map, orbits, extent), extent).values())
+    found += circles_followed(point_map, circles, extent, found).values()
+    return tuple(sorted(found, key=sort_key))
+
+
+def orbits_followed(
+    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64]
+) -> dict[int, Attractor]:
+    """Return the orbits to which Newton's method comes from periodic attractors, by the numbers of these.
+
+    Their regions are those that the attractors had around their points, which nothing verifies for this map.
+    """
+    periods = np.array([a.period for a in attractors], np.int64)
+    guesses = np.array([a.points[0] for a in attractors]).reshape(-1, point_map.dimension)
     points, settled = newton(point_map, guesses, periods, extent, _REACH, attracting=True)
-    followed: dict[int, Attractor] = {}
+    found: dict[int, Attractor] = {}
     for k in np.flatnonzero(settled).tolist():
-        orbit = stable_orbit(point_map, points[k], int(periods[k]), extent)
-        if orbit is not None:
-            followed[k] = orbit
+        orbit, before = stable_orbit(point_map, points[k], int(periods[k]), extent), attractors[k].neighbourhood
+        if orbit is None:
+            continue
+        same = before is not None and len(before.centres) == len(orbit.points)
+        region = replace(before, centres=orbit.points) if before is not None and same else None
+        found[k] = replace(orbit, neighbourhood=region)
+    return found
+
+
+def with_regions(
+    point_map: PointMap, orbits: Mapping[int, Attractor], extent: NDArray[np.float64]
+) -> dict[int, Attractor]:
+    """Return those orbits that have a verified region, with it, by the numbers that they have."""
 
     def grow(k: int) -> None:
-        regions[k] = neighbourhood_of(point_map, followed[k], extent)
+        regions[k] = neighbourhood_of(point_map, orbits[k], extent)
 
     regions: dict[int, Neighbourhood | None] = {}
-    run_over(list(followed), grow)
-    found: list[Attractor] = []
-    for k, orbit in followed.items():
+    run_over(list(orbits), grow)
+    found: dict[int, Attractor] = {}
+    for k, orbit in orbits.items():
         region = regions[k]
         # A periodic point inside the region of another orbit is on that orbit.
-        if region is not None and Catalogue.of(found, point_map).owners_of(points[k : k + 1])[0] < 0:
-            found.append(replace(orbit, neighbourhood=region))
-    for before in circles:
-        near = quasiperiodic_attractors(point_map, before.points[:1], extent, _FOLLOWED, found).attractors
-        found += [now for now in near if attractor_distance(before, now, extent) <= _REACH]
-    return tuple(sorted(found, key=sort_key))
+        others = Catalogue.of(list(found.values()), point_map)
+        if region is not None and others.owners_of(orbit.points[:1])[0] < 0:
+            found[k] = replace(orbit, neighbourhood=region)
+    return found
+
+
+def circles_followed(
+    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64], known: Sequence[Attractor]
+) -> dict[int, Attractor]:
+    """Return the invariant curves near those of quasi-periodic attractors, by the numbers of these."""
+    found: dict[int, Attractor] = {}
+    for k, before in enumerate(attractors):
+        others = [*known, *found.values()]
+        near = quasiperiodic_attractors(point_map, before.points[:1], extent, _FOLLOWED, others).attractors
+        close = [now for now in near if attractor_distance(before, now, extent) <= _REACH]
+        if close:
+            found[k] = close[0]
+    return found

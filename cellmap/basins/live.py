@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import threading
-from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,20 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import finite_number, parameter_values, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
-from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.matching import persistent_labels, thinned
-from ..attractors.search import find_attractors, longest_period, region_extent
+from ..attractors.search import longest_period, region_extent
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
-from ..maps.stroboscopic import carried
 from ..orbits.attractor import Attractor
+from .family import Family, Member
 from .initial_conditions import Starts
 from .refining import BasinFrame, refinement
 
-_KEPT = 16  # maps that are kept with their attractors
-_REMEMBERED = 1024  # points that are kept of an attractor that may come back
-_SEEDS = 4  # points of an attractor that was lost from which it is sought
+_PREVIEWED = 2  # strides that are drawn before anything is verified
+_NOTHING = 2**62  # stride of an image in which nothing is labelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +42,9 @@ class LiveFrame(BasinFrame):
         Identities of attractors that were there, and are no more; known when the frame is complete.
     phase : float or None
         Phase of the forcing, None for the family's own.
+    preview : bool
+        Whether trapping regions are those of the parameters before, around the orbits of these ones, and the table is
+        not examined yet.  The frames that follow rest on what is verified.
     """
 
     identities: tuple[int, ...] = ()
@@ -54,34 +52,13 @@ class LiveFrame(BasinFrame):
     born: tuple[int, ...] = ()
     gone: tuple[int, ...] = ()
     phase: float | None = None
+    preview: bool = False
 
     @property
     def identity_image(self) -> NDArray[np.int16]:
         """The image with identities in the place of labels."""
         numbers = np.array([*sorted(LABEL_NAMES), *self.identities], np.int16)
         return np.asarray(numbers[self.image - min(LABEL_NAMES)])
-
-
-@dataclass(eq=False)
-class _Place:
-    """A map of the family, and its attractors with their identities as far as they are known.
-
-    ``before``: attractors of the map before, by identity, at the phase of this one.
-    """
-
-    point_map: PointMap
-    phase: float | None
-    before: Mapping[int, Attractor]
-    attractors: list[Attractor] = field(default_factory=list)
-    identities: list[int] = field(default_factory=list)
-
-    def known(self) -> dict[int, Attractor]:
-        """Return the attractors by identity."""
-        return dict(zip(self.identities, self.attractors, strict=True))
-
-    def identity_of(self, attractor: Attractor) -> int | None:
-        """Return the identity of an attractor, None if it has none."""
-        return next((k for k, a in zip(self.identities, self.attractors, strict=True) if a is attractor), None)
 
 
 class LiveFrames(Iterator[LiveFrame]):
@@ -145,18 +122,16 @@ class LiveBasins:
         stride: int = 8,
     ) -> None:
         self._base, self._places = point_map, Starts.of(initial_conditions, point_map)
-        self._limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
-        self._threshold, self._stride = finite_number("threshold", threshold, above=0.0), stride
+        self._stride = stride
         grid = self._places.grid
         corners = (
             np.array([grid.lower, grid.upper]) if grid is not None else self._places.points(slice(0, len(self._places)))
         )
-        self._extent = region_extent(point_map, corners)
-        self._making, self._guard = threading.Lock(), threading.RLock()
+        self._limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
+        near = finite_number("threshold", threshold, above=0.0)
+        self._family = Family(point_map, self._limits, region_extent(point_map, corners), near)
+        self._guard = threading.Lock()
         self._newest = Stop()
-        self._known: OrderedDict[Any, _Place] = OrderedDict()
-        self._memory: dict[int, Attractor] = {}
-        self._last: _Place | None = None  # made last
         self._reported: tuple[int, ...] = ()  # identities in the last complete frame
 
     def cancel(self) -> None:
@@ -211,16 +186,31 @@ class LiveBasins:
             self._newest.request()
             self._newest = stop
 
-        def made() -> Iterator[LiveFrame]:
-            try:
-                place = self._place(changed, phase, stop)
-            except Stopped:
-                if not stop.timed_out:
-                    return
-                place = _Place(self._base, phase, {})
-            known = tuple(place.attractors)
-            for frame in refinement(place.point_map, places, self._limits, known, self._stride, near, interval, stop):
+        def frames_of(place: Member) -> Iterator[LiveFrame]:
+            known, first = tuple(place.attractors), _PREVIEWED if place.draft else 1
+            for frame in refinement(
+                place.point_map, places, self._limits, known, self._stride, near, interval, stop, first
+            ):
                 yield self._identified(frame, place)
+
+        def made() -> Iterator[LiveFrame]:
+            finest = _NOTHING
+            try:
+                place = self._family.member(changed, phase, stop)
+                if place.draft:
+                    for frame in frames_of(place):
+                        finest = frame.stride
+                        yield frame
+                        if finest <= max(1, self._stride >> (_PREVIEWED - 1)):
+                            break
+                    place = self._family.verified(place, stop)
+            except Stopped:
+                if finest < _NOTHING or not stop.timed_out:
+                    return
+                place = Member(self._base, phase, {})
+            for frame in frames_of(place):
+                if frame.stride <= finest or frame.complete:
+                    yield frame
 
         return LiveFrames(made(), stop)
 
@@ -231,58 +221,10 @@ class LiveBasins:
             pass
         return frame
 
-    def _place(self, changed: Mapping[str, float], phase: float | None, stop: Stop) -> _Place:
-        """Return a map with the attractors that can be followed to it from the map before."""
-        key = (tuple(sorted({**self._base.params, **changed}.items())), phase)
-        with self._making:
-            stop.check()
-            place = self._known.pop(key, None)
-            if place is None:
-                spec = self._base.specified.with_params({**self._base.params, **changed}) if changed else None
-                if phase is not None:
-                    spec = (self._base.specified if spec is None else spec).with_phase(phase)
-                point_map = self._base if spec is None else spec.build()
-                stop.check()
-                place = self._followed(point_map, phase)
-            self._known[key] = self._last = place
-            while len(self._known) > _KEPT:
-                self._known.popitem(last=False)
-            return place
-
-    def _followed(self, point_map: PointMap, phase: float | None) -> _Place:
-        """Return a map with the attractors that are found from where they were."""
-        before = {} if self._last is None else self._last.known()
-        if self._last is not None and phase != self._last.phase:
-            with self._guard:
-                carry = functools.partial(_carried, self._last.point_map, phase=phase or 0.0)
-                self._memory = {k: carry(a) for k, a in self._memory.items()}
-            before = {k: carry(a) for k, a in before.items()}
-        found = continue_attractors(point_map, tuple(before.values()), self._extent) if before else ()
-        regular = [a for a in before.values() if a.neighbourhood is not None or a.circle is not None]
-        if len(found) < len(regular):
-            seeds = np.concatenate([thinned(a.points, _SEEDS) for a in regular])
-            found = find_attractors(point_map, seeds, *self._limits, attractors=found)
-        place = _Place(point_map, phase, before)
-        self._identify(place, found)
-        return place
-
-    def _identify(self, place: _Place, found: Sequence[Attractor]) -> None:
-        """Give the attractors of a map that have none their identities."""
-        with self._guard:
-            fresh = [a for a in found if place.identity_of(a) is None]
-            if not fresh:
-                return
-            taken = place.identities
-            labels = persistent_labels(fresh, place.before, self._memory, self._extent, self._threshold, taken)
-            for attractor, label in zip(fresh, labels, strict=True):
-                place.attractors.append(attractor)
-                place.identities.append(label)
-                self._memory[label] = replace(attractor, points=thinned(attractor.points, _REMEMBERED), cover=None)
-
-    def _identified(self, frame: BasinFrame, place: _Place) -> LiveFrame:
+    def _identified(self, frame: BasinFrame, place: Member) -> LiveFrame:
         """Return a frame with the identities of its attractors, and the news since the last complete frame."""
+        self._family.identify(place, frame.basins.attractors)
         with self._guard:
-            self._identify(place, frame.basins.attractors)
             here = place.known()
             born = tuple(k for k in here if k not in self._reported)
             gone = tuple(k for k in self._reported if k not in here) if frame.complete else ()
@@ -290,10 +232,14 @@ class LiveBasins:
                 self._reported = tuple(here)
         numbers = tuple(place.identities[place.attractors.index(a)] for a in frame.basins.attractors)
         return LiveFrame(
-            frame.basins, frame.stride, frame.complete, frame.strides, numbers, here, born, gone, place.phase
+            frame.basins,
+            frame.stride,
+            frame.complete,
+            frame.strides,
+            numbers,
+            here,
+            born,
+            gone,
+            place.phase,
+            place.draft,
         )
-
-
-def _carried(point_map: PointMap, attractor: Attractor, phase: float) -> Attractor:
-    """Return an attractor where the flow takes it until another phase of the forcing."""
-    return replace(attractor, points=carried(point_map, attractor.points, phase), cover=None)

@@ -43,9 +43,9 @@ class Run:
 
     All that a pass depends on is in its :class:`Progress`, so that a run may be taken up at any of them.
 
-    ``order``: the tiles of the first pass, in groups of which the first one is labelled before the search for
-    attractors, where some are known; ``now``: the present pass, or the last; ``reasons``: why some of those that it
-    leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration, pass by pass.
+    ``order``: the tiles of the first pass, in groups of which the first ones, as many as ``first``, are labelled before
+    the search for attractors, where some are known; ``now``: the present pass, or the last; ``reasons``: why some of
+    those that it leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration.
     """
 
     point_map: PointMap
@@ -57,6 +57,7 @@ class Run:
     progress: bool = False
     stop: Stop = field(default_factory=Stop)
     order: Sequence[Sequence[StridedTile]] = ()
+    first: int = 1
     now: Progress | None = None
     reasons: tuple[Reason, ...] = ()
     complete: bool = False
@@ -125,6 +126,7 @@ class Run:
         )
 
     def _passes(self, known: list[Attractor]) -> Iterator[int]:
+        self.stop.check()
         total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
         chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
@@ -139,8 +141,8 @@ class Run:
             now = Progress(tuple(known), examined, Rows(total), (), horizon, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
-                yield from self._first_look(replace(now, tiles=tuple(self.order[0])))
-            tiles = tuple(tile for group in self.order for tile in group) or None
+                yield from self._first_look(replace(now, tiles=_joined_tiles(self.order[: self.first])))
+            tiles = _joined_tiles(self.order) or None
             now = replace(now, attractors=self._search(chosen, known, total > _SAMPLE, examined), tiles=tiles)
             self.store.begin(now)
         states: Orbits | None = None
@@ -264,6 +266,10 @@ def new_numbers(used: Sequence[int], attractors: int) -> NDArray[np.int16]:
     numbers = np.arange(min(LABEL_NAMES), attractors, dtype=np.int16)
     numbers[np.array(used, np.int64) - min(LABEL_NAMES)] = np.arange(len(used))
     return numbers
+
+
+def _joined_tiles(groups: Sequence[Sequence[StridedTile]]) -> tuple[StridedTile, ...]:
+    return tuple(tile for group in groups for tile in group)
 
 
 def _joined(left: Mapping[int, Orbits], tiles: int) -> Orbits | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -95,10 +95,8 @@ class _Strides:
 class Refinement(Iterator[BasinFrame]):
     """Iterator over the frames of a basin image that is refined; see :func:`refine_basins`."""
 
-    def __init__(self, run: Run, attractors: Sequence[Attractor], settings: dict[str, Any], interval: float) -> None:
-        self._run, self._known, self._settings, self._interval = run, tuple(attractors), settings, interval
-        self._frames = self._made()
-        self.strides = tuple(2**k for k in reversed(range(len(run.order))))
+    def __init__(self, run: Run, frames: Iterator[BasinFrame]) -> None:
+        self._run, self._frames = run, frames
 
     def __next__(self) -> BasinFrame:
         return next(self._frames)
@@ -107,32 +105,48 @@ class Refinement(Iterator[BasinFrame]):
         """End the iteration soon, from any thread; tiles that are under way are given up."""
         self._run.stop.request()
 
-    def _made(self) -> Iterator[BasinFrame]:
-        run, began = self._run, time.perf_counter()
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """What frames are made from.  An iterator over them refers to this alone, so that it ends when it is dropped."""
+
+    run: Run
+    known: tuple[Attractor, ...]
+    settings: Mapping[str, Any]
+    interval: float
+
+    @property
+    def strides(self) -> tuple[int, ...]:
+        """Strides from the first frame to the last."""
+        return tuple(2**k for k in reversed(range(len(self.run.order))))
+
+    def made(self) -> Iterator[BasinFrame]:
+        """Yield the frames."""
+        run, began = self.run, time.perf_counter()
         done, stride, before = _Strides(run), 2 * self.strides[0], began
         try:
-            for number in run.tiles(self._known):
-                finer, late = done.after(number), time.perf_counter() - before > self._interval
+            for number in run.tiles(self.known):
+                finer, late = done.after(number), time.perf_counter() - before > self.interval
                 if (finer < stride or late) and not run.stop.requested:
                     stride = min(stride, finer)
-                    yield self._frame(stride, time.perf_counter() - began)
+                    yield self.frame(stride, time.perf_counter() - began)
                     before = time.perf_counter()
             if run.complete:
-                yield BasinFrame(run.result(self._settings, time.perf_counter() - began), 1, True, self.strides)
+                yield BasinFrame(run.result(self.settings, time.perf_counter() - began), 1, True, self.strides)
             elif run.stop.timed_out:
-                yield self._frame(stride, time.perf_counter() - began)
+                yield self.frame(stride, time.perf_counter() - began)
         finally:
-            self.cancel()
+            run.stop.request()
 
-    def _frame(self, stride: int, seconds: float) -> BasinFrame:
-        run = self._run
-        attractors = self._known if run.now is None else run.now.attractors
+    def frame(self, stride: int, seconds: float) -> BasinFrame:
+        """Return a frame of what is known now."""
+        run = self.run
+        attractors = self.known if run.now is None else run.now.attractors
         order = sorted(range(len(attractors)), key=lambda k: sort_key(attractors[k]))
-        numbers = new_numbers(order, len(attractors))
-        labels = numbers[run.store.labels - min(Label)].reshape(run.store.shape)
+        labels = new_numbers(order, len(attractors))[run.store.labels - min(Label)]
         basins = replace(
-            run.described(self._settings, seconds),
-            labels=labels,
+            run.described(self.settings, seconds),
+            labels=labels.reshape(run.store.shape),
             attractors=tuple(attractors[k] for k in order),
             settling_time=run.store.times.reshape(run.store.shape).copy(),
         )
@@ -196,13 +210,9 @@ def refine_basins(
     --------
     >>> from cellmap import CellGrid, discrete_map
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
-    >>> for frame in refine_basins(newton, CellGrid((-3,), (3,), (100,))):
-    ...     print(frame.stride, int((frame.basins.labels == -5).sum()))
-    8 87
-    4 75
-    2 50
-    1 0
-    1 0
+    >>> *_, last = refine_basins(newton, CellGrid((-3,), (3,), (100,)))
+    >>> last.stride, last.complete, last.basins.fractions[0].share
+    (1, True, 0.5)
     """
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     check_attractors(attractors, point_map, "attractors")
@@ -220,8 +230,13 @@ def refinement(
     near: ArrayLike | None,
     interval: float | None,
     stop: Stop,
+    first: int = 1,
 ) -> Refinement:
-    """Return what :func:`refine_basins` does, with the largest numbers of periods, and a request to end."""
+    """Return what :func:`refine_basins` does.
+
+    ``limits``: largest numbers of periods; ``stop``: a request to end; ``first``: strides that are labelled by known
+    attractors before the search for others.
+    """
     stride = whole_number("stride", stride, at_least=1, at_most=2**16)
     if stride & (stride - 1):
         raise ValueError(f"stride={stride}: give a power of two")
@@ -232,8 +247,8 @@ def refinement(
     middle = None if near is None else _place(finite_points("near", near, point_map.dimension), places, point_map)
     order = strided_tiles(places.shape, stride, middle)
     settings = {"max_periods": limits[0], "max_period": limits[1], "map": dict(point_map.recipe)}
-    run = Run(point_map, places, InMemory(places.shape), *limits, stop=stop, order=order)
-    return Refinement(run, attractors, settings, often)
+    run = Run(point_map, places, InMemory(places.shape), *limits, stop=Stop(parent=stop), order=order, first=first)
+    return Refinement(run, _Frames(run, tuple(attractors), settings, often).made())
 
 
 def _place(near: NDArray[np.float64], places: Starts, point_map: PointMap) -> tuple[int, ...]:

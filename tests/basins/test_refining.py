@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 import warnings
+import weakref
 from math import cos, pi
 
 import numpy as np
@@ -183,6 +185,21 @@ def test_an_iteration_is_cancelled_from_another_thread() -> None:
     assert time.perf_counter() - ended[0] < 1.0
     assert not any(frame.complete for frame in frames)
     assert list(slow) == []
+
+
+def test_what_is_dropped_ends_at_once_and_waits_for_no_garbage_collector() -> None:
+    """It would close the threads of an iteration at any moment, perhaps while their locks are held."""
+    set_threads(2)
+    gc.collect()
+    gc.disable()
+    try:
+        frames = refine_basins(duffing(), WINDOW)
+        run = weakref.ref(frames._run)
+        next(frames)
+        del frames
+        assert run() is None
+    finally:
+        gc.enable()
 
 
 def test_a_call_ends_in_time_with_what_is_decided() -> None:

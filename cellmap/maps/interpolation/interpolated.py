@@ -133,7 +133,7 @@ def interpolated_map(
             file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
         tiles = TableTiles(client, file)
         coefficients, spoilt = spline_coefficients_of(exact, grid, order, progress, tiles)
-        allowed = _allowed(grid, order, tolerance)
+        allowed = allowed_errors(grid, order, tolerance)
         smooth = CellTable.unexamined(grid, order, coefficients)
         indicator, rough = errors_in_cells(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
@@ -174,7 +174,7 @@ class Interpolated(MapSpec[PointMap]):
         exact, table, outside = self.exact, self.table, self.outside
         if table is None:
             return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.leap)
-        allowed = _allowed(self.grid, self.order, self.tolerance) * (_LEAP if self.tolerance is None else 1.0)
+        allowed = allowed_errors(self.grid, self.order, self.tolerance) * (_LEAP if self.tolerance is None else 1.0)
         began = time.perf_counter()
         tables = [table]
         while 2 ** len(tables) <= self.leap:
@@ -237,7 +237,7 @@ class Interpolated(MapSpec[PointMap]):
         return cls(exact, grid, int(recipe["order"]), recipe["outside"], recipe["tolerance"], leap)
 
 
-def _allowed(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
+def allowed_errors(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
     """Return the largest error in a cell that is allowed, for each coordinate."""
     return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
 

@@ -99,6 +99,18 @@ def errors_in_cells(
     return indicator.reshape(grid.shape), rough.reshape(grid.shape)
 
 
+@np.errstate(invalid="ignore")
+def leading_errors_in_cells(
+    table: CellTable, allowed: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return the errors along the axes in every cell, which are a part of those of :func:`errors_in_cells`."""
+    sums, absolute = leading_errors(table.coefficients, table.order, table.grid.wraps)
+    error = 0.5 * (absolute + np.abs(sums))
+    worst = (error / table.grid.widths).max(axis=-1)
+    indicator = np.where(np.isfinite(worst), worst, np.inf).astype(np.float32)
+    return indicator, np.asarray(~(error <= allowed).all(axis=-1))
+
+
 def leap_table(
     exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
 ) -> CellTable:

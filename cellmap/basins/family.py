@@ -1,0 +1,148 @@
+"""Maps of a family with their attractors, followed from one to the next, each with an identity that it keeps."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.stopping import Stop
+from ..attractors.continued import circles_followed, orbits_followed, with_regions
+from ..attractors.matching import persistent_labels, thinned
+from ..attractors.search import find_attractors
+from ..maps.interpolation.drafts import draft_of, examined
+from ..maps.interpolation.interpolated import Interpolated
+from ..maps.point_map import PointMap
+from ..maps.specification import MapSpec
+from ..maps.stroboscopic import carried
+from ..orbits.attractor import Attractor
+
+_KEPT = 16  # maps that are kept with their attractors
+_REMEMBERED = 1024  # points that are kept of an attractor that may come back
+_SEEDS = 4  # points of an attractor that was lost from which it is sought
+
+
+@dataclass(eq=False)
+class Member:
+    """A map of the family, and its attractors with their identities as far as they are known.
+
+    ``before``: attractors of the map before, by identity, at the phase of this one; ``draft``: whether nothing is
+    verified yet, see `LiveFrame`; ``unexamined``: whether its table is a draft; ``key``: what it is known by.
+    """
+
+    point_map: PointMap
+    phase: float | None
+    before: Mapping[int, Attractor]
+    attractors: list[Attractor] = field(default_factory=list)
+    identities: list[int] = field(default_factory=list)
+    draft: bool = False
+    unexamined: bool = False
+    key: Any = None
+
+    def known(self) -> dict[int, Attractor]:
+        """Return the attractors by identity."""
+        return dict(zip(self.identities, self.attractors, strict=True))
+
+    def identity_of(self, attractor: Attractor) -> int | None:
+        """Return the identity of an attractor, None if it has none."""
+        return next((k for k, a in zip(self.identities, self.attractors, strict=True) if a is attractor), None)
+
+
+class Family:
+    """A family of maps of which members are asked for, from any thread.
+
+    ``limits``: largest numbers of periods of a search; ``extent``: size of the region of interest; ``threshold``:
+    largest distance of attractors that are the same.
+    """
+
+    def __init__(self, base: PointMap, limits: tuple[int, int], extent: NDArray[np.float64], threshold: float) -> None:
+        self._base, self._limits, self._extent, self._threshold = base, limits, extent, threshold
+        self._making, self._guard = threading.Lock(), threading.RLock()
+        self._known: OrderedDict[Any, Member] = OrderedDict()
+        self._memory: dict[int, Attractor] = {}
+        self._last: Member | None = None  # made last
+
+    def member(self, changed: Mapping[str, float], phase: float | None, stop: Stop) -> Member:
+        """Return a map with the attractors that can be followed to it from the map before, or a draft of it."""
+        key = (tuple(sorted({**self._base.params, **changed}.items())), phase)
+        with self._making:
+            stop.check()
+            place = self._known.pop(key, None)
+            if place is None:
+                spec = self._base.specified.with_params({**self._base.params, **changed}) if changed else None
+                if phase is not None:
+                    spec = (self._base.specified if spec is None else spec).with_phase(phase)
+                place = self._drafted(spec, phase, key)
+            self._known[key] = self._last = place
+            while len(self._known) > _KEPT:
+                self._known.popitem(last=False)
+            return place
+
+    def _drafted(self, spec: MapSpec[PointMap] | None, phase: float | None, key: Any) -> Member:
+        """Return a map, and the orbits to which attractors can be followed from where they were."""
+        last = self._last
+        before: dict[int, Attractor] = {}
+        if last is not None:
+            # What a draft did not find may be found, or what has taken its place, when it is verified.
+            before = {**(last.before if last.draft else {}), **last.known()}
+            if phase != last.phase:
+                before = {k: _carried(last.point_map, a, phase or 0.0) for k, a in before.items()}
+                with self._guard:
+                    self._memory = {k: _carried(last.point_map, a, phase or 0.0) for k, a in self._memory.items()}
+        regular = {k: a for k, a in before.items() if a.neighbourhood is not None}
+        if not regular:
+            return Member(self._base if spec is None else spec.build(), phase, before, key=key)
+        drafted = isinstance(spec, Interpolated)
+        point_map = self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
+        names = list(regular)
+        found = orbits_followed(point_map, list(regular.values()), self._extent)
+        kept = {names[k]: a for k, a in found.items() if a.neighbourhood is not None}
+        place = Member(point_map, phase, before, list(kept.values()), list(kept), key=key)
+        return replace(place, draft=True, unexamined=drafted)
+
+    def verified(self, draft: Member, stop: Stop) -> Member:
+        """Return a map with its table examined, and its attractors with verified regions."""
+        with self._making:
+            stop.check()
+            point_map = examined(draft.point_map) if draft.unexamined else draft.point_map
+            stop.check()
+            found = with_regions(point_map, draft.known(), self._extent)
+            circles = {k: a for k, a in draft.before.items() if a.circle is not None}
+            names, orbits = list(circles), list(found.values())
+            curves = circles_followed(point_map, list(circles.values()), self._extent, orbits)
+            found |= {names[k]: a for k, a in curves.items()}
+            place = Member(point_map, draft.phase, draft.before, list(found.values()), list(found), key=draft.key)
+            with self._guard:
+                self._memory |= found
+            regular = {k: a for k, a in draft.before.items() if a.neighbourhood is not None or k in circles}
+            lost = [a for k, a in regular.items() if k not in found]
+            if lost:
+                seeds = np.concatenate([thinned(a.points, _SEEDS) for a in lost])
+                self.identify(place, find_attractors(point_map, seeds, *self._limits, attractors=place.attractors))
+            self._known[draft.key] = place
+            if self._last is draft:
+                self._last = place
+            return place
+
+    def identify(self, place: Member, found: Sequence[Attractor]) -> None:
+        """Give the attractors of a map that have none their identities."""
+        with self._guard:
+            fresh = [a for a in found if place.identity_of(a) is None]
+            if not fresh:
+                return
+            taken = place.identities
+            labels = persistent_labels(fresh, place.before, self._memory, self._extent, self._threshold, taken)
+            for attractor, label in zip(fresh, labels, strict=True):
+                place.attractors.append(attractor)
+                place.identities.append(label)
+                self._memory[label] = replace(attractor, points=thinned(attractor.points, _REMEMBERED), cover=None)
+
+
+def _carried(point_map: PointMap, attractor: Attractor, phase: float) -> Attractor:
+    """Return an attractor where the flow takes it until another phase of the forcing."""
+    return replace(attractor, points=carried(point_map, attractor.points, phase), cover=None)
