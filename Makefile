@@ -8,7 +8,7 @@ RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed-
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check
 UNKNOWN_PYTHON := 3.15
-ALL_EXTRAS := bench,cluster,docs,test,video
+ALL_EXTRAS := bench,cluster,docs,explorer,test,video
 
 export MPLBACKEND ?= Agg
 # What builds the library is pinned as well: older pips read the first of these for it, newer ones the second.

@@ -3,6 +3,7 @@ from . import analysis as analysis
 from . import attractors as attractors
 from . import basins as basins
 from . import bifurcations as bifurcations
+from . import explorer as explorer
 from . import maps as maps
 from . import orbits as orbits
 from . import plot as plot
@@ -20,6 +21,7 @@ from .basins.store import save_basins as save_basins
 from .bifurcations.diagram import bifurcation_diagram as bifurcation_diagram
 from .bifurcations.equilibrium_stability import stability_map as stability_map
 from .bifurcations.orbit_continuation import continue_orbit as continue_orbit
+from .explorer.serving import explore as explore
 from .maps.coordinates import Coordinate as Coordinate
 from .maps.coordinates import angle as angle
 from .maps.discrete import discrete_map as discrete_map

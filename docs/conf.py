@@ -58,6 +58,7 @@ ROOMS += [
     "cellmap.analysis",
     *(f"cellmap.analysis.{room}" for room in "fractal resilience boundary".split()),
     "cellmap.plot",
+    "cellmap.explorer",
     "cellmap.utils",
 ]
 GENERATED = Path(__file__).parent / "generated"

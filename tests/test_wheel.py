@@ -37,6 +37,9 @@ def test_its_name_is_free_and_its_types_and_rooms_are_in_it(wheel: Path) -> None
     sources = {str(p.relative_to(ROOT)) for room in ("cellmap", "systems") for p in (ROOT / room).rglob("*.py*")}
     assert {name for name in sources if name.endswith((".py", ".pyi"))} <= names
     assert {"cellmap/py.typed", "systems/py.typed"} <= names
+    page = [p for p in (ROOT / "cellmap" / "explorer" / "page").iterdir() if p.is_file()]
+    assert {str(p.relative_to(ROOT)) for p in page} <= names
+    assert "cellmap/explorer/page/index.html" in names
     assert not any(name.startswith(("tests", "studies", "docs")) for name in names)
 
 

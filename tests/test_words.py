@@ -28,6 +28,7 @@ ROOMS = (
     "analysis/resilience",
     "analysis/boundary",
     "plot",
+    "explorer",
     "_lib",
 )
 """Rooms of the package whose docstrings are read."""

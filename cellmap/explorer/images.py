@@ -1,0 +1,193 @@
+"""Images of one system, and what is asked about them: attractors, orbits, accuracy."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..attractors.labels import LABEL_NAMES
+from ..basins.finding import find_basins
+from ..basins.live import LiveBasins, LiveFrame
+from ..maps.stroboscopic import Stroboscopic
+from ..maps.system import ForcedSystem
+from ..maps.trajectories import trajectory
+from ..orbits.attractor import Attractor, distinct_names
+from .explored import Explored
+from .protocol import LOWEST, pixels
+from .view import View
+
+MAX_PERIODS = 2000
+LONGEST = 120.0
+"""Seconds after which an image is given up."""
+
+_DRAWN = 400  # periods of an orbit that are drawn
+_SAMPLES = 4000  # states of its motion
+_ERROR_SAMPLES = 2000
+
+
+class Images:
+    """Images of a system at changing views, with attractors that keep their identities.
+
+    Parameters
+    ----------
+    explored : Explored
+        The system.
+    """
+
+    def __init__(self, explored: Explored) -> None:
+        self.explored = explored
+        self.shown: tuple[View, LiveFrame] | None = None
+        self._live: tuple[tuple[int, float], LiveBasins] | None = None
+        self._guard = threading.Lock()
+
+    def frames(self, view: View, near: ArrayLike | None = None) -> Iterator[LiveFrame]:
+        """Yield frames from coarse to fine; the last one stays in `shown`."""
+        live = self._basins(view)
+        request = live.frames(
+            view.params,
+            phase=view.phase,
+            initial_conditions=view.initial_conditions(),
+            near=None if near is None else view.state(near),
+            max_seconds=LONGEST,
+        )
+        for frame in request:
+            with self._guard:
+                self.shown = view, frame
+            yield frame
+
+    def cancel(self) -> None:
+        """End the image that is being computed, from any thread."""
+        if self._live is not None:
+            self._live[1].cancel()
+
+    def _basins(self, view: View) -> LiveBasins:
+        """Return the live basins of a map; identities last as long as the kind of map is the same."""
+        key = view.nodes, view.tolerance
+        if self._live is None or self._live[0] != key:
+            point_map = self.explored.point_map(*key)
+            self._live = key, LiveBasins(point_map, view.initial_conditions(), MAX_PERIODS)
+        return self._live[1]
+
+    def seen(self, complete: bool = True) -> tuple[View, LiveFrame]:
+        """Return the last frame and its view.
+
+        Raises
+        ------
+        ValueError
+            If it is none that is complete, or whose attractors are verified.
+        """
+        with self._guard:
+            shown = self.shown
+        if shown is None or shown[1].preview or (complete and not shown[1].complete):
+            raise ValueError("image is a preview: ask again when it is complete")
+        return shown
+
+
+def described(explored: Explored) -> dict[str, Any]:
+    """Return what the page has to know of a system."""
+    system, first = explored.system, View.first(explored)
+    return {
+        "name": explored.name,
+        "title": system.name,
+        "forced": isinstance(system, ForcedSystem),
+        "coordinates": [{"name": c.name, "unit": c.unit, "period": c.period} for c in explored.coordinates],
+        "window": {"lower": explored.window.lower, "upper": explored.window.upper},
+        "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
+    }
+
+
+def picture(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
+    """Return the description of a frame and its pixels."""
+    raster = view.raster(frame.identity_image)
+    kind, data = pixels(raster)
+    height, width = raster.shape
+    attractors = dict(sorted(frame.attractors.items()))
+    counts = np.bincount(raster.ravel() - LOWEST, minlength=max(attractors, default=0) - LOWEST + 1)
+    names = distinct_names(tuple(attractors.values()))
+    return {
+        "width": width,
+        "height": height,
+        "pixels": kind,
+        "stride": frame.stride,
+        "complete": frame.complete,
+        "born": frame.born,
+        "gone": frame.gone,
+        "attractors": [
+            {**_attractor(a, name), "identity": k, "fraction": counts[k - LOWEST] / raster.size}
+            for (k, a), name in zip(attractors.items(), names, strict=True)
+        ],
+        "others": {name: counts[k - LOWEST] / raster.size for k, name in LABEL_NAMES.items() if counts[k - LOWEST]},
+        "undecided": dict(frame.basins.undecided) if frame.complete else {},
+        "inaccurate": frame.basins.inaccurate,
+    }, data
+
+
+def _attractor(attractor: Attractor, name: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "kind": str(attractor.kind),
+        "period": attractor.period,
+        "rotations": attractor.rotations,
+        "multipliers": [[z.real, z.imag] for z in attractor.multipliers.tolist()],
+        "exponents": attractor.exponents,
+        "points": attractor.points[:256],
+    }
+
+
+def quality(view: View, frame: LiveFrame) -> dict[str, Any]:
+    """Return how accurate the map of a frame is."""
+    point_map = frame.basins.point_map
+    assert point_map is not None
+    found: dict[str, Any] = {"map": point_map.recipe["kind"], "tolerance": view.tolerance, "nodes": view.nodes}
+    if point_map.table is not None:
+        error = point_map.error(_ERROR_SAMPLES)
+        found["fallback"] = float(point_map.table.rough.mean())
+        found["error"] = {"median": error.median, "percentile_99": error.percentile_99, "largest": error.largest}
+    if point_map.without_table.unknown_formulas:
+        found["unknown_formulas"] = point_map.without_table.unknown_formulas
+    return found
+
+
+def verification(frame: LiveFrame, n_samples: int) -> dict[str, Any]:
+    """Compare labels of random initial conditions with those of the exact map."""
+    found = frame.basins.verify(n_samples)
+    return {name: getattr(found, name) for name in ("compared", "wrong", "low", "high", "excluded", "undecided")}
+
+
+def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
+    """Return the orbit of an initial condition under the map of a frame, and the attractor to which it converges."""
+    point_map, start = frame.basins.point_map, view.state(point)
+    assert point_map is not None
+    known = tuple(frame.attractors.values())
+    alone = find_basins(point_map, start[None], MAX_PERIODS, attractors=known)
+    label, settled = int(alone.labels[0]), int(alone.settling_time[0])
+    identity = next(
+        (k for k, a in frame.attractors.items() if label >= 0 and a is alone.attractors[label]),
+        label if label < 0 else None,
+    )
+    tail = alone.attractors[label].period if label >= 0 else 0
+    periods = min(_DRAWN, max(settled, 0) + 2 * max(tail, 8) if label >= 0 else _DRAWN // 4)
+    path = point_map.orbit(start, periods)
+    return {
+        "point": np.asarray(point, float),
+        "identity": identity,
+        "name": alone.label_name(label),
+        "settled": settled if label >= 0 else None,
+        "strobe": path.points,
+        "motion": _motion(frame, start, periods),
+    }
+
+
+def _motion(frame: LiveFrame, start: NDArray[np.float64], periods: int) -> Mapping[str, Any] | None:
+    """Return the states between the points of an orbit, for a forced system."""
+    assert frame.basins.point_map is not None
+    spec = frame.basins.point_map.without_table.spec
+    if not isinstance(spec, Stroboscopic):
+        return None
+    samples = max(4, min(64, _SAMPLES // periods))
+    path = trajectory(spec.system, start, periods, samples, spec.phase, spec.rtol, spec.atol, spec.method)
+    return {"times": path.times / spec.system.length, "states": path.wrapped, "samples": samples}

@@ -1,0 +1,29 @@
+// The state in the page's address: a fragment, which is never sent to a server.
+
+const SCHEMA = 1;
+const LISTS = ["axes", "lower", "upper", "others", "cells"];
+const NUMBERS = ["phase", "nodes", "tolerance"];
+
+export function written({ name, text, view }) {
+  const query = new URLSearchParams({ schema: SCHEMA });
+  if (text) query.set("text", text);
+  else query.set("system", name);
+  for (const key of LISTS) query.set(key, view[key].join(","));
+  for (const key of NUMBERS) if (view[key] !== null) query.set(key, view[key]);
+  for (const [key, value] of Object.entries(view.params)) query.set(`p.${key}`, value);
+  return `#${query}`;
+}
+
+// Returns the state of an address, null for one without; throws for one of another version.
+export function read(fragment) {
+  const query = new URLSearchParams(fragment.replace(/^#/, ""));
+  if (!query.has("schema")) return null;
+  if (query.get("schema") !== String(SCHEMA)) {
+    throw new Error(`address: its state has the version ${query.get("schema")}, and this page reads version ${SCHEMA}`);
+  }
+  const view = { params: {} };
+  for (const key of LISTS) if (query.has(key)) view[key] = query.get(key).split(",").map(Number);
+  for (const key of NUMBERS) if (query.has(key)) view[key] = Number(query.get(key));
+  for (const [key, value] of query) if (key.startsWith("p.")) view.params[key.slice(2)] = Number(value);
+  return { name: query.get("system"), text: query.get("text"), view };
+}

@@ -1,0 +1,48 @@
+// Colours of attractors by their identities: those of the library's figures (cellmap.plot).
+
+const COLOURS = [
+  "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442",
+  "#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF",
+  "#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485",
+];
+// escaped, diverged, undecided, did not return, unlabelled, out of steps
+const CODES = {
+  "-1": [184, 184, 184], "-2": [115, 115, 115], "-3": [0, 0, 0], "-4": [61, 61, 61], "-5": [255, 255, 255], "-6": [107, 68, 35],
+};
+
+export function colourOf(number) {
+  if (number < 0) return CODES[number];
+  const value = parseInt(COLOURS[number % COLOURS.length].slice(1), 16);
+  const paler = 0.55 ** Math.floor(number / COLOURS.length);
+  return [value >> 16, (value >> 8) & 255, value & 255].map((c) => Math.round(255 - (255 - c) * paler));
+}
+
+export function css(number) {
+  return `rgb(${colourOf(number).join(" ")})`;
+}
+
+// Whether a pixel is dark in the pattern of an attractor: lines of eight directions and distances, two of them dotted.
+function dark(number, x, y) {
+  const period = 8 + 4 * Math.floor((number % 32) / 8);
+  const along = [x + y, x - y, y, x, x + 2 * y, 2 * x - y, x + y, x - y][number & 7];
+  const line = ((along % period) + period) % period < 2;
+  return (number & 7) < 6 ? line : line && ((x >> 1) & 1) === 0;
+}
+
+// Fills the pixels of an image from its codes, which are numbers less `lowest`.
+export function paint(image, codes, lowest, hatched) {
+  const pixels = new Uint32Array(image.data.buffer);
+  const table = new Uint32Array(codes.reduce((a, b) => Math.max(a, b), 0) + 1);
+  for (let k = 0; k < table.length; k++) {
+    const [r, g, b] = colourOf(k + lowest);
+    table[k] = (255 << 24) | (b << 16) | (g << 8) | r;
+  }
+  for (let i = 0; i < codes.length; i++) pixels[i] = table[codes[i]];
+  if (!hatched) return;
+  for (let i = 0; i < codes.length; i++) {
+    const number = codes[i] + lowest;
+    if (number >= 0 && dark(number, i % image.width, Math.floor(i / image.width))) {
+      pixels[i] = (255 << 24) | ((pixels[i] >> 1) & 0x7f7f7f);
+    }
+  }
+}

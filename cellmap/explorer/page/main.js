@@ -1,0 +1,283 @@
+// The page: its state, and what each part of it does when the state or an answer changes.
+
+import { read, written } from "./address.js";
+import { Connection } from "./connection.js";
+import { Controls, Limits, choices } from "./controls.js";
+import { Gestures } from "./gestures.js";
+import { drawOverlay, drawSeries } from "./overlay.js";
+import { Picture } from "./picture.js";
+import { accuracy, ending, nameOf, news, showAttractors, verified } from "./report.js";
+
+const $ = (id) => document.getElementById(id);
+const state = { name: null, text: null, system: null, view: null };
+const views = new Map(); // by the numbers of their requests
+const names = new Map();
+let codes = {};
+let picture = null;
+let orbits = [];
+let marked = { cross: null, box: null };
+let oldest = 0; // requests before this one belong to another system
+let wanted = false;
+let drawing = false;
+
+function fail(error) {
+  $("failure").textContent = error?.message ?? String(error ?? "");
+}
+
+const connection = new Connection(new URL("connection", location.href).href.replace(/^http/, "ws"), {
+  hello: (message) => greeted(message).catch(fail),
+  frame: (frame) => arrived(frame),
+  error: (message) => { fail(message); },
+}, (open, reason) => {
+  $("state").textContent = open ? "" : reason || "The server cannot be reached; trying again.";
+});
+
+async function greeted(message) {
+  codes = message.codes;
+  picture ??= new Picture($("image"), message.lowest);
+  choices($("system"), message.systems.map((s) => [s.name, s.title]), null);
+  let asked = state.view ? state : null;
+  try {
+    asked ??= read(location.hash);
+  } catch (error) {
+    fail(error);
+  }
+  names.clear();
+  if (asked && (asked.text || asked.name !== message.system.name)) await choose(asked, asked.view);
+  else use(message.system, null, asked?.view);
+}
+
+// Asks for a system by its name or its text, and shows it at a view.
+async function choose({ name, text }, view) {
+  const answer = await connection.ask(text ? { type: "system", text } : { type: "system", name });
+  fail("");
+  use(answer.system, answer.text ?? null, view);
+}
+
+function use(system, text, view) {
+  Object.assign(state, { system, name: system.name, text });
+  state.view = { ...system.view, ...view, params: { ...system.view.params, ...view?.params } };
+  if (text) $("text").value = text;
+  $("system").value = text ? "" : system.name;
+  gestures.past = [];
+  gestures.future = [];
+  names.clear();
+  views.clear();
+  oldest = connection.number + 1;
+  picture.clear();
+  removeOrbits();
+  for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
+  $("attractors").tBodies[0].replaceChildren();
+  controls.make({ ...system.view, params: system.view.params });
+  for (const [key, value] of Object.entries(state.view.params)) controls.put(key, value);
+  if (state.view.phase !== null) controls.put(null, state.view.phase);
+  limits.make(state.view, system.coordinates);
+  const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
+  choices($("cells"), own([125, 250, 500, 1000, 2000], state.view.cells[0]).map((n) => [n, n]), state.view.cells[0]);
+  choices($("nodes"), own([0, 64, 128, 256, 512], state.view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), state.view.nodes);
+  choices($("tolerance"), own([1e-3, 1e-4, 1e-6, 1e-9, 1e-12], state.view.tolerance).map((v) => [v, v]), state.view.tolerance);
+  $("nodes").disabled = system.coordinates.length > 2;
+  $("tolerance").disabled = !system.forced;
+  changed();
+}
+
+// Sends the view at the next repainting of the page: values in between are dropped here already.
+function changed() {
+  removeOrbits();
+  limits.put(state.view);
+  $("preview").hidden = false;
+  $("quality").textContent = "The image is a preview.";
+  redraw();
+  if (wanted) return;
+  wanted = true;
+  requestAnimationFrame(() => {
+    wanted = false;
+    const view = structuredClone(state.view);
+    views.set(connection.send({ type: "view", view, near: marked.near ?? null }), view);
+    for (const request of views.keys()) if (views.size > 200) views.delete(request);
+    clearTimeout(changed.later);
+    changed.later = setTimeout(() => history.replaceState(null, "", written(state)), 250);
+  });
+}
+
+function arrived(frame) {
+  const view = views.get(frame.request);
+  if (frame.request >= oldest && view) {
+    picture.show(frame, view);
+    redraw(() => {
+      connection.send({ type: "drawn", frame: frame.frame });
+      document.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
+    });
+    const newest = frame.request === Math.max(...views.keys());
+    if (newest) fail("");
+    showAttractors($("attractors").tBodies[0], frame, codes);
+    if (frame.complete) {
+      const told = news(frame, names);
+      if (told) $("news").textContent = told;
+      if (newest) $("preview").hidden = true;
+      connection.ask({ type: "quality" }).then((q) => { $("quality").textContent = accuracy(q, frame); }, () => {});
+    }
+  } else {
+    connection.send({ type: "drawn", frame: frame.frame });
+  }
+}
+
+function redraw(then) {
+  if (then) (redraw.after ??= []).push(then);
+  if (drawing) return;
+  drawing = true;
+  requestAnimationFrame(() => {
+    drawing = false;
+    if (state.view && picture) {
+      picture.draw(state.view);
+      const attractors = picture.frame?.attractors ?? [];
+      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, ...marked });
+    }
+    for (const act of (redraw.after ?? []).splice(0)) act();
+  });
+}
+
+const controls = new Controls($("parameters"), (name, value) => {
+  if (name === null) state.view.phase = value;
+  else state.view.params[name] = value;
+  changed();
+});
+
+const limits = new Limits($("limits"), (key, k, value) => {
+  if (key === "axes") {
+    const other = state.view.axes.indexOf(value);
+    const { lower, upper } = firstLimits(value);
+    if (other >= 0) state.view.axes[other] = state.view.axes[k];
+    else { state.view.lower[k] = lower; state.view.upper[k] = upper; }
+    if (other >= 0) for (const end of ["lower", "upper"]) state.view[end].reverse();
+    state.view.axes[k] = value;
+    limits.make(state.view, state.system.coordinates);
+  } else if (key === "others") {
+    state.view.others[k] = value;
+  } else {
+    gestures.remember();
+    state.view[key][k] = value;
+  }
+  changed();
+});
+
+// Returns the first limits of a coordinate, which need not be an axis of the image.
+function firstLimits(j) {
+  const { lower, upper } = state.system.window;
+  return { lower: lower[j], upper: upper[j] };
+}
+
+const gestures = new Gestures($("image"), {
+  box: $("box"),
+  get: () => state.view,
+  set: (lower, upper) => {
+    state.view.axes.forEach((j, k) => {
+      const { period } = state.system.coordinates[j];
+      const middle = (lower[k] + upper[k]) / 2;
+      if (period && upper[k] - lower[k] > period) [lower[k], upper[k]] = [middle - period / 2, middle + period / 2];
+    });
+    Object.assign(state.view, { lower, upper });
+    changed();
+  },
+  clicked: (place) => follow(place),
+  pointed: (place, box = null, keyboard = false) => {
+    const at = place && coordinatesAt(place);
+    marked = { cross: keyboard ? place : null, box, near: at };
+    const number = place && picture?.numberAt(...place);
+    const where = at?.map((v, k) => `${state.system.coordinates[state.view.axes[k]].name} = ${Number(v.toPrecision(5))}`);
+    $("here").textContent = number === null || number === undefined || !picture.frame
+      ? "\u00a0" : `${where.join(", ")}: ${nameOf(number, picture.frame, codes)}`;
+    redraw();
+  },
+});
+gestures.reset = () => {
+  const { axes } = state.view;
+  gestures.change(...["lower", "upper"].map((end) => axes.map((j) => state.system.window[end][j])));
+};
+
+function coordinatesAt(place) {
+  const { lower, upper } = state.view;
+  return lower.map((a, k) => a + place[k] * (upper[k] - a));
+}
+
+async function follow(place) {
+  try {
+    const orbit = await connection.ask({ type: "orbit", point: coordinatesAt(place) });
+    orbits = [...orbits, orbit].slice(-2);
+    $("orbits").hidden = false;
+    $("ends").replaceChildren(...orbits.map((o) => Object.assign(document.createElement("li"), { textContent: ending(o) })));
+    drawSeries($("series"), orbits, state.system.coordinates);
+    redraw();
+  } catch (error) {
+    fail(error);
+  }
+}
+
+function removeOrbits() {
+  orbits = [];
+  $("orbits").hidden = true;
+}
+
+function download(name, blob) {
+  const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(blob) });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+const clicked = {
+  back: () => gestures.back(),
+  forward: () => gestures.forward(),
+  reset: () => gestures.reset(),
+  in: () => { gestures.remember(); gestures.zoom(0.5); },
+  out: () => { gestures.remember(); gestures.zoom(2); },
+  clear: () => { removeOrbits(); redraw(); },
+  type: () => { $("equations").hidden = !$("equations").hidden; $("type").ariaExpanded = String(!$("equations").hidden); },
+  verify: async () => {
+    $("quality").textContent = "Verifying …";
+    $("quality").textContent = verified(await connection.ask({ type: "verify" }));
+  },
+  script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
+  hdf5: async () => { const file = await connection.ask({ type: "hdf5" }); download(file.name, new Blob([file.data], { type: file.media })); },
+  png: () => $("image").toBlob((blob) => download("basins.png", blob)),
+  link: async () => { history.replaceState(null, "", written(state)); await navigator.clipboard.writeText(location.href); },
+};
+for (const [id, act] of Object.entries(clicked)) {
+  $(id).addEventListener("click", async () => { try { await act(); } catch (error) { fail(error); } });
+}
+for (const key of ["nodes", "tolerance", "cells"]) {
+  $(key).addEventListener("change", () => {
+    const value = Number($(key).value);
+    state.view[key] = key === "cells" ? state.view.cells.map(() => value) : value;
+    changed();
+  });
+}
+$("hatched").addEventListener("change", () => { picture.hatched = $("hatched").checked; picture.repaint(); redraw(); });
+$("system").addEventListener("change", () => choose({ name: $("system").value }).catch(fail));
+$("equations").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  $("mistake").textContent = "";
+  try {
+    await choose({ text: $("text").value });
+  } catch (error) {
+    $("mistake").textContent = error.message;
+    if (error.line) point($("text"), error.line, error.column);
+  }
+});
+
+// Selects the line of a text from a column on.
+function point(area, line, column) {
+  const before = area.value.split("\n").slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
+  const end = area.value.indexOf("\n", before);
+  area.focus();
+  area.setSelectionRange(before + column - 1, end < 0 ? area.value.length : end);
+}
+
+addEventListener("resize", () => redraw());
+addEventListener("hashchange", () => {
+  try {
+    const asked = read(location.hash);
+    if (asked) choose(asked, asked.view).catch(fail);
+  } catch (error) {
+    fail(error);
+  }
+});

@@ -1,0 +1,157 @@
+// What lies above the image: axes, attractors, orbits, the cross of the keyboard and the box that is being dragged.
+
+import { css } from "./colours.js";
+
+const ORBITS = ["#ffffff", "#ffe14d"];
+
+// Returns round values between two limits, about `count` of them.
+export function ticks(lower, upper, count) {
+  const rough = (upper - lower) / count;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((f) => f * power >= rough);
+  const found = [];
+  for (let k = Math.ceil(lower / step); k * step <= upper; k++) found.push(Number((k * step).toPrecision(12)));
+  return found;
+}
+
+// Sizes a canvas to the screen's pixels and returns its context, cleared, with its size in CSS pixels.
+export function fresh(canvas) {
+  const scale = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  canvas.width = Math.round(width * scale);
+  canvas.height = Math.round(height * scale);
+  const context = canvas.getContext("2d");
+  context.setTransform(scale, 0, 0, scale, 0, 0);
+  return { context, width, height };
+}
+
+export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cross, box }) {
+  const { context, width, height } = fresh(canvas);
+  const along = (k, v) => (v - view.lower[k]) / (view.upper[k] - view.lower[k]);
+  const flat = view.axes.length < 2;
+  const at = (state) => [along(0, state[view.axes[0]]) * width, flat ? height / 2 : (1 - along(1, state[view.axes[1]])) * height];
+  const disc = (x, y, radius, fill) => {
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.fillStyle = fill;
+    context.fill();
+    context.lineWidth = 1.2;
+    context.strokeStyle = "#000";
+    context.stroke();
+  };
+  drawAxes(context, width, height, view, coordinates, along);
+  for (const a of attractors) {
+    const radius = a.points.length > 64 ? 1.5 : 4;
+    for (const p of a.points) {
+      const [x, y] = at(p);
+      if (radius > 2) disc(x, y, radius + 2, "#fff");
+      disc(x, y, radius, css(a.identity));
+    }
+  }
+  orbits.forEach((orbit, k) => drawOrbit(context, orbit, at, coordinates, view, ORBITS[k % 2], disc));
+  if (cross) {
+    const [x, y] = [cross[0] * width, (1 - cross[1]) * height];
+    context.strokeStyle = "#fff";
+    context.lineWidth = 3;
+    for (const style of ["#fff", "#000"]) {
+      context.strokeStyle = style;
+      context.beginPath();
+      context.moveTo(x - 9, y); context.lineTo(x + 9, y);
+      context.moveTo(x, y - 9); context.lineTo(x, y + 9);
+      context.stroke();
+      context.lineWidth = 1;
+    }
+  }
+  if (box) {
+    context.strokeStyle = "#000";
+    context.setLineDash([4, 3]);
+    const [[a, b], [c, d]] = box;
+    context.strokeRect(a * width, (1 - b) * height, (c - a) * width, (b - d) * height);
+    context.setLineDash([]);
+  }
+}
+
+function drawOrbit(context, orbit, at, coordinates, view, colour, disc) {
+  if (orbit.motion) {
+    context.beginPath();
+    let before = null;
+    for (const state of orbit.motion.states) {
+      const cut = before && view.axes.some((j) => coordinates[j].period && Math.abs(state[j] - before[j]) > coordinates[j].period / 2);
+      const [x, y] = at(state);
+      if (before && !cut) context.lineTo(x, y);
+      else context.moveTo(x, y);
+      before = state;
+    }
+    context.lineWidth = 2.5;
+    context.strokeStyle = "#0008";
+    context.stroke();
+    context.lineWidth = 1;
+    context.strokeStyle = colour;
+    context.stroke();
+  }
+  orbit.strobe.forEach((state, n) => { if (state[0] !== null) disc(...at(state), n ? 2.5 : 5, colour); });
+}
+
+function drawAxes(context, width, height, view, coordinates, along) {
+  context.font = "11px system-ui, sans-serif";
+  const label = (text, x, y) => {
+    context.lineWidth = 3;
+    context.strokeStyle = "#fffc";
+    context.strokeText(text, x, y);
+    context.fillStyle = "#000";
+    context.fillText(text, x, y);
+  };
+  const named = (j) => (coordinates[j].unit ? `${coordinates[j].name} (${coordinates[j].unit})` : coordinates[j].name);
+  context.textAlign = "center";
+  for (const v of ticks(view.lower[0], view.upper[0], Math.max(3, width / 90))) {
+    const x = along(0, v) * width;
+    context.fillStyle = "#000";
+    context.fillRect(x, height - 5, 1, 5);
+    if (x > 20 && x < width - 60) label(String(v), x, height - 8);
+  }
+  context.textAlign = "right";
+  label(named(view.axes[0]), width - 4, height - 8);
+  context.textAlign = "left";
+  if (view.axes.length < 2) return;
+  for (const v of ticks(view.lower[1], view.upper[1], Math.max(3, height / 70))) {
+    const y = (1 - along(1, v)) * height;
+    context.fillStyle = "#000";
+    context.fillRect(0, y, 5, 1);
+    if (y > 25 && y < height - 25) label(String(v), 8, y + 4);
+  }
+  label(named(view.axes[1]), 6, 14);
+}
+
+// Draws each coordinate of the orbits over time, in periods.
+export function drawSeries(canvas, orbits, coordinates) {
+  canvas.style.height = `${90 * coordinates.length + 20}px`;
+  const { context, width, height } = fresh(canvas);
+  const style = getComputedStyle(canvas);
+  const lines = orbits.map((o) => (o.motion ?? { times: o.strobe.map((_, n) => n), states: o.strobe }));
+  const last = Math.max(1, ...lines.map((o) => o.times.at(-1)));
+  context.font = "11px system-ui, sans-serif";
+  const row = (height - 20) / coordinates.length;
+  coordinates.forEach((c, j) => {
+    const values = lines.flatMap((o) => o.states.map((s) => s[j])).filter((v) => v !== null);
+    const [low, high] = [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
+    const y = (v) => row * j + 4 + (row - 8) * (1 - (v - low) / (high - low || 1));
+    lines.forEach((o, k) => {
+      context.beginPath();
+      o.states.forEach((s, n) => {
+        const jump = n && c.period && Math.abs(s[j] - o.states[n - 1][j]) > c.period / 2;
+        if (s[j] === null) return;
+        if (n && !jump) context.lineTo((o.times[n] / last) * width, y(s[j]));
+        else context.moveTo((o.times[n] / last) * width, y(s[j]));
+      });
+      context.strokeStyle = k ? "#D55E00" : "#0072B2";
+      context.stroke();
+    });
+    context.fillStyle = style.color;
+    context.fillText(c.unit ? `${c.name} (${c.unit})` : c.name, 4, row * j + 12);
+  });
+  context.fillStyle = style.color;
+  for (const t of ticks(0, last, 8)) context.fillText(String(t), Math.min(width - 20, (t / last) * width), height - 6);
+  context.textAlign = "right";
+  context.fillText("periods", width - 4, height - 18);
+}

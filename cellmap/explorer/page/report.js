@@ -1,0 +1,78 @@
+// What is said of an image: the table of attractors, news, accuracy, and where orbits end.
+
+import { css } from "./colours.js";
+
+const percent = (f) => `${(100 * f).toPrecision(3)} %`;
+const small = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(3)).toString());
+
+function cells(...parts) {
+  const row = document.createElement("tr");
+  for (const part of parts) {
+    const cell = document.createElement("td");
+    cell.append(part);
+    row.append(cell);
+  }
+  return row;
+}
+
+function swatch(number) {
+  const mark = Object.assign(document.createElement("span"), { className: "swatch" });
+  mark.style.background = css(number);
+  return mark;
+}
+
+export function showAttractors(body, frame, codes) {
+  const error = (f) => (frame.complete ? ` ± ${(100 * Math.sqrt((f * (1 - f)) / (frame.width * frame.height))).toPrecision(1)}` : "");
+  const rows = frame.attractors.map((a) => {
+    const sizes = a.multipliers.map(([re, im]) => small(Math.hypot(re, im))).join(", ");
+    const exponent = a.exponents.length ? `exponent ${small(a.exponents[0])}` : "";
+    return cells(swatch(a.identity), a.name, a.period ? String(a.period) : "–", sizes || exponent, percent(a.fraction) + error(a.fraction));
+  });
+  rows.push(...Object.entries(frame.others).map(([name, f]) => cells(swatch(codes[name]), name, "", "", percent(f))));
+  body.replaceChildren(...rows);
+}
+
+export function nameOf(number, frame, codes) {
+  const known = frame.attractors.find((a) => a.identity === number);
+  return known ? known.name : (Object.entries(codes).find(([, code]) => code === number)?.[0] ?? "");
+}
+
+// Returns the news of a complete frame as one sentence; `names` keeps the names of attractors that may be gone.
+export function news(frame, names) {
+  for (const a of frame.attractors) names.set(a.identity, a.name);
+  const list = (numbers) => numbers.map((n) => names.get(n) ?? `attractor ${n}`).join("; ");
+  const parts = [];
+  if (frame.born.length) parts.push(`New: ${list(frame.born)}.`);
+  if (frame.gone.length) parts.push(`Gone: ${list(frame.gone)}.`);
+  return parts.join(" ");
+}
+
+export function accuracy(quality, frame) {
+  const parts = [];
+  if (quality.map === "interpolated") {
+    parts.push(`Interpolated map, ${quality.nodes} cells along each axis`);
+    parts.push(`error of one period: median ${small(quality.error.median)}, largest ${small(quality.error.largest)}`);
+    parts.push(`fallback cells ${percent(quality.fallback)}${quality.fallback > 0.5 ? " (take more cells, or the exact map)" : ""}`);
+  } else {
+    parts.push("Exact map");
+  }
+  if (quality.map !== "discrete") parts.push(`tolerance ${quality.tolerance}`);
+  parts.push(`undecided ${percent(frame.others.undecided ?? 0)}`);
+  const reasons = Object.entries(frame.undecided).map(([why, n]) => `${why} (${n})`);
+  if (reasons.length) parts.push(reasons.join(", "));
+  if (frame.inaccurate) parts.push(`${frame.inaccurate} initial conditions missed the tolerance`);
+  if (quality.unknown_formulas) parts.push(`formulas unknown: ${quality.unknown_formulas}`);
+  return `${parts.join("; ")}.`;
+}
+
+export function verified(v) {
+  const rest = [v.excluded && `${v.excluded} escaped`, v.undecided && `${v.undecided} undecided`].filter(Boolean);
+  return `${v.wrong} of ${v.compared} random labels differ from those of the exact map (between ${percent(v.low)} and `
+    + `${percent(v.high)}, 95 % confidence)${rest.length ? `; ${rest.join(", ")}` : ""}.`;
+}
+
+export function ending(orbit) {
+  const place = orbit.point.map((v) => Number(v.toPrecision(4))).join(", ");
+  const after = orbit.settled === null ? "" : `, in its trapping region after ${orbit.settled} periods`;
+  return `(${place}): ${orbit.name}${after}`;
+}
