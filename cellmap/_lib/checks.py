@@ -183,6 +183,21 @@ def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
     return values
 
 
+class Parameters(dict[str, float]):
+    """Values of parameters by name, which do not change: what is built from them would not follow."""
+
+    def _refused(self, *_: Any, **__: Any) -> Any:
+        raise TypeError(
+            "params cannot be changed, for what is built from them would not follow: with_params(name=value) returns a "
+            "system or map with other values"
+        )
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refused
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Parameters, (dict(self),)
+
+
 def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     """Return parameters as floats, in the order given."""
     if not isinstance(params, Mapping):
@@ -192,7 +207,7 @@ def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
             raise ValueError(
                 f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
             )
-    return {name: finite_number(f"params[{name!r}]", value) for name, value in params.items()}
+    return Parameters({name: finite_number(f"params[{name!r}]", value) for name, value in params.items()})
 
 
 def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:

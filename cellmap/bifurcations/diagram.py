@@ -29,6 +29,7 @@ from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, is_positi
 from .parameter_sweep import Recorded, record_each, record_followed
 
 _UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
+_FEWEST = 20
 _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none": ("none",)}
 
 
@@ -190,11 +191,12 @@ def bifurcation_diagram(
         )
     one_of("follow", follow, tuple(_DIRECTIONS))
     transient = whole_number("transient", transient)
-    periods = whole_number("periods", periods, at_least=20)
+    periods = whole_number("periods", periods)
     max_period = whole_number("max_period", max_period, at_least=1)
-    if 2 * max_period > periods:
+    fewest = max(_FEWEST, 2 * max_period)
+    if periods < fewest:
         raise ValueError(
-            f"max_period={max_period!r}: a period is detected within twice as many steps; give periods={2 * max_period}"
+            f"periods={periods!r}: give at least {fewest}, twice max_period={max_period!r} and no fewer than {_FEWEST}"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("perturbation", perturbation)

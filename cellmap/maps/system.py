@@ -16,6 +16,7 @@ from .._lib.checks import finite_number, finite_points, parameter_values, real_a
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import Impact, joined
+from .misread import misread
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -233,7 +234,7 @@ class ForcedSystem:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
         angles = [(j, c) for j, c in enumerate(self.axes) if c.period is not None]
-        functions = "rhs" if self.switches is None else "rhs or switches"
+        functions = "rhs" if self.switches is None else "rhs with its switches"
         failure: Exception | None = None
         checked = False
         # No place where somebody lets a forcing jump: there a time and the same one a period later may see other sides.
@@ -248,20 +249,8 @@ class ForcedSystem:
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
-            except AttributeError as error:
-                raise ValueError(f"{functions} asks for a parameter that params lacks ({error})") from error
-            except IndexError as error:
-                names = ", ".join(c.name for c in self.axes)
-                signs = "" if self.switches is None else ", or for more signs than there are switches"
-                raise ValueError(
-                    f"{functions} asks for more state variables than there are coordinates ({names}){signs}: name each "
-                    f"({error})"
-                ) from error
-            except TypeError as error:
-                form = (
-                    "rhs(t, x, p)" if self.switches is None else "rhs(t, x, p, s), and switches as switches(t, x, p),"
-                )
-                raise TypeError(f"rhs must be callable as {form} and return a tuple: {error}") from error
+            except (AttributeError, IndexError, TypeError) as error:
+                raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
             if len(now) != self.dimension:
                 names = ", ".join(c.name for c in self.axes)
                 raise ValueError(
@@ -272,8 +261,8 @@ class ForcedSystem:
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
             if _differ(now, later):
                 raise ValueError(
-                    f"period={self.length!r}: rhs at t = {t:g} is {now} and one period later {later}; give the period "
-                    "of the forcing (any positive number for an autonomous system)"
+                    f"period={self.length!r}: {functions} at t = {t:g} is {now} and one period later {later}; "
+                    "give the period of the forcing (any positive number for an autonomous system)"
                 )
             for (_, c), there in zip(angles, turned, strict=True):
                 if _differ(now, there):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from functools import partial
-from math import cos, inf, nan, pi, sin, sqrt
+from math import cos, floor, inf, nan, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.special
 
-from cellmap import Coordinate, ForcedSystem, angle
+from cellmap import Coordinate, ForcedSystem, angle, stroboscopic_map
 
 
 def duffing(t: float, x: Any, p: Any) -> tuple[float, float]:
@@ -184,5 +186,53 @@ def test_switches_may_be_truth_values():
 
 
 def test_more_signs_than_switches():
-    with pytest.raises(ValueError, match="more signs than there are switches"):
+    with pytest.raises(ValueError, match="as many switches as there are signs"):
         ForcedSystem(lambda t, x, p, s: (x[1], s[1]), {}, 1.0, ("x", "v"), switches=lambda t, x, p: (x[1],))
+
+
+def q_and_v(t, x, p):
+    return x[1], -x[0] - p.d * x[1] + cos(t)
+
+
+@pytest.mark.parametrize(
+    ("rhs", "coordinates", "message"),
+    [
+        (lambda t, x, p: (x[1], -x[0] - p["d"] * x[1]), ("q", "v"), r"p\['name'\]: p is a named tuple; write p.name"),
+        (lambda t, x, p: (x.v, -x.q), ("q", "v"), r"reads x.v: x is a plain tuple; begin with `q, v = x`"),
+        (q_and_v, "qv", r"coordinates='qv' is one name: give one for each, such as \('q', 'v'\)"),
+        (lambda x, t, p: (x[1], -x[0] - p.d * x[1] + cos(t)), ("q", "v"), r"state before the time: .* rhs\(t, x, p\)"),
+    ],
+    ids=["p[name]", "x.name", "one name", "x before t"],
+)
+def test_right_hand_sides_that_misread_their_arguments(rhs, coordinates, message):
+    """The message names what was meant."""
+    with pytest.raises((TypeError, ValueError), match=message):
+        ForcedSystem(rhs, {"d": 0.1}, 2 * pi, coordinates)
+
+
+def test_parameters_are_read_only():
+    """What is built from them would not follow."""
+    system = ForcedSystem(q_and_v, {"d": 0.1}, 2 * pi, ("q", "v"))
+    for change in (lambda p: p.__setitem__("d", 1.0), lambda p: p.update(d=1.0), lambda p: p.pop("d")):
+        with pytest.raises(TypeError, match=r"with_params\(name=value\)"):
+            change(system.params)
+    assert system.params == {"d": 0.1}
+    assert pickle.loads(pickle.dumps(system.params)) == system.params
+    assert {**system.params, "e": 2.0} == {"d": 0.1, "e": 2.0}
+
+
+def test_jumps_at_the_ends_of_the_period():
+    """sin(2 pi) is -2.4e-16, on the other side of the jump than sin(0); a ramp in switches is reset there too."""
+    ForcedSystem(lambda t, x, p: (x[1], -x[0] + np.sign(np.sin(t))), {}, 2 * pi, ("q", "v"))
+    ramp = {"switches": lambda t, x, p: (x[0] - t / 3 + floor(t / 3),)}
+    ForcedSystem(lambda t, x, p, s: (x[1], -x[0] + s[0]), {}, 3.0, ("q", "v"), **ramp)
+    with pytest.raises(ValueError, match="rhs with its switches at t"):
+        ForcedSystem(lambda t, x, p, s: (x[1], -x[0] + s[0]), {}, 2.0, ("q", "v"), **ramp)
+
+
+def test_compilers_message_is_one_line():
+    def foreign(t, x, p):
+        return x[1], -scipy.special.jv(0, x[0])
+
+    with pytest.raises(TypeError, match=r"The compiler says: Unknown attribute 'jv'[^\n]*$"):
+        stroboscopic_map(ForcedSystem(foreign, {}, 2 * pi, ("q", "v")))([0.1, 0.2])

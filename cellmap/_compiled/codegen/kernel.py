@@ -229,6 +229,12 @@ def _called(function: Callable[..., Any], code: StepCode, dimension: int, names:
     except Exception as error:
         raise TypeError(
             f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
-            f"on numbers. The compiler says: {error}"
+            f"on numbers. The compiler says: {_first_sentence(error)}"
         ) from error
     return CompiledPeriod(advance.address, advance)
+
+
+def _first_sentence(error: Exception) -> str:
+    """Return the line of a compiler's message that says what is wrong, without the frames in which it was found."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)
