@@ -8,7 +8,7 @@ doubles without end.  Everything is seen twice: bifurcations by continuation, an
 brute force.
 
 Must come out: the hanging and the inverted state of the rod double at 12.210173235 and 12.542910208 mm, and at weak
-damping the hanging one at beta = 0.050027335537 (two independent methods); a pitchfork stands between the first and
+damping the hanging one at beta = 0.050027335537 (tests/REFERENCES.md); a pitchfork stands between the first and
 the second doubling of a rest state; ratios of gaps tend to Feigenbaum's 4.669201609; at beta = 0.55 the pendulum
 tumbles chaotically.
 

@@ -4,7 +4,7 @@ The report's future work asks for this map.  Its links of 3.2 cm carry equal mas
 joints are free, or damped as in the reference set (10 /s).  Without damping each state decouples into two single
 pendulums, which gives its window a second time.
 
-Must come out (two independent methods): at 24 Hz with equal masses and without damping, (0, 0) is stable below
+Must come out (tests/REFERENCES.md): at 24 Hz with equal masses and without damping, (0, 0) is stable below
 3.523140841 mm, both flipping states (0, π) and (π, 0) from 4.452842149 to 9.546244854 mm, and (π, π) never.  All four
 are stable together at some amplitude only above 41.136433 Hz (equal masses) or 21.418270 Hz (a quarter).  The reference
 set, of 50 Hz and a quarter, loses (0, π) in a Neimark-Sacker bifurcation at 12.532158062 mm.

@@ -5,7 +5,7 @@ Rod of 2.72 cm, 50 Hz, viscous damping 10 /s, 500 x 500 starts over the circle a
 that leave the table are lost (the report's grey), or carried on by the exact map.  Direct integration of the same
 starts tells how many labels are wrong.
 
-Must come out (two independent methods): on 200 x 200 cells and |theta'| <= 100, hanging / inverted 40000 / 0 at 2 mm
+Must come out (tests/REFERENCES.md): on 200 x 200 cells and |theta'| <= 100, hanging / inverted 40000 / 0 at 2 mm
 and 32896 / 7104 at 3 mm; boundaries are smooth up to 4 mm and fractal at 10 mm.
 """
 

@@ -4,7 +4,7 @@ Omega = f/f0 and epsilon = A/l (Blackburn et al. 1992).  The exact curves are mu
 them stand Blackburn's approximations sqrt(2)/Omega (inverted state gained) and 0.450 + 1.799/Omega^2 (lost), with their
 errors.  Damping is a family of curves, and at large drive stability comes back in narrow windows.
 
-Must come out (two independent methods): for the report's rod at 50 Hz with damping 10 /s the inverted state is stable
+Must come out (tests/REFERENCES.md): for the report's rod at 50 Hz with damping 10 /s the inverted state is stable
 from 2.329021135978 to 12.542910208 mm and again near 103 mm, the hanging one up to 12.210173235 mm; for large Omega the
 upper limits tend to 0.454023 + 1.679195/Omega^2 (inverted) and 0.454023 - 1.679195/Omega^2 (hanging).
 """

@@ -6,7 +6,7 @@ gives neither amplitude nor damping: 7 mm and 5 /s in both joints are chosen her
 flipping states are the only equilibria that are stable.  A push is a rate given at once to the inner or to the outer
 link; all pushes of a scan go through the map together.
 
-Must come out (two independent methods): without damping this range is 4.452842149 to 9.546244854 mm, the window of
+Must come out (tests/REFERENCES.md): without damping this range is 4.452842149 to 9.546244854 mm, the window of
 both flipping states, while (0, 0) is lost at 3.523140841 mm and (π, π) is never stable.
 
 The report conjectures that links separate in these states.  They do not: in each linear mode both links swing, with

@@ -5,7 +5,7 @@ dimensions: over both angles at rest, over both angles with both links turning o
 from the flipping state (inner link up, outer link down).  Shares of a box in all four dimensions come from random
 starts, so they have standard errors.  At 9.5 mm (0, 0) and (π, π) have doubled their periods and swing.
 
-Must come out (two independent methods): of 60 x 60 starts over both angles at rest 1286 / 596 / 976 / 742 go to (0, 0)
+Must come out (tests/REFERENCES.md): of 60 x 60 starts over both angles at rest 1286 / 596 / 976 / 742 go to (0, 0)
 / (0, π) / (π, 0) / (π, π), none is undecided, and at most 5 may differ.
 """
 

@@ -4,7 +4,7 @@ The report asks for the triple pendulum as future work.  Three links of 3.2 cm c
 or damped at 10 /s.  Without damping every state decouples into three single pendulums, which gives its window a second
 time.  Amplitudes at 100 Hz are read off the maps, whose frequencies include it and whose boundaries are refined.
 
-Must come out (two independent methods): at 100 Hz without damping all eight states are stable from 1.955039 to
+Must come out (tests/REFERENCES.md): at 100 Hz without damping all eight states are stable from 1.955039 to
 2.268102 mm.
 """
 

@@ -57,7 +57,7 @@ def default_threads() -> Iterator[None]:
 
 
 def double_pendulum(alpha: float, beta: float, ratio: float) -> ForcedSystem:
-    """Undamped double pendulum of paper.md: links of length 1, masses 1 and `ratio`, pivot at beta cos t."""
+    """Undamped double pendulum of REFERENCES.md: links of length 1, masses 1 and `ratio`, pivot at beta cos t."""
 
     def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
         a, b, u, v = x

@@ -103,7 +103,7 @@ def pendulum():
 
 
 def test_chaotic_pendulum(pendulum):
-    """paper.md, hard case 7.  Benettin's two orbits (RK4, 1024 steps, 20,000 periods) grow apart by 0.884 a period."""
+    """Benettin's two orbits (RK4, 1024 steps, 20,000 periods) grow apart by 0.884 a period (REFERENCES.md)."""
     (a,) = pendulum.attractors
     assert a.kind is Kind.CHAOTIC
     assert (pendulum.labels == 0).all()

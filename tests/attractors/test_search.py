@@ -158,7 +158,7 @@ def test_spiral_in_three_dimensions(phase):
     assert (np.diff(np.abs(a.multipliers)) <= 1e-9).all()
 
 
-# --- the report's pendulum (paper.md) and published oscillators
+# --- the report's pendulum (REFERENCES.md) and published oscillators
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +227,7 @@ def test_period_four_at_ten_millimetres(pendulum):
     ids=["Duffing", "forced pendulum", "vertically driven", "inverted"],
 )
 def test_published_attractors(system, window, expected):
-    """references.md, with the digits given there."""
+    """REFERENCES.md, with the digits given there."""
     found = find_attractors(stroboscopic_map(system), grid_of(*window, 30))
     # Of the second Duffing point SciPy makes 1.21009082, 0.05529495: the last digits given are off by two.
     digits = 2e-8 if system.name == "two-well Duffing" else 1e-4 if system.name == "forced pendulum" else 1e-5

@@ -1,16 +1,20 @@
-"""Basin pictures against small reference pictures, by the share of cells that differ.
+"""Basin images against small reference pictures, by the fraction of cells that differ.
 
-Each smooth reference equals, cell by cell, a plain RK4 with 256 steps a period (Henon: the map in NumPy).
+Each smooth reference equals, cell by cell, the labels of tests/reference/pictures.py: a plain RK4 with 256 steps a
+period (Henon: the map in NumPy).
 
 ``pytest --update-reference`` redraws the pictures in tests/reference/ on purpose.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -129,6 +133,28 @@ def test_shares_of_fractal_pictures(name):
         reference = np.array(other)
     for colour in np.union1d(image, reference):
         assert (image == colour).mean() == pytest.approx((reference == colour).mean(), abs=0.015)
+
+
+def independent() -> ModuleType:
+    """Return the program that labels the cells of the reference pictures without cellmap."""
+    spec = importlib.util.spec_from_file_location("reference_pictures", REFERENCE / "pictures.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", ["henon", "pendulum_3mm_table"])
+def test_reference_pictures_are_those_of_an_independent_program(name):
+    assert independent().differing(name, every=1 if name == "henon" else 61) == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_cell_of_a_reference_picture_is_that_of_an_independent_program(name):
+    allowed = {"pendulum_10mm": PICTURES[name].allowed, "duffing": PICTURES[name].allowed}.get(name, 0.0)  # fractal
+    assert independent().differing(name) <= allowed
 
 
 @pytest.mark.parametrize("path", sorted(REFERENCE.glob("*.png")), ids=lambda p: p.stem)

@@ -58,7 +58,7 @@ def two_wells(x, p):
 LINE = discrete_map(two_wells, {}, ("x",), name="two wells")
 
 
-# --- the report's pendulum: counts on 200 x 200 cells (paper.md)
+# --- the report's pendulum: counts on 200 x 200 cells (REFERENCES.md)
 
 PENDULUM = {
     "2 mm, 100 rad/s": (0.002, 100.0, [40000]),
@@ -135,7 +135,7 @@ def test_inverted_pendulum_by_table_and_by_direct_integration():
     assert np.array_equal(find_basins(icm, grid).labels, find_basins(exact, grid).labels)
 
 
-# --- published or independently recomputed shares (references.md)
+# --- published or independently recomputed shares (REFERENCES.md)
 
 
 def goy(x, p):

@@ -23,8 +23,8 @@ import matplotlib.pyplot as plt
 
 PENDULUM = stroboscopic_map(systems.driven_pendulum())
 WINDOW = (-pi, -500.0), (pi, 500.0)
-BIRTH = 1.731758671939e-3  # of the rotations, in m (paper.md)
-REFERENCE = np.array([25484, 6152, 4182, 4182])  # at 3 mm, of 40,000 cells (paper.md)
+BIRTH = 1.731758671939e-3  # of the rotations, in m (REFERENCES.md)
+REFERENCE = np.array([25484, 6152, 4182, 4182])  # at 3 mm, of 40,000 cells (REFERENCES.md)
 
 
 def wells(x, p):
@@ -65,7 +65,7 @@ def test_fractions_are_those_of_the_reference(pendulum):
 
 
 def test_attractors_are_there_between_birth_and_death(pendulum):
-    """The inverted state is stable from 2.329021135978 mm, the rotations are born at BIRTH (paper.md)."""
+    """The inverted state is stable from 2.329021135978 mm, the rotations are born at BIRTH (REFERENCES.md)."""
     assert pendulum.present[:, 0].all()
     assert (pendulum.present[:, 1] == (pendulum.values > 2.329021135978e-3)).all()
     for label in (2, 3):
@@ -96,7 +96,7 @@ def test_mirror_images_have_equal_basins(pendulum):
 
 
 def test_counts_of_the_reference_grid():
-    """Two independent programs agree on these (paper.md); at most 5 cells off, for the boundary is smooth."""
+    """Two independent programs agree on these (REFERENCES.md); at most 5 cells off, for the boundary is smooth."""
     sweep = continue_basins(PENDULUM, "amplitude", [3e-3, 2e-3], CellGrid(*WINDOW, (200, 200)))
     assert sweep.counts[0] == pytest.approx(REFERENCE, abs=5)
     narrow = CellGrid((-pi, -100.0), (pi, 100.0), (200, 200))

@@ -30,7 +30,7 @@ import matplotlib.pyplot as plt
 LOGISTIC = systems.logistic_map()
 DUFFING = stroboscopic_map(systems.duffing_oscillator())
 PENDULUM = stroboscopic_map(systems.driven_pendulum())
-BIRTH = 1.731758671939e-3  # of the rotations, in m (paper.md)
+BIRTH = 1.731758671939e-3  # of the rotations, in m (REFERENCES.md)
 
 
 def parabola(x, p):
@@ -87,7 +87,7 @@ def test_slow_approach_is_no_longer_period(r):
 
 
 def test_exponent_of_the_logistic_map_at_four():
-    """ln 2 (references.md)."""
+    """ln 2 (REFERENCES.md)."""
     diagram = bifurcation_diagram(LOGISTIC, "mu", [4.0], [0.3], follow="none", periods=20_000)
     assert diagram.chaotic[0, 0]
     assert diagram.standard_errors[0, 0, 0] < 1e-3
@@ -95,7 +95,7 @@ def test_exponent_of_the_logistic_map_at_four():
 
 
 def test_exponents_of_the_henon_map():
-    """0.419 and -1.623 (references.md); volumes shrink by 0.3 in each step."""
+    """0.419 and -1.623 (REFERENCES.md); volumes shrink by 0.3 in each step."""
     diagram = bifurcation_diagram(systems.henon_map(), "a", [1.4], [0.0, 0.0], follow="none", periods=20_000)
     assert diagram.exponents[0, 0].sum() == pytest.approx(log(0.3), abs=1e-12)
     error = diagram.standard_errors[0, 0]

@@ -33,7 +33,7 @@ def _limits(system: ForcedSystem, state: Any, name: str, lower: float, upper: fl
 
 
 def test_multipliers_of_the_driven_pendulum() -> None:
-    """The report's rod at 2 and 3 mm, by two independent methods."""
+    """The report's rod at 2 and 3 mm, by SciPy (tests/REFERENCES.md)."""
     result = floquet_multipliers(driven_pendulum(), INVERTED, {"amplitude": [0.002, 0.003]}, rtol=1e-13)
     pair = 0.865837958746 + 0.262783907940j
     expected = [[1.126883285335, 0.726544411238], [pair, pair.conjugate()]]

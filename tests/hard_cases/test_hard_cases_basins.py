@@ -1,4 +1,4 @@
-"""Hard cases of paper.md with known answers: what must not become an attractor, and what must not be lost."""
+"""Hard cases of docs/hard-cases.md with known answers: what must not become an attractor, and what must not be lost."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_liouville_over_several_periods(problems: Mapping[str, ForcedSystem]) ->
 
 @pytest.mark.slow
 def test_the_double_pendulum_keeps_its_own_area(problems: Mapping[str, ForcedSystem]) -> None:
-    """Undamped double pendulum: det = det M(q0) / det M(q(T)), with det M ~ m1 + m2 sin^2(th1 - th2) (paper.md)."""
+    """Undamped double pendulum: det = det M(q0) / det M(q(T)), by Liouville; det M ~ m1 + m2 sin^2(th1 - th2)."""
     strobe = stroboscopic_map(problems["double pendulum"])
     initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 4))
     images = strobe(initial_conditions)

@@ -287,7 +287,7 @@ class TestTransitions:
 class TestMeasures:
     @pytest.mark.parametrize(("cells", "error"), [(200, 0.1), (2000, 0.04), (20_000, 0.02)])
     def test_of_the_logistic_map(self, cells, error):
-        """1/(pi sqrt(x (1 - x))) in L1 (references.md): about as the root of the width of a cell."""
+        """1/(pi sqrt(x (1 - x))) in L1 (REFERENCES.md): about as the root of the width of a cell."""
         chain = generalized_cell_mapping(systems.logistic_map(4.0), CellGrid((0.0,), (1.0 + 1e-12,), (cells,)), (100,))
         edges = np.clip(chain.grid.edges(0), 0.0, 1.0)
         expected = np.diff(2.0 / pi * np.arcsin(np.sqrt(edges)))
@@ -347,7 +347,7 @@ class TestBasins:
         assert chain.absorption[..., 0] == pytest.approx(chain.absorption[::-1, :, 1], abs=1e-9)
 
     def test_several_periods_find_small_attractors(self):
-        """The lesson of references.md, on Duffing's oscillator with five attractors."""
+        """REFERENCES.md, published, on Duffing's oscillator with five attractors."""
         exact = stroboscopic_map(systems.duffing_oscillator(0.08, 0.0, 1.0, 0.2, 1.0))
         grid = CellGrid((-1.8, -1.3), (1.8, 1.7), (180, 150))
         found = [len(generalized_cell_mapping(exact, grid, periods=k).basins().attractors) for k in (1, 8)]

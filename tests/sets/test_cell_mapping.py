@@ -224,7 +224,7 @@ class TestBasins:
         assert (basins.settling_time[within] == 8 * mapping.steps[within]).all()
 
     def test_several_periods_mislabel_less(self, five):
-        """The lesson of references.md: 14 % at one period, 3 % with several."""
+        """REFERENCES.md, published: 14 % at one period, 3 % with several."""
         exact, grid = five
         direct = find_basins(exact, grid)
         shares = []

@@ -25,7 +25,7 @@ def rod() -> dict[str, Cascade]:
 
 
 def test_rest_states_double_where_they_must(rod: dict[str, Cascade]) -> None:
-    """By two independent methods, to ten digits."""
+    """To ten digits (tests/REFERENCES.md)."""
     for state, limit in (("hanging", 12.210173235), ("inverted", 12.542910208)):
         assert 1e3 * rod[state].values[0] == pytest.approx(limit, abs=1e-9)
         assert [b.kind for b in rod[state].bifurcations] == [DOUBLING, PITCHFORK, DOUBLING, DOUBLING]
@@ -70,7 +70,7 @@ def test_gaps_shrink_by_feigenbaums_ratio(rod: dict[str, Cascade]) -> None:
     found = {**cascade.rod_cascades(8), **{f"weak {k}": v for k, v in cascade.weak_cascades(8).items()}}
     for each in found.values():
         assert each.ratios[-1] == pytest.approx(cascade.FEIGENBAUM, rel=2e-3)
-    # The principal resonance, by two independent methods.
+    # The principal resonance (tests/REFERENCES.md).
     assert found["weak hanging"].values[0] == pytest.approx(0.050027335537, abs=1e-12)
     # Rotations are no mirror images of themselves and need no pitchfork.
     assert {b.kind for b in found["weak rotation"].bifurcations} == {DOUBLING}

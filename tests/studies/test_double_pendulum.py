@@ -52,7 +52,7 @@ def test_pushes_and_distances() -> None:
 
 @pytest.mark.slow
 def test_stability_of_the_double_pendulum() -> None:
-    """All to the digits of two independent methods."""
+    """To all digits of tests/REFERENCES.md."""
     result = double_stability.compute(12)
     found = result.windows["24 Hz, equal masses, undamped"]
     assert found["(0, 0)"][0][0] == (0.0, pytest.approx(3.523140841e-3, abs=5e-13))
@@ -80,7 +80,7 @@ def test_stability_of_the_triple_pendulum() -> None:
 
 @pytest.mark.slow
 def test_basins_of_the_reference_set() -> None:
-    """60 x 60 centres, by two independent methods."""
+    """60 x 60 centres (tests/REFERENCES.md)."""
     basins = flipping_basins.measured(0.006, flipping_basins.REFERENCE).basins
     states = [tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in basins.attractors]
     assert states == [(1, 1), (1, -1), (-1, 1), (-1, -1)]

@@ -73,7 +73,7 @@ def test_kapitza(amplitude: float, critical: float) -> None:
 
 
 def test_kapitzas_frequency_is_published() -> None:
-    """paper.md, hard case 15."""
+    """REFERENCES.md, the report's pendulum."""
     assert find_well(effective_potential(driven_pendulum())).frequency == pytest.approx(2.465691357, abs=5e-10)
 
 
@@ -307,7 +307,7 @@ def test_release_limits_at_ten_millimetres_hold_what_finer_scans_find() -> None:
 
 @pytest.mark.slow
 def test_release_limits_with_dry_friction() -> None:
-    """paper.md, hard case 12: all of the sticking set comes back, and the stick-slip cycle beyond it does not."""
+    """All of the sticking set (REFERENCES.md) comes back, and the stick-slip cycle beyond it does not."""
     limits = release_limits(driven_pendulum(damping=0.0, friction=10.0), angles=32)
     assert 0.000889213 < limits.upper[0] < 0.00182768
     assert limits.attractor.kind == Kind.EQUILIBRIA

@@ -1,4 +1,4 @@
-"""Chains of pendulums, against the Lagrangian, the mass-matrix form and the numbers of paper.md."""
+"""Chains of pendulums, against the Lagrangian, the mass-matrix form and the numbers of tests/REFERENCES.md."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MASSES = (0.3, 0.5, 0.2, 0.7, 0.4, 0.25, 0.35, 0.45)
 def dense(
     system: ForcedSystem, links: int, up: float, aside: float, joints: NDArray[np.float64], x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Accelerations by M q'' = F of paper.md, with the angular accelerations at the joints given."""
+    """Accelerations by M q'' = F of REFERENCES.md, with the angular accelerations at the joints given."""
     length = np.array([system.params[f"length_{i + 1}"] for i in range(links)])
     mass = np.array([system.params[f"mass_{i + 1}"] for i in range(links)])
     carried = np.cumsum(mass[::-1])[::-1]
@@ -261,7 +261,7 @@ def test_the_flipping_states_at_24_hz(amplitude: float, stable: bool) -> None:
 
 
 def test_a_light_outer_mass_leaves_the_single_pendulum() -> None:
-    """Mass ratio 1e-6: paper.md has a difference of 5.7e-7 in units of the drive."""
+    """Mass ratio 1e-6: REFERENCES.md has a difference of 5.7e-7 in units of the drive."""
     strobe = stroboscopic_map(double_pendulum(mass_2=1e-6, damping=0.0), rtol=1e-12, atol=1e-12)
     single = stroboscopic_map(driven_pendulum(0.032, 0.006, 50.0, 0.0), rtol=1e-12, atol=1e-12)
     image = strobe(np.array([1.0, -0.5, 0.2 * W, 0.1 * W]))[[0, 2]] / [1.0, W]

@@ -1,4 +1,4 @@
-"""Discrete maps, against closed forms and the numbers of references.md."""
+"""Discrete maps, against closed forms and the numbers of REFERENCES.md."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_areas() -> None:
 
 
 def test_henons_bounded_share() -> None:
-    """0.4319 on 1000^2 starts of [-2, 2]^2 (references.md)."""
+    """0.4319 on 1000^2 starts of [-2, 2]^2 (REFERENCES.md)."""
     basins = find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200)))
     assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.003)
 

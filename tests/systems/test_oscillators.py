@@ -1,4 +1,4 @@
-"""Oscillators under a harmonic force, against closed forms, published numbers and those of references.md."""
+"""Oscillators under a harmonic force, against closed forms, published numbers and those of tests/REFERENCES.md."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_separatrices(factory: Any, orbit: Callable[[float], tuple[float, float]
 def test_melnikovs_critical_forcing(
     factory: Any, orbit: Callable[[float], tuple[float, float]], critical: float
 ) -> None:
-    """Moon and Li (1985) by references.md; Thompson (1989) gives the criterion.
+    """Moon and Li (1985); Thompson (1989) gives the criterion.
 
     What the damping takes along the separatrix is as much as the force can give: damping times the integral of v^2 is
     forcing times the largest integral of v cos(frequency t + phase).  All velocities here are odd in time.

@@ -1,4 +1,4 @@
-"""The vertically driven pendulum, against the numbers of paper.md and references.md."""
+"""The vertically driven pendulum, against the numbers of tests/REFERENCES.md."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_the_period_4_pair_at_10_mm() -> None:
 def test_attractors_of_the_literature(
     alpha: float, beta: float, gamma: float, point: tuple[float, float], period: int, rotations: int
 ) -> None:
-    """references.md gives five decimals; rotations come in mirrored pairs."""
+    """REFERENCES.md gives five decimals; rotations come in mirrored pairs."""
     strobe = stroboscopic_map(dimensionless_pendulum(alpha, beta, gamma))
     for sign in (1.0, -1.0):
         orbit = strobe.iterate(sign * np.array(point), period)
@@ -183,7 +183,7 @@ def test_the_phase_of_the_drive_is_that_of_the_section() -> None:
 
 
 def test_without_drive_and_damping_the_swing_has_its_exact_period() -> None:
-    """4 K(sin(a/2)) sqrt(l/g); for a = 3 rad 0.851124077002 s (paper.md)."""
+    """4 K(sin(a/2)) sqrt(l/g); for a = 3 rad 0.851124077002 s (REFERENCES.md)."""
     system = driven_pendulum(amplitude=0.0, damping=0.0, frequency=1.0)
     period = 4.0 * ellipk(sin(1.5) ** 2) * sqrt(0.0272 / 9.8)
     assert period == pytest.approx(0.851124077002, abs=1e-12)

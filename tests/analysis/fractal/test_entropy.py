@@ -39,7 +39,7 @@ def stripes(width, basins=3):
 
 
 def test_map_of_grebogi_ott_and_yorke(grebogi):
-    """0.403 and 0.603 on 300 x 300 cells with boxes of 6 (references.md), within two standard errors over boxes."""
+    """0.403 and 0.603 on 300 x 300 cells with boxes of 6 (REFERENCES.md), within two standard errors over boxes."""
     found = basin_entropy(grebogi, box_size=6)
     assert found.count == 2500
     assert found.entropy == pytest.approx(0.403, abs=2 * found.standard_error)

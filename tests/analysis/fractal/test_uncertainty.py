@@ -77,7 +77,7 @@ def forced():
 
 
 def test_forced_pendulum_by_table(forced):
-    """0.308 +- 0.01 (references.md)."""
+    """0.308 +- 0.01 (REFERENCES.md)."""
     found = uncertainty_exponent(forced)
     assert found.exponent == pytest.approx(0.308, abs=0.01)
     assert found.verdict == "fractal"
@@ -139,7 +139,7 @@ def test_forced_pendulum_by_exact_map_and_by_table():
 
 
 def test_vertically_driven_pendulum():
-    """0.284 +- 0.01 (references.md), down to 1e-7 of the window; farther down the slope rises to 0.31."""
+    """0.284 +- 0.01 (REFERENCES.md), down to 1e-7 of the window; farther down the slope rises to 0.31."""
     found = uncertainty_exponent(
         find_basins(table(systems.dimensionless_pendulum(0.5, 0.1, 0.03), 4.5, (256, 384)), WINDOW)
     )
@@ -148,7 +148,7 @@ def test_vertically_driven_pendulum():
 
 
 def test_inverted_pendulum_is_smooth():
-    """Exponent 1 (references.md)."""
+    """Exponent 1 (REFERENCES.md)."""
     icm = table(systems.dimensionless_pendulum(-0.1, 0.545, 0.2), 5.0, (256, 384))
     found = uncertainty_exponent(find_basins(icm, WINDOW), max_pairs=500_000)
     assert found.exponent == pytest.approx(1.0, abs=2 * found.standard_error)

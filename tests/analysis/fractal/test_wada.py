@@ -54,7 +54,7 @@ def small(wada_pendulum):
 
 @pytest.mark.parametrize("shape", [(120, 90), (90, 120), (200, 40)])
 def test_merged_stripes(shape):
-    """Columns of one cell in three colours are Wada; wide stripes are not (references.md)."""
+    """Columns of one cell in three colours are Wada; wide stripes are not (REFERENCES.md)."""
     assert wada_merging(stripes(1, shape=shape)).verdict == "Wada"
     assert wada_merging(stripes(1, shape=shape).T).verdict == "Wada"
     wide = wada_merging(stripes(30, shape=shape))

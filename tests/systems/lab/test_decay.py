@@ -52,7 +52,7 @@ def test_a_parabola_is_found_exactly() -> None:
     found = quadratic_decay(envelope(0.0082 * times**2 - 0.1979 * times + 1.28, times), start_time=0.0)
     np.testing.assert_allclose(found.coefficients, [0.0082, -0.1979, 1.28], rtol=1e-10)
     assert found.rmse < 1e-12
-    # paper.md: the report's own fit has 54 % of the curvature of an exponential.
+    # REFERENCES.md: the report's own fit has 54 % of the curvature of an exponential.
     assert found.curvature == pytest.approx(0.54, abs=0.005)
     assert found([0.0, 1.0]) == pytest.approx([1.28, 1.0903])
     assert "RMSE" in repr(found)

@@ -1,0 +1,58 @@
+"""Tests cite documents that are there, and tests/REFERENCES.md has the numbers of its independent programs."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "tests" / "REFERENCES.md"
+
+
+CITED = r"(?<![\w\"'/{}(.-])([\w/-]+\.md)\b(?![\"'])"
+"""Names of documents, but not those in quotes, which are files that a test writes."""
+
+
+def program(name: str) -> ModuleType:
+    sys.path.insert(0, str(ROOT))
+    try:
+        return importlib.import_module(f"tests.reference.{name}")
+    finally:
+        sys.path.remove(str(ROOT))
+
+
+def test_every_document_that_is_cited_is_there():
+    places = (ROOT, ROOT / "docs", ROOT / "tests")
+    found = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for folder in ("tests", "studies", "cellmap", "systems")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for name in re.findall(CITED, path.read_text(encoding="utf-8"))
+        if not any((place / name).exists() for place in places)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_programs_that_are_named_are_there():
+    for name in re.findall(r"`(tests/[\w/]+\.(?:py|md))`", PAGE.read_text(encoding="utf-8")):
+        assert (ROOT / name).exists(), name
+
+
+def test_numbers_of_the_report_are_those_of_an_independent_program():
+    """To all digits on the page but the last, in which integrators at 1e-13 may differ."""
+    text = PAGE.read_text(encoding="utf-8")
+    given = list(re.findall(r"\d+\.\d{8,}", text))
+    for name, value in program("report_numbers").numbers().items():
+        same = [v for v in given if abs(float(v) - value) < 2.0 * max(1e-12, 10.0 ** -len(v.partition(".")[2]))]
+        assert same, f"{name} = {value:.15g} is not on the page"
+
+
+@pytest.mark.slow
+def test_counts_of_cells_are_those_of_an_independent_program():
+    assert program("report_numbers").basin_counts("pendulum_3mm") == [32896, 7104]
+    assert program("report_numbers").basin_counts("pendulum_3mm_wide") == [25484, 6152, 4182, 4182]
