@@ -49,7 +49,7 @@ GALLERY = (
     Explored("wells", lambda: WELLS, WINDOW),
     Explored("duffing", lambda: DUFFING, CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 50)), nodes=128),
     Explored(
-        "rotated", lambda: discrete_map(rotated, {"b": 1.0}, ("x", "y")), CellGrid((-0.4,) * 2, (0.4,) * 2, (300, 300))
+        "rotated", lambda: discrete_map(rotated, {"b": 1.0}, ("x", "y")), CellGrid((-0.4,) * 2, (0.4,) * 2, (96, 96))
     ),
     Explored("line", lambda: discrete_map(lambda x, p: (x[0] * x[0] + p.c,), {"c": 0.0}, ("x",))),
 )
