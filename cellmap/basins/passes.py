@@ -31,7 +31,7 @@ from .record import HELD, Basins
 from .strides import StridedTile
 
 _SAMPLE = 1024  # starts from which attractors are sought first
-_IN_A_TILE = 4096  # starts where a tile has neither to travel nor to be sealed: all threads are busy to the end
+_IN_A_TILE = 8192  # starts where a tile has neither to travel nor to be sealed: all threads are busy to the end
 _PATIENCE = 256  # periods before starts that are left are searched for further attractors
 _REPEATS = 32  # passes over the same periods with ever more attractors, at most
 _LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
@@ -198,12 +198,13 @@ class Run:
             return Batch(now.rows_of(number), None if states is None else states[now.parts[number]])
 
         for number, settled in self._settled(self.store.unfinished(now), batch, now):
-            self.store.put(number, now.rows_of(number), settled)
+            places = now.rows_of(number)
+            self.store.put(number, places, settled)
             count += len(settled.orbits)
             if count <= HELD:
                 left[number] = settled.orbits
-                if now.tiles is not None:
-                    rows[number] = now.tiles[number].rows[settled.undecided]
+                if isinstance(places, np.ndarray) and now.tiles is not None:
+                    rows[number] = places[settled.undecided]
             else:
                 left.clear()
             yield number

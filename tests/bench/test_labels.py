@@ -1,18 +1,37 @@
-"""Labels of initial conditions: against look-ups alone, on two threads, and after a change of a parameter."""
+"""Labels of initial conditions: against look-ups and heyoka, on two threads, live, over a parameter, of very many.
+
+A billion initial conditions on a cluster of one machine take an hour, and a few gigabytes of the disk; by hand:
+``python tests/bench/test_labels.py 31623 4`` (side of the image, workers).
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import resource
+import sys
+import tempfile
 import time
 from itertools import pairwise
 from math import pi
+from pathlib import Path
 
+import numpy as np
 import pytest
-from peers import best_time
+from peers import best_time, heyoka_batches
 
 import cellmap
 from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors import continue_attractors
-from systems import dimensionless_parameters, dimensionless_pendulum
+from cellmap.attractors.settling import Catalogue
+from cellmap.basins import LiveBasins, continue_basins, refine_basins
+from cellmap.maps.coordinates import wrap
+from systems import (
+    dimensionless_parameters,
+    dimensionless_pendulum,
+    double_pendulum,
+    forced_pendulum,
+    two_well_duffing,
+)
 
 SPEED = 2 * pi * 50  # rad/s of the drive: figure 19's pendulum in units of it
 WINDOW = 100 / SPEED
@@ -54,9 +73,10 @@ def test_labels_on_two_threads(say, icm, side):
     say(f"labels of {side} x {side}: two threads {seconds[0] / seconds[1]:.2f} times as fast as one")
 
 
+@pytest.mark.parametrize("side", [125, 500])
 @pytest.mark.parametrize("amplitude", [0.003, 0.010])
-def test_a_parameter_is_changed(say, amplitude):
-    grid = CellGrid(GRID.lower, GRID.upper, (125, 125))
+def test_a_parameter_is_changed(say, amplitude, side):
+    grid = CellGrid(GRID.lower, GRID.upper, (side, side))
     known = find_basins(table(exact(amplitude), 128), grid).attractors
     parts = []
     for step in range(1, 6):
@@ -73,4 +93,139 @@ def test_a_parameter_is_changed(say, amplitude):
     best = [min(column) for column in zip(*parts, strict=True)]
     names = ("map", "table", "attractors", "labels")
     listed = ", ".join(f"{name} {ms:.0f}" for name, ms in zip(names, best, strict=True))
-    say(f"125 x 125, pendulum at {1e3 * amplitude:g} mm, parameter changed: {sum(best):.0f} ms ({listed})")
+    say(f"{side} x {side}, pendulum at {1e3 * amplitude:g} mm, parameter changed: {sum(best):.0f} ms ({listed})")
+
+
+LIVE = {
+    "pendulum, 3 mm": (lambda: table(exact(0.003), 128), GRID, "beta", 1e-4),
+    "pendulum, 10 mm": (lambda: table(exact(0.010), 128), GRID, "beta", 1e-4),
+    "Duffing": (
+        lambda: interpolated_map(stroboscopic_map(two_well_duffing()), CellGrid((-2.5, -2.5), (2.5, 2.5), (192, 192))),
+        CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500)),
+        None,
+        1e-4,
+    ),
+    "forced pendulum": (
+        lambda: interpolated_map(stroboscopic_map(forced_pendulum()), CellGrid((-pi, -5.0), (pi, 5.0), (192, 192))),
+        CellGrid((-pi, -4.0), (pi, 4.0), (500, 500)),
+        None,
+        1e-4,
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", LIVE)
+def test_live_images_after_a_change(say, name):
+    """Times from the request to the first preview, an image of a quarter of the places, and the complete image."""
+    make, grid, parameter, step = LIVE[name]
+    point_map = make()
+    parameter = parameter or next(iter(point_map.params))
+    live, value, seen = LiveBasins(point_map, grid), point_map.params[parameter], []
+    live.image()
+    for k in range(1, 7):
+        began, times = time.perf_counter(), {}
+        for frame in live.frames({parameter: value * (1.0 + k * step)}):
+            times.setdefault("complete" if frame.complete else frame.stride, 1e3 * (time.perf_counter() - began))
+        seen.append(times)
+    best = {stage: min(times.get(stage, 1e9) for times in seen) for stage in (8, 4, 2, "complete")}
+    listed = ", ".join(f"{'stride ' if stage != 'complete' else ''}{stage} {ms:.0f}" for stage, ms in best.items())
+    say(f"live 500 x 500, {name}, parameter changed, ms: {listed}")
+
+
+def test_refinement(say, icm):
+    """What coarse images cost on top of a whole one."""
+    known = find_basins(icm, GRID).attractors
+    whole = best_time(lambda: find_basins(icm, GRID, attractors=known))
+    refined = best_time(lambda: list(refine_basins(icm, GRID, attractors=known)))
+    first = best_time(lambda: next(refine_basins(icm, GRID, attractors=known)))
+    say(f"refinement of 500 x 500: {refined / whole:.2f} times a whole call; first image after {1e3 * first:.0f} ms")
+
+
+def heyoka_labels(numbers, catalogue_of, periods):
+    """Label some initial conditions a period of heyoka's at a time, and leave out those that are captured."""
+    values = dimensionless_parameters(length=0.0272, frequency=50.0, amplitude=0.004, damping=10.0)
+    run = heyoka_batches(1e-9, equation=(values["gamma"], -values["beta"], values["alpha"]))
+    point_map = exact(0.004)
+    catalogue = Catalogue.of(catalogue_of, point_map)
+    states = GRID.centres().reshape(-1, 2)[numbers]
+    run(states[:64])
+    labels, active = np.full(len(states), -3), np.arange(len(states))
+    began = time.perf_counter()
+    for k in range(periods + 1):
+        owners = catalogue.owners_of(states[active])
+        labels[active] = np.where(owners >= 0, owners, -3)
+        active = active[owners < 0]
+        if not len(active) or k == periods:
+            break
+        # It takes whole batches.
+        padded = np.concatenate([active, np.repeat(active[:1], -len(active) % 8)])
+        states[active] = wrap(run(states[padded]), point_map.coordinates)[: len(active)]
+    return labels, time.perf_counter() - began
+
+
+def test_labels_against_heyoka(say):
+    pytest.importorskip("heyoka")
+    began = time.perf_counter()
+    basins = find_basins(table(exact(0.004)), GRID)
+    ours = time.perf_counter() - began
+    ours = min(ours, best_time(lambda: find_basins(table(exact(0.004)), GRID), rounds=3))
+    cores = cellmap.thread_count()
+    share = np.random.default_rng(0).permutation(GRID.size)[: GRID.size // 20 // (8 * cores) * 8 * cores]
+    tasks = [(part, basins.attractors, 300) for part in np.array_split(share, cores)]
+    with multiprocessing.get_context("spawn").Pool(cores) as pool:
+        parts = pool.starmap(heyoka_labels, tasks)
+    seconds = max(taken for _, taken in parts) * GRID.size / len(share)
+    same = float(np.mean(np.concatenate([labels for labels, _ in parts]) == basins.labels.ravel()[share]))
+    say(
+        f"labels of 500 x 500 at 4 mm, {cores} cores: heyoka batch 1e-9 with the same regions {seconds:.1f} s; "
+        f"ours with map, table and search {ours:.2f} s: {seconds / ours:.0f} times as fast; "
+        f"{100 * same:.2f} % of labels are equal"
+    )
+
+
+def test_continuation(say, values=100, side=250):
+    grid, point_map = CellGrid(GRID.lower, GRID.upper, (side, side)), table(exact(0.003), 128)
+    beta = point_map.params["beta"] * np.linspace(1.0, 1.1, values)
+    began = time.perf_counter()
+    sweep = continue_basins(point_map, "beta", beta, grid)
+    followed = time.perf_counter() - began
+    began = time.perf_counter()
+    for value in beta[:: values // 10]:
+        find_basins(point_map.with_params(beta=float(value)), grid)
+    alone = (time.perf_counter() - began) * values / 10
+    say(f"{values} values x {side} x {side}: continue_basins {followed:.1f} s, searched alone {alone:.1f} s; {sweep}")
+
+
+def test_slice_of_the_double_pendulum(say, side=1000):
+    grid = CellGrid((-pi, -pi, -1e-3, -1e-3), (pi, pi, 1e-3, 1e-3), (side, side, 1, 1))
+    point_map = stroboscopic_map(double_pendulum())
+    find_basins(point_map, CellGrid(grid.lower, grid.upper, (10, 10, 1, 1)))
+    began = time.perf_counter()
+    basins = find_basins(point_map, grid)
+    say(f"slice of the double pendulum, {side} x {side}: {time.perf_counter() - began:.1f} s; {basins}")
+
+
+def very_many(side, path, workers=0):
+    """Label a large image with a checkpoint; return seconds, memory of this process, and the size of the file."""
+    grid, point_map = CellGrid(GRID.lower, GRID.upper, (side, side)), table(exact(0.003))
+    began = time.perf_counter()
+    if workers:
+        from distributed import Client
+
+        with Client(n_workers=workers, threads_per_worker=1, dashboard_address=None) as client:
+            find_basins(point_map, grid, checkpoint=path, client=client)
+    else:
+        find_basins(point_map, grid, checkpoint=path)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return time.perf_counter() - began, memory, path.stat().st_size / 2**20
+
+
+def test_a_hundred_million(say, side=10_000):
+    with tempfile.TemporaryDirectory() as folder, multiprocessing.get_context("spawn").Pool(1) as pool:
+        seconds, memory, disk = pool.apply(very_many, (side, Path(folder) / "basins.h5"))
+    say(f"{side**2:.0e} initial conditions with a checkpoint: {seconds:.1f} s, {memory:.0f} MB, file {disk:.0f} MB")
+
+
+if __name__ == "__main__":
+    print(very_many(int(sys.argv[1]), Path("very_many.h5"), int(sys.argv[2])))
