@@ -56,8 +56,18 @@ class LookUp:
         self, points: NDArray[np.float64], rotations: NDArray[np.int64], left: NDArray[np.int64], *table: Any
     ) -> int:
         """Move rows on by look-ups; return how many these are."""
+        return self.with_table(points, rotations, left, *addresses_of(table))
+
+    def with_table(
+        self,
+        points: NDArray[np.float64],
+        rotations: NDArray[np.int64],
+        left: NDArray[np.int64],
+        addresses: Sequence[int],
+        several: int,
+    ) -> int:
+        """Do the same with what :func:`addresses_of` returns."""
         made = ctypes.c_int64()
-        addresses, several = addresses_of(table)
         work = [array.ctypes.data for array in (points, rotations, left)]
         _PROTOTYPE(self.address)(*work, *addresses, len(points), several, ctypes.addressof(made))
         return made.value

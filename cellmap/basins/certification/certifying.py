@@ -30,6 +30,7 @@ from .undecided import Search
 
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
+_ESCAPED = int(Label.ESCAPED)  # loops know plain numbers at once, and others by a look at all arguments
 _OPEN = (Label.UNDECIDED, Label.UNLABELLED)
 _SEARCHES = 8  # times that a picture is certified at most, because attractors have come up
 _GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
@@ -249,7 +250,7 @@ class _Run:
         for k in range(self.periods + 1):
             found = np.empty(len(rows), np.int64)
             judge(
-                orbits.points, spread, self.owners, setting.place, setting.escapes, Label.ESCAPED, setting.overhangs,
+                orbits.points, spread, self.owners, setting.place, int(setting.escapes), _ESCAPED, setting.overhangs,
                 setting.neighbourhoods, setting.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)

@@ -51,14 +51,11 @@ class LookUps(CompiledAdvance):
             lower,
             turn,
         )
-
-    @property
-    def step(self) -> Step:
-        """Look-ups, and the steps of the exact map where that is compiled."""
-        exact = self._exact.advance
-        addresses, levels = addresses_of(self._description)
+        # The arrays live as long as this, and their addresses are asked for in each period.
+        self._addresses = addresses_of(self._description)
+        addresses, levels = self._addresses
         _, _, origin, inverse, cells, circle, _, lower, turn = self._description
-        table = Table(
+        self._table = Table(
             function=self._look_up.address,
             arrays=np.array(addresses, np.int64),
             levels=levels,
@@ -68,6 +65,11 @@ class LookUps(CompiledAdvance):
             cells=cells.astype(float),
             circle=circle,
         )
+
+    @property
+    def step(self) -> Step:
+        """Look-ups, and the steps of the exact map where that is compiled."""
+        exact, table, (*_, lower, turn) = self._exact.advance, self._table, self._description
         of_exact = exact.step if isinstance(exact, CompiledAdvance) else UNKNOWN_STEP
         return of_exact._replace(table=table, lower=lower, turn=turn)
 
@@ -95,10 +97,10 @@ class LookUps(CompiledAdvance):
         part = everyone
         while len(part):
             if part is everyone:
-                made = self._look_up(orbits.points, orbits.rotations, left, *self._description)
+                made = self._look_up.with_table(orbits.points, orbits.rotations, left, *self._addresses)
             else:
                 some, remaining = orbits[part], left[part]
-                made = self._look_up(some.points, some.rotations, remaining, *self._description)
+                made = self._look_up.with_table(some.points, some.rotations, remaining, *self._addresses)
                 orbits[part], left[part] = some, remaining
             orbits.work.look_ups += made
             part = part[left[part] > 0]
