@@ -10,9 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from .._lib.checks import shown, text, whole_number
+from .._lib.checks import shown, text, whole_array, whole_number
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveFrame
 from . import downloads
@@ -20,6 +22,7 @@ from .equations import EquationError, typed_system
 from .explored import Explored
 from .images import Images, described, orbit, picture, quality, verification
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
+from .sweeps import diagram, film, sweep
 from .view import SCHEMA, View
 
 UNDER_WAY = 2
@@ -34,13 +37,14 @@ RATE, BURST = 300.0, 600.0
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """An image that the page has asked for."""
+    """An image that the page has asked for, or the images of a film with their palette."""
 
     request: int
     images: Images
-    view: View
+    views: tuple[View, ...]
     near: Any
     since: float
+    palette: NDArray[np.uint8] | None = None
 
 
 class Session:
@@ -61,7 +65,7 @@ class Session:
         self._present: _Wanted | None = None  # being computed
         self._has_frame = False
         self._wake, self._room = asyncio.Event(), asyncio.Event()
-        self._waiting: tuple[_Wanted, LiveFrame] | None = None
+        self._waiting: tuple[_Wanted, View, LiveFrame] | None = None
         self._sent: set[int] = set()
         self._frames = 0
         self._answering = asyncio.Lock()
@@ -127,14 +131,21 @@ class Session:
         elif kind == "view":
             request = whole_number("request", asked.get("request"))
             view = View.of(asked.get("view"), self._images.explored)
-            self._ask_for(_Wanted(request, self._images, view, asked.get("near"), time.monotonic()))
+            self._ask_for(_Wanted(request, self._images, (view,), asked.get("near"), time.monotonic()))
+        elif kind == "film":
+            request = whole_number("request", asked.get("request"))
+            views = sweep(View.of(asked.get("view"), self._images.explored), *_range(asked), asked.get("stills"))
+            palette = _palette(asked.get("palette"))
+            self._ask_for(_Wanted(request, self._images, views, None, time.monotonic(), palette))
         elif kind == "system":
             self._later(asked, lambda: self._chosen(asked), self._use)
         elif kind in _QUESTIONS:
             images = self._images
             self._later(asked, lambda: _QUESTIONS[kind](images, asked), self._reply)
         else:
-            raise MessageError(f"type={shown(kind)}: this is none of drawn, view, system, {', '.join(_QUESTIONS)}")
+            raise MessageError(
+                f"type={shown(kind)}: this is none of drawn, view, film, system, {', '.join(_QUESTIONS)}"
+            )
 
     def _later(
         self, asked: Mapping[str, Any], work: Callable[[], Any], then: Callable[[Mapping[str, Any], Any], Any]
@@ -198,23 +209,39 @@ class Session:
                 continue
             self._present = wanted
             try:
-                await loop.run_in_executor(self._drawing, self._compute, wanted, loop)
+                stills = await loop.run_in_executor(self._drawing, self._compute, wanted, loop)
+                if wanted.palette is not None:
+                    await self._send_film(wanted, wanted.palette, stills)
             except (WebSocketDisconnect, RuntimeError):
                 return
             except Exception as error:
                 await self._tell(failure(error, wanted.request))
 
-    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> None:
-        """Compute an image, in the thread for them, until it is complete or a newer one is wanted."""
-        for frame in wanted.images.frames(wanted.view, wanted.near):
-            self._has_frame = True
-            loop.call_soon_threadsafe(self._offer, wanted, frame)
-            if self._wanted is not wanted:
-                return
+    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> list[NDArray[np.int16]]:
+        """Compute images, in the thread for them, until others are wanted; return those of a film."""
+        stills: list[NDArray[np.int16]] = []
+        for view in wanted.views:
+            for frame in wanted.images.frames(view, wanted.near):
+                self._has_frame = True
+                loop.call_soon_threadsafe(self._offer, wanted, view, frame)
+                if self._wanted is not wanted:
+                    return stills
+                if frame.complete and wanted.palette is not None:
+                    stills.append(view.raster(frame.identity_image))
+        return stills
 
-    def _offer(self, wanted: _Wanted, frame: LiveFrame) -> None:
+    async def _send_film(self, wanted: _Wanted, palette: NDArray[np.uint8], stills: list[NDArray[np.int16]]) -> None:
+        """Send a film that is complete."""
+        if len(stills) < len(wanted.views):
+            raise ValueError("film has ended early, for another image was wanted: ask for it again")
+        data = await asyncio.get_running_loop().run_in_executor(None, film, stills, palette)
+        facts = {"type": "film", "request": wanted.request, "name": "basins.gif", "media": "image/gif"}
+        async with self._sending:
+            await self._socket.send_bytes(packed(facts, data))
+
+    def _offer(self, wanted: _Wanted, view: View, frame: LiveFrame) -> None:
         """Let a frame wait for its turn, in the place of the one that waits."""
-        self._waiting = wanted, frame
+        self._waiting = wanted, view, frame
         self._room.set()
 
     async def _send_frames(self) -> None:
@@ -224,8 +251,8 @@ class Session:
             self._room.clear()
             if self._waiting is None or len(self._sent) >= UNDER_WAY:
                 continue
-            (wanted, frame), self._waiting = self._waiting, None
-            facts, data = await loop.run_in_executor(None, picture, wanted.view, frame)
+            (wanted, view, frame), self._waiting = self._waiting, None
+            facts, data = await loop.run_in_executor(None, picture, view, frame)
             self._frames += 1
             self._sent.add(self._frames)
             facts = {"type": "frame", "request": wanted.request, "frame": self._frames, **facts}
@@ -253,6 +280,18 @@ def failure(error: Exception, request: Any) -> dict[str, Any]:
     return told
 
 
+def _range(asked: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    return asked.get("parameter"), asked.get("lower"), asked.get("upper")
+
+
+def _palette(given: Any) -> NDArray[np.uint8]:
+    """Return colours as an array (n, 3)."""
+    colours = whole_array("palette", given)
+    if colours.ndim != 2 or colours.shape[1] != 3 or not len(colours) or colours.min() < 0 or colours.max() > 255:
+        raise ValueError("palette: give a list of colours, each of it three whole numbers from 0 to 255")
+    return colours.astype(np.uint8)
+
+
 def _number_of_samples(asked: Mapping[str, Any]) -> int:
     return whole_number("n_samples", asked.get("n_samples", 1000), 1, 20000)
 
@@ -261,6 +300,7 @@ _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "quality": lambda images, asked: quality(*images.seen()),
     "verify": lambda images, asked: verification(images.seen()[1], _number_of_samples(asked)),
     "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
+    "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},
     "hdf5": lambda images, asked: downloads.hdf5(images.seen()[1]),
 }

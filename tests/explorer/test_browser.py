@@ -10,11 +10,13 @@ import shutil
 from collections.abc import Callable, Iterator
 from math import pi, sin
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
+from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, stroboscopic_map
@@ -307,3 +309,39 @@ def test_a_page_says_that_its_server_is_away(browser: Browser) -> None:
         until(page, "window.frames.some((f) => f.complete)")
     until(page, "document.getElementById('state').textContent.includes('cannot be reached')")
     context.close()
+
+
+def test_a_bifurcation_diagram_moves_the_parameter_and_a_film_is_made(page: Page, tmp_path: Any) -> None:
+    page.click("#diagram")
+    until(page, "!document.getElementById('bifurcations').hidden")
+    box = page.locator("#bifurcations").bounding_box()
+    assert box is not None
+    after(page, lambda: page.click("#bifurcations", position={"x": 0.75 * box["width"], "y": 20}))
+    keep = float(page.input_value("#value-keep"))
+    assert keep == pytest.approx(0.3 + 0.75 * 0.6, abs=0.01)
+    assert_shown(page, find_basins(WELLS.with_params(keep=keep), WINDOW))
+    page.fill("#along-lower", "0.5")
+    page.fill("#along-upper", "0.7")
+    with page.expect_download() as download:
+        page.click("#film")
+    download.value.save_as(tmp_path / "basins.gif")
+    with Image.open(tmp_path / "basins.gif") as still:
+        assert still.n_frames == 40
+        still.seek(39)
+        shown = np.array(still.convert("RGB"))
+    until(page, "document.getElementById('preview').hidden")
+    assert np.array_equal(shown, drawn(page, find_basins(WELLS.with_params(keep=0.7), WINDOW)))
+
+
+def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
+    page.click("#keep")
+    after(page, put(page, "keep", 0.8))
+    after(page, lambda: page.click("#kept button"))
+    assert page.input_value("#value-keep") == "0.6"
+    assert_shown(page, find_basins(WELLS, WINDOW))
+    with page.expect_download() as download:
+        page.click("#svg")
+    download.value.save_as(tmp_path / "basins.svg")
+    root = ElementTree.parse(tmp_path / "basins.svg").getroot()
+    assert len(root.findall("{*}circle")) == 2
+    assert len(root.findall("{*}image")) == 1

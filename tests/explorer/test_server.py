@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import threading
 import time
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -344,3 +346,38 @@ def test_a_system_that_is_given() -> None:
         explore(stroboscopic_map(DUFFING), open_page=False)
     with pytest.raises(TypeError, match="system=3: give"):
         explore(3)  # type: ignore[arg-type]
+
+
+def test_a_diagram_follows_the_attractors(page: Page) -> None:
+    """Pitchfork: the fixed points of x + 0.2 (x - x^3) are 0 and +-1 at any value of `keep`."""
+    frame, _ = page.image()
+    found = page.ask("diagram", parameter="keep", lower=0.4, upper=0.7)
+    points = np.frombuffer(found["data"], "<f4").reshape(found["shape"])
+    assert points.shape[0] == 2
+    assert points.shape[1] == len(found["values"])
+    assert (np.diff(found["values"]) >= 0).all()
+    for identity, branch in zip(found["identities"], points, strict=True):
+        (attractor,) = (a for a in frame["attractors"] if a["identity"] == identity)
+        assert np.abs(branch - attractor["points"][0]).max() < 1e-5
+    assert "give a range around the present value" not in str(found)
+    wrong = page.ask("diagram", parameter="mass", lower=0.4, upper=0.7)
+    assert wrong["message"].startswith("parameter='mass'")
+
+
+def test_a_film_has_the_images_of_its_values(page: Page) -> None:
+    palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
+    request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, stills=3, palette=palette)
+    images = []
+    while (answer := page.receive())["type"] == "frame":
+        page.send("drawn", frame=answer["frame"])
+        if answer["complete"]:
+            images.append(numbers_of(answer))
+    assert (answer["type"], answer["request"]) == ("film", request)
+    with Image.open(io.BytesIO(answer["data"])) as film:
+        assert film.n_frames == 3
+        film.seek(2)
+        last = np.array(film.convert("RGB"))
+    assert np.array_equal(last, np.array(palette)[images[-1] - LOWEST])
+    assert (
+        "palette" in page.ask("film", view={}, parameter="keep", lower=0, upper=1, stills=2, palette=[[300]])["message"]
+    )

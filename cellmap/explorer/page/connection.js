@@ -43,7 +43,7 @@ export class Connection {
   receive(data) {
     const message = typeof data === "string" ? JSON.parse(data) : unpack(data);
     const waiting = this.pending.get(message.request);
-    if (waiting) {
+    if (waiting && message.type !== "frame") {
       this.pending.delete(message.request);
       if (message.type === "error") waiting.reject(Object.assign(new Error(message.message), message));
       else waiting.resolve(message);
@@ -59,8 +59,13 @@ export class Connection {
     return request;
   }
 
-  ask(message) {
+  // Sends a message, and promises its answer; `numbered` is told its number at once.
+  ask(message, numbered = () => {}) {
     if (this.socket.readyState !== WebSocket.OPEN) return Promise.reject(new Error("the server cannot be reached"));
-    return new Promise((resolve, reject) => this.pending.set(this.send(message), { resolve, reject }));
+    return new Promise((resolve, reject) => {
+      const request = this.send(message);
+      this.pending.set(request, { resolve, reject });
+      numbered(request);
+    });
   }
 }

@@ -4,9 +4,11 @@ import { read, written } from "./address.js";
 import { Connection } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Gestures } from "./gestures.js";
+import { keep, svg } from "./keeping.js";
 import { drawOverlay, drawSeries } from "./overlay.js";
 import { Picture } from "./picture.js";
 import { accuracy, ending, nameOf, news, showAttractors, verified } from "./report.js";
+import { Sweep } from "./sweep.js";
 
 const $ = (id) => document.getElementById(id);
 const state = { name: null, text: null, system: null, view: null };
@@ -35,6 +37,7 @@ const connection = new Connection(new URL("connection", location.href).href.repl
 async function greeted(message) {
   codes = message.codes;
   picture ??= new Picture($("image"), message.lowest);
+  sweep.lowest = message.lowest;
   choices($("system"), message.systems.map((s) => [s.name, s.title]), null);
   let asked = state.view ? state : null;
   try {
@@ -72,6 +75,7 @@ function use(system, text, view) {
   for (const [key, value] of Object.entries(state.view.params)) controls.put(key, value);
   if (state.view.phase !== null) controls.put(null, state.view.phase);
   limits.make(state.view, system.coordinates);
+  sweep.make();
   const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
   choices($("cells"), own([125, 250, 500, 1000, 2000], state.view.cells[0]).map((n) => [n, n]), state.view.cells[0]);
   choices($("nodes"), own([0, 64, 128, 256, 512], state.view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), state.view.nodes);
@@ -85,6 +89,7 @@ function use(system, text, view) {
 function changed() {
   removeOrbits();
   limits.put(state.view);
+  sweep.draw();
   $("preview").hidden = false;
   $("quality").textContent = "The image is a preview.";
   redraw();
@@ -141,6 +146,15 @@ const controls = new Controls($("parameters"), (name, value) => {
   if (name === null) state.view.phase = value;
   else state.view.params[name] = value;
   changed();
+});
+
+const sweep = new Sweep(state, {
+  ask: (message, numbered) => connection.ask(message, numbered),
+  set: (name, value) => { state.view.params[name] = value; controls.put(name, value); changed(); },
+  elements: {
+    canvas: $("bifurcations"), parameter: $("along"), coordinate: $("coordinate"),
+    lower: $("along-lower"), upper: $("along-upper"),
+  },
 });
 
 const limits = new Limits($("limits"), (key, k, value) => {
@@ -238,6 +252,24 @@ const clicked = {
   },
   script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
   hdf5: async () => { const file = await connection.ask({ type: "hdf5" }); download(file.name, new Blob([file.data], { type: file.media })); },
+  svg: () => {
+    if (!$("preview").hidden) throw new Error("image is a preview: ask again when it is complete");
+    const text = svg($("image"), state.view, state.system.coordinates, picture.frame.attractors);
+    download("basins.svg", new Blob([text], { type: "image/svg+xml" }));
+  },
+  keep: () => {
+    const { name, text, view } = structuredClone({ ...state, system: null });
+    const title = [state.system.title, ...Object.entries(view.params).map(([k, v]) => `${k} = ${v}`)].join(", ");
+    keep($("kept"), $("image"), title, () => choose({ name, text }, view).catch(fail));
+  },
+  diagram: () => sweep.diagram(),
+  film: async () => {
+    const view = structuredClone(state.view);
+    $("preview").hidden = false;
+    const file = await sweep.film(view, (request) => views.set(request, view));
+    download(file.name, new Blob([file.data], { type: file.media }));
+    changed();
+  },
   png: () => $("image").toBlob((blob) => download("basins.png", blob)),
   link: async () => { history.replaceState(null, "", written(state)); await navigator.clipboard.writeText(location.href); },
 };
@@ -272,7 +304,7 @@ function point(area, line, column) {
   area.setSelectionRange(before + column - 1, end < 0 ? area.value.length : end);
 }
 
-addEventListener("resize", () => redraw());
+addEventListener("resize", () => { redraw(); sweep.draw(); });
 addEventListener("hashchange", () => {
   try {
     const asked = read(location.hash);

@@ -1,0 +1,108 @@
+// The second pane: attractors along a parameter, the present value, and films of the basins on the way.
+
+import { colourOf, css } from "./colours.js";
+import { choices } from "./controls.js";
+import { fresh, ticks } from "./overlay.js";
+
+const MARGIN = 22;
+
+export class Sweep {
+  // `state` has the system and the view; `set(name, value)` changes a parameter; `ask` sends a question.
+  constructor(state, { set, ask, elements }) {
+    Object.assign(this, { state, set, ask }, elements);
+    this.found = null;
+    this.parameter.addEventListener("change", () => this.range());
+    this.coordinate.addEventListener("change", () => this.draw());
+    this.canvas.addEventListener("click", (event) => {
+      const box = this.canvas.getBoundingClientRect();
+      this.choose((event.clientX - box.left) / box.width);
+    });
+    this.canvas.addEventListener("keydown", (event) => {
+      const by = { ArrowLeft: -0.01, ArrowRight: 0.01 }[event.key];
+      if (!by || !this.found) return;
+      event.preventDefault();
+      this.choose(this.place(this.state.view.params[this.found.parameter]) + by);
+    });
+  }
+
+  // Offers the parameters and coordinates of another system.
+  make() {
+    this.found = null;
+    this.canvas.hidden = true;
+    const names = Object.keys(this.state.view.params);
+    choices(this.parameter, names.map((name) => [name, name]), names[0]);
+    choices(this.coordinate, this.state.system.coordinates.map((c, j) => [j, c.name]), 0);
+    this.range();
+  }
+
+  range() {
+    const value = this.state.view.params[this.parameter.value] ?? 0;
+    const half = 0.5 * (Math.abs(value) || 1);
+    this.lower.value = Number((value - half).toPrecision(4));
+    this.upper.value = Number((value + half).toPrecision(4));
+  }
+
+  asked() {
+    return { parameter: this.parameter.value, lower: this.lower.valueAsNumber, upper: this.upper.valueAsNumber };
+  }
+
+  async diagram() {
+    const found = await this.ask({ type: "diagram", ...this.asked() });
+    const bytes = found.data.slice();
+    this.found = { ...found, points: new Float32Array(bytes.buffer) };
+    this.canvas.hidden = false;
+    this.draw();
+  }
+
+  film(view, numbered) {
+    const colours = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
+    return this.ask({ type: "film", ...this.asked(), stills: 40, view, palette: colours }, numbered);
+  }
+
+  place(value) {
+    const { values } = this.found;
+    return (value - values[0]) / (values.at(-1) - values[0]);
+  }
+
+  choose(fraction) {
+    if (!this.found) return;
+    const { values, parameter } = this.found;
+    const inside = Math.min(1, Math.max(0, fraction));
+    this.set(parameter, Number((values[0] + inside * (values.at(-1) - values[0])).toPrecision(6)));
+  }
+
+  draw() {
+    if (!this.found || this.canvas.hidden) return;
+    const { context, width, height } = fresh(this.canvas);
+    const { shape: [branches, count, periods, dimension], values, points, identities, parameter, params } = this.found;
+    const j = Number(this.coordinate.value);
+    let [low, high] = [Infinity, -Infinity];
+    for (let i = j; i < points.length; i += dimension) {
+      if (points[i] < low) low = points[i];
+      if (points[i] > high) high = points[i];
+    }
+    const span = high - low || 1;
+    const y = (v) => (height - MARGIN) * (0.97 - 0.94 * ((v - low) / span));
+    for (let b = 0; b < branches; b++) {
+      context.fillStyle = css(identities[b]);
+      for (let n = 0; n < count; n++) {
+        const x = this.place(values[n]) * width;
+        for (let m = 0; m < periods; m++) {
+          const v = points[((b * count + n) * periods + m) * dimension + j];
+          if (Number.isFinite(v)) context.fillRect(x, y(v), 1.5, 1.5);
+        }
+      }
+    }
+    const { color } = getComputedStyle(this.canvas);
+    const now = this.state.view.params[parameter];
+    context.fillStyle = color;
+    context.fillRect(this.place(now) * width, 0, 1, height - MARGIN);
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "center";
+    for (const v of ticks(values[0], values.at(-1), 5)) context.fillText(String(v), this.place(v) * width, height - 8);
+    context.textAlign = "left";
+    const others = Object.entries(params).some(([name, v]) => name !== parameter && v !== this.state.view.params[name]);
+    context.fillText(this.state.system.coordinates[j].name + (others ? "  (other parameters have changed)" : ""), 4, 12);
+    Object.entries({ now, min: values[0], max: values.at(-1) }).forEach(([key, v]) => this.canvas.setAttribute(`aria-value${key}`, v));
+  }
+}

@@ -1,0 +1,90 @@
+"""The second pane: where attractors go while a parameter changes, and films of basins on the way."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .._lib.checks import finite_number, known_parameter, whole_number
+from ..basins.live import LiveFrame
+from ..bifurcations.diagram import bifurcation_diagram
+from .protocol import LOWEST
+from .view import View
+
+MOST_STILLS = 240
+
+_VALUES = 160  # on each side of the present one
+_TRANSIENT, _RECORDED = 200, 32  # periods
+
+
+def diagram(view: View, frame: LiveFrame, parameter: Any, lower: Any, upper: Any) -> tuple[dict[str, Any], bytes]:
+    """Return points of all attractors, followed from the present value of a parameter to both ends of a range.
+
+    The bytes are numbers of four bytes, one for each attractor, value, period and coordinate.
+    """
+    point_map = frame.basins.point_map
+    assert point_map is not None
+    name = known_parameter("parameter", parameter, view.params)
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    now = view.params[name]
+    if not low < high:
+        raise ValueError(f"lower={low:g}, upper={high:g}: the range is empty or inverted; exchange them or widen it")
+    if not frame.attractors:
+        raise ValueError("image has no attractor to follow: take another window or other parameters")
+    identities = tuple(frame.attractors)
+    starts = np.stack([frame.attractors[k].points[0] for k in identities])
+    sides = []
+    for follow, end in (("down", low), ("up", high)):
+        if (end - now) * (1 if follow == "up" else -1) <= 0.0:
+            continue  # the present value lies outside of the range
+        values = np.sort(np.linspace(now, end, _VALUES))
+        found = bifurcation_diagram(
+            point_map, name, values, starts, follow, _TRANSIENT, _RECORDED, max_period=16, exponents=False
+        )
+        sides.append((values, found.points))
+    if not sides:
+        raise ValueError(f"lower={low:g}, upper={high:g}: give a range around the present value {now:g}")
+    points = np.concatenate([part for _, part in sides], axis=1)
+    facts = {
+        "parameter": name,
+        "values": np.concatenate([values for values, _ in sides]),
+        "identities": identities,
+        "shape": points.shape,
+        "params": view.params,
+    }
+    return facts, np.ascontiguousarray(points, "<f4").tobytes()
+
+
+def sweep(view: View, parameter: Any, lower: Any, upper: Any, stills: Any) -> tuple[View, ...]:
+    """Return the views of a film, in which a parameter goes from one value to another."""
+    name = known_parameter("parameter", parameter, view.params)
+    values = np.linspace(
+        finite_number("lower", lower),
+        finite_number("upper", upper),
+        whole_number("stills", stills, at_least=2, at_most=MOST_STILLS),
+    )
+    return tuple(replace(view, params={**view.params, name: float(value)}) for value in values)
+
+
+def film(rasters: Sequence[NDArray[np.int16]], palette: NDArray[np.uint8], milliseconds: int = 80) -> bytes:
+    """Return a GIF of images, whose numbers have the colours of a palette that begins with the lowest label.
+
+    Numbers beyond the palette, which has at most 256 colours, have its last one.
+    """
+    last = min(len(palette), 256) - 1
+    stills = []
+    for raster in rasters:
+        still = Image.fromarray(np.minimum(raster - LOWEST, last).astype(np.uint8))
+        still.putpalette(palette[: last + 1].tobytes())
+        stills.append(still)
+    file = io.BytesIO()
+    stills[0].save(
+        file, "GIF", save_all=True, append_images=stills[1:], duration=milliseconds, loop=0, optimize=False, disposal=1
+    )
+    return file.getvalue()
