@@ -1,0 +1,177 @@
+"""Systems of textbooks as they stand there: attractors and basins against SciPy, closed forms and published numbers."""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from textbook_systems import BRANCHING, IMPACTS, SMOOTH, STIFF, TURN, forced, van_der_pol
+
+from cellmap import CellGrid, find_basins, stroboscopic_map
+from cellmap.attractors.labels import Label
+from cellmap.maps.coordinates import difference
+from cellmap.orbits import Kind
+
+ALL = {**SMOOTH, **BRANCHING, **STIFF, **IMPACTS}
+LONG = {"SIR", "van der Pol, mu 20", "van der Pol, mu 100"}  # several seconds each; their maps are in test_stiff.py
+BLOW_UP = {"Helmholtz", "MEMS"}  # orbits leave the well, or reach the electrode
+NOT_BY_SCIPY = {"dry friction", "stick and slip on a belt", "ball on a table", "kicked rotor"}
+FOUND: dict[str, object] = {}
+
+
+def basins_of(name: str):
+    if name not in FOUND:
+        system, grid = ALL[name]
+        FOUND[name] = find_basins(stroboscopic_map(system, rtol=1e-8, atol=1e-8), grid, max_periods=600)
+    return FOUND[name]
+
+
+def by_scipy(system, place, periods: int):
+    """Integrate by SciPy, with an event at each impact."""
+    p, t, x, end = system.parameters, 0.0, np.array(place, float), periods * system.length
+    method = "Radau" if system in [s for s, _ in STIFF.values()] else "DOP853"
+    events = []
+    for impact in system.impacts:
+        events.append(lambda t, x, guard=impact.guard: guard(t, x, p))
+        events[-1].terminal, events[-1].direction = True, impact.direction
+    while True:
+        part = solve_ivp(
+            system.fun, (t, end), x, method, events=events, rtol=1e-9, atol=1e-11, max_step=system.length / 50
+        )
+        t, x = part.t[-1], part.y[:, -1]
+        if part.status == 0:
+            return x
+        which = next(k for k, times in enumerate(part.t_events) if len(times))
+        x = np.array(system.impacts[which].reset(t, x, p))
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in ALL])
+def test_attractors_are_those_of_scipy(name):
+    """Periodic points close by SciPy as well, and nothing is undecided, inaccurate or out of steps without a reason."""
+    system, _ = ALL[name]
+    basins = basins_of(name)
+    assert basins.attractors
+    assert basins.inaccurate == 0
+    assert not (basins.labels == Label.UNDECIDED).any()
+    assert (basins.labels >= 0).all() or name in BLOW_UP
+    if name in NOT_BY_SCIPY:
+        return
+    for attractor in basins.attractors[:3]:
+        if 0 < attractor.period <= 3:
+            end = by_scipy(system, attractor.points[0], attractor.period)
+            apart = np.abs(difference(end, attractor.points[0], system.axes))
+            assert (apart <= 2e-5 * (1.0 + np.abs(attractor.points[0]))).all()
+
+
+@pytest.mark.parametrize("name", ["two-well Duffing", "inverted pendulum", "soft impact", "forced Chua", "hard impact"])
+def test_labels_are_those_of_scipy(name):
+    """Initial conditions that settle early, integrated by SciPy until they are near the attractor of their label."""
+    system, grid = ALL[name]
+    basins = basins_of(name)
+    times = basins.settling_time.ravel()
+    rows = [r for r in np.random.default_rng(0).permutation(times.size) if 0 <= times[r] < 12][:3]
+    for row in rows:
+        attractor = basins.attractors[basins.labels.ravel()[row]]
+        end = by_scipy(system, grid.centres().reshape(-1, grid.dimension)[row], int(times[row]) + 12)
+        shift = difference(attractor.points, end, system.axes) / (np.array(grid.upper) - np.array(grid.lower))
+        assert np.abs(shift).max(axis=1).min() < 0.1
+
+
+# --- closed forms and published numbers
+
+
+def test_two_wells_are_mirror_images():
+    """Half a period later with the opposite sign: the mirrored orbit is an orbit."""
+    basins = basins_of("two-well Duffing")
+    assert [a.period for a in basins.attractors] == [1, 1]
+
+
+def test_inverted_pendulum_stands():
+    """Kapitza's condition for the upright position: shake^2/2 above gravity, in units of the frequency."""
+    still = [a for a in basins_of("inverted pendulum").attractors if not any(a.rotations)]
+    places = [tuple(np.round(a.points[0], 9)) for a in still]
+    assert 0.4**2 / 2 > 0.02
+    assert (0.0, 0.0) in places
+    assert any(abs(abs(x) - np.pi) < 1e-6 for x, _ in places)
+
+
+def test_boost_converter_in_closed_form():
+    """A linear system in either position of the switch: the fixed point of the product of both flows."""
+    system, _ = ALL["boost converter"]
+    p = system.parameters
+    on, off = np.array([[-0.5, 0.0], [0.0, 0.0]]), np.array([[-0.5, 2.0], [-1.0, 0.0]])
+    source = np.array([0.0, p.supply])
+
+    def flow(matrix, time):
+        """Affine flow x -> A x + b, by the exponential of the matrix with one more row."""
+        from scipy.linalg import expm
+
+        whole = expm(time * np.block([[matrix, source[:, None]], [np.zeros((1, 3))]]))
+        return whole[:2, :2], whole[:2, 2]
+
+    (a, b), (c, d) = flow(on, p.duty), flow(off, 1.0 - p.duty)
+    fixed = np.linalg.solve(np.eye(2) - c @ a, c @ b + d)
+    (attractor,) = basins_of("boost converter").attractors
+    assert attractor.points[0] == pytest.approx(fixed, abs=1e-7)
+
+
+def test_sticking_needs_a_force_above_friction():
+    """Below the largest friction force the block sticks for ever; above, it moves with the period of the force."""
+    from textbook_systems import QV, dry_friction
+
+    moving = basins_of("dry friction").attractors
+    assert [a.kind for a in moving] == [Kind.FIXED_POINT]
+    held = forced(dry_friction, QV, 0.6, friction=0.3, force=0.2)
+    basins = find_basins(stroboscopic_map(held), CellGrid((-1, -1), (1, 1), (8, 8)))
+    assert Kind.EQUILIBRIA in [a.kind for a in basins.attractors]
+
+
+def test_stick_slip_is_a_limit_cycle_with_its_period():
+    """Sticking at the speed of the belt, slipping by a smooth flow: SciPy takes the pieces in turn."""
+    system, _ = ALL["stick and slip on a belt"]
+    p = system.parameters
+    (cycle,) = (a for a in basins_of("stick and slip on a belt").attractors if a.kind is Kind.QUASIPERIODIC)
+
+    def slipping(t, y):
+        return y[1], -y[0] + p.friction / (1 + p.belt - y[1])  # slower than the belt
+
+    def stuck_again(t, y):
+        return y[1] - p.belt if t > 1e-3 else -1.0
+
+    stuck_again.terminal, stuck_again.direction = True, 1
+    begin = p.friction, p.belt - 1e-9
+    slip = solve_ivp(slipping, (0, 100), begin, "DOP853", events=stuck_again, rtol=1e-11, atol=1e-12)
+    sticking = (p.friction - slip.y[0, -1]) / p.belt
+    assert cycle.circle.cycle_period == pytest.approx(slip.t[-1] + sticking, rel=1e-5)
+
+
+def test_kicked_rotor_in_closed_form():
+    """v -> (v + k sin theta) exp(-damping), theta -> theta + (1 - exp(-damping)) / damping (v + k sin theta)."""
+    system, _ = ALL["kicked rotor"]
+    p, exact = system.parameters, stroboscopic_map(system, rtol=1e-11, atol=1e-11)
+    theta, v = 0.7, -0.4
+    after = v + p.kick * np.sin(theta)
+    expected = theta + (1 - exp(-p.damping)) / p.damping * after, after * exp(-p.damping)
+    assert exact([theta, v]) == pytest.approx(expected, abs=1e-10)
+
+
+def test_van_der_pol_for_small_mu():
+    """Without force the amplitude tends to 2, and the period to 2 pi (1 + mu^2/16)."""
+    system = forced(van_der_pol, omega=1.0, mu=0.1, force=0.0)
+    (cycle,) = find_basins(stroboscopic_map(system), CellGrid((-3, -3), (3, 3), (6, 6))).attractors
+    assert cycle.circle.cycle_period == pytest.approx(TURN * (1 + 0.1**2 / 16), rel=1e-5)
+    assert cycle.points[:, 0].max() == pytest.approx(2.0, abs=2e-3)
+    assert sqrt(np.abs(cycle.points**2).sum(axis=1).max()) < 2.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in ALL if n not in LONG])
+def test_campaign_of_ten_thousand_initial_conditions(name):
+    """Fractions of 10^4 random initial conditions agree with those of the small grid, and hardly any is undecided."""
+    system, grid = ALL[name]
+    places = np.random.default_rng(0).uniform(grid.lower, grid.upper, (10_000, grid.dimension))
+    basins = find_basins(stroboscopic_map(system), places)
+    assert (basins.labels == Label.UNDECIDED).mean() < 0.01
+    assert basins.inaccurate <= 100
