@@ -75,10 +75,12 @@ def report(panel: Panel) -> None:
     kept, direct = panel.kept, panel.direct
     print(f"\nA = {1e3 * panel.amplitude:g} mm, |theta'| <= {panel.window:g} rad/s")
     for label, fraction in kept.fractions.items():
-        shares = f"{100 * fraction.share:8.4f} +- {100 * fraction.standard_error:.4f} %"
+        shares = f"{100 * fraction.fraction:8.4f} +- {100 * fraction.standard_error:.4f} %"
         print(f"  {shares}  {repr(kept.attractors[label]) if label >= 0 else kept.label_name(label)}")
     escaped = panel.lost.fractions.get(-1)
-    print(f"  left the table: {100 * escaped.share if escaped else 0.0:.3f} % of the starts, where orbits are not kept")
+    print(
+        f"  left the table: {100 * escaped.fraction if escaped else 0.0:.3f} % of the starts, where orbits are not kept"
+    )
     print(
         f"  {panel.tabulation:.3f} s to tabulate and check, {kept.cost.seconds:.3f} s to label; directly "
         f"{direct.cost.seconds:.3f} s; {100 * panel.wrong:.4f} % of the labels differ"

@@ -94,7 +94,7 @@ def report(title: str, found: Measured) -> None:
     print(f"{title}: {basins.labels.size:,} starts, A = {1e3 * basins.params['amplitude']:g} mm")
     for label, share in basins.fractions.items():
         name = repr(basins.attractors[label]) if label >= 0 else basins.label_name(label)
-        print(f"  {share.count:8d}  {100 * share.share:8.4f} +- {100 * share.standard_error:.4f} %  {name}")
+        print(f"  {share.count:8d}  {100 * share.fraction:8.4f} +- {100 * share.standard_error:.4f} %  {name}")
     print(
         f"  {found.wall:.1f} s ({found.processor:.1f} s of processors), {basins.cost.steps:,} periods; labels and "
         f"times {basins_memory(basins.labels.size) / 2**20:.1f} MiB, process at most {found.memory / 2**20:.0f} MiB"

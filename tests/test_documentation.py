@@ -104,7 +104,7 @@ def test_program_of_the_readme_is_ten_lines_and_draws_a_picture():
     _, (basins,), figures = shown()
     assert figures == 1
     assert isinstance(basins, Basins)
-    assert [round(float(f.share), 2) for f in basins.fractions.values()] == [0.5, 0.5]
+    assert [round(float(f.fraction), 2) for f in basins.fractions.values()] == [0.5, 0.5]
     assert len([line for line in text.splitlines() if line.strip()]) <= 10
 
 
@@ -120,7 +120,7 @@ def test_what_is_said_of_a_fractal_boundary():
     check = by_table.verify(2000)
     assert check.low < (by_table.labels != direct.labels).mean() < check.high
     for other in (by_table, direct):
-        assert other.fractions[0].share == pytest.approx(best.fractions[0].share, abs=0.002)
+        assert other.fractions[0].fraction == pytest.approx(best.fractions[0].fraction, abs=0.002)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

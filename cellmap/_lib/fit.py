@@ -21,14 +21,14 @@ _SWING = (
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A straight line through points, within a window of them.
+    """A straight line through points, within a range of them.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
-        All points, also those outside the window; for a power law their logarithms.
-    window : tuple of int
-        Numbers of the first and of the last point of the window.
+        All points, also those outside the range; for a power law their logarithms.
+    fit_range : tuple of int
+        Numbers of the first and of the last point to which the line is fitted.
     slope, intercept : float
         Of the line of least squares.
     standard_error : float
@@ -41,7 +41,7 @@ class Fit:
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    window: tuple[int, int]
+    fit_range: tuple[int, int]
     slope: float
     intercept: float
     standard_error: float
@@ -49,19 +49,19 @@ class Fit:
     labels: tuple[str, str] = ("x", "y")
 
     def __repr__(self) -> str:
-        first, last = self.window
+        first, last = self.fit_range
         return f"Fit(slope {self.slope:.6g} +- {self.standard_error:.2g}, {last - first + 1} of {len(self.x)} points)"
 
     @property
     def inside(self) -> slice:
-        """The points in the window."""
-        return slice(self.window[0], self.window[1] + 1)
+        """The points to which the line is fitted."""
+        return slice(self.fit_range[0], self.fit_range[1] + 1)
 
     @checked
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return an interval for the slope (Student's distribution), NaN for two points without errors."""
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
-        freedom = self.window[1] - self.window[0] - 1
+        freedom = self.fit_range[1] - self.fit_range[0] - 1
         reach = student_factor(confidence, max(freedom, 1)) * self.standard_error
         return self.slope - reach, self.slope + reach
 
@@ -225,9 +225,9 @@ def with_drift(fit: Fit) -> Fit:
     a box of one size is made of those of another.  So what the slopes of halves and thirds of the window differ by is
     added in squares, and where they happen to agree what slopes of self-similar sets swing by.
     """
-    if fit.window[1] - fit.window[0] < _FEWEST - 1:
+    if fit.fit_range[1] - fit.fit_range[0] < _FEWEST - 1:
         return fit
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, _unsteadiness(fit.x, fit.y, *fit.window))))
+    return replace(fit, standard_error=float(np.hypot(fit.standard_error, _unsteadiness(fit.x, fit.y, *fit.fit_range))))
 
 
 def _unsteadiness(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> float:

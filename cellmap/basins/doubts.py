@@ -44,7 +44,7 @@ def warn_of_doubts(basins: Basins) -> None:
 
 
 def _doubts(basins: Basins) -> Iterator[str]:
-    shares = {label: f.share for label, f in basins.fractions.items() if label < 0 and f.share > _MANY}
+    shares = {label: f.fraction for label, f in basins.fractions.items() if label < 0 and f.fraction > _MANY}
     if Label.UNDECIDED in shares and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]

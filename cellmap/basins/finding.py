@@ -107,7 +107,7 @@ def find_basins(
     >>> def newton(x, p):
     ...     return x[0] / 2 + 1 / (2 * x[0]),
     >>> signs = find_basins(discrete_map(newton, {}, ("x",)), CellGrid((-3,), (3,), (100,)))
-    >>> signs.attractors[0].points.round(12), signs.fractions[0].share
+    >>> signs.attractors[0].points.round(12), signs.fractions[0].fraction
     (array([[1.]]), 0.5)
     """
     max_periods = whole_number("max_periods", max_periods, at_least=1)

@@ -34,7 +34,7 @@ class Fraction:
 
     Parameters
     ----------
-    share : float
+    fraction : float
         Between 0 and 1.
     standard_error : float
         Of the share, as an estimate of the basin's share of the window, if the starts were random; for the centres of a
@@ -43,7 +43,7 @@ class Fraction:
         Number of starts.
     """
 
-    share: float
+    fraction: float
     standard_error: float
     count: int
 
@@ -100,7 +100,7 @@ class Basins:
     point_map: PointMap | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        shares = "; ".join(f"{self.label_name(k)} {100 * f.share:.4g} %" for k, f in self.fractions.items())
+        shares = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
         return f"Basins({self.name}, {self.labels.size:,} initial conditions: {shares})"
 
     @checked

@@ -211,7 +211,7 @@ def refine_basins(
     >>> from cellmap import CellGrid, discrete_map
     >>> newton = discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",))
     >>> *_, last = refine_basins(newton, CellGrid((-3,), (3,), (100,)))
-    >>> last.stride, last.complete, last.basins.fractions[0].share
+    >>> last.stride, last.complete, last.basins.fractions[0].fraction
     (1, True, 0.5)
     """
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)

@@ -29,7 +29,7 @@ class Verification:
         Random initial conditions that were compared.
     wrong : int
         Initial conditions whose label differs.
-    share : float
+    fraction : float
         ``wrong / compared``.
     low, high : float
         95 % confidence interval of that fraction (Wilson 1927), of all initial conditions drawn but the excluded ones:
@@ -43,7 +43,7 @@ class Verification:
 
     compared: int
     wrong: int
-    share: float
+    fraction: float
     low: float
     high: float
     excluded: int

@@ -68,7 +68,7 @@ def basins(
         _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
         names = dict(enumerate(distinct_names(basins.attractors)))
-        shares = {k: _percent(f.share) for k, f in basins.fractions.items()}
+        shares = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
         legend_below(ax, [(palette[k], f"{names.get(k) or basins.label_name(k)}: {s}") for k, s in shares.items()])
     ax.set_title(basins.name)
     return ax

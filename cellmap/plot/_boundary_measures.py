@@ -49,8 +49,8 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
         draw_fit(result.fit, ax=ax)
     else:
         low, high = result.intervals.T
-        bars = np.maximum([result.shares - low, high - result.shares], 0.0)
-        ax.errorbar(result.distances, result.shares, bars, linestyle="none", marker="o", color=COLOURS[0])
+        bars = np.maximum([result.fractions - low, high - result.fractions], 0.0)
+        ax.errorbar(result.distances, result.fractions, bars, linestyle="none", marker="o", color=COLOURS[0])
         ax.set_xscale("log")
         ax.set_xlabel(f"distance ({result.unit})")
         ax.set_ylabel("fraction of uncertain pairs")
@@ -137,7 +137,7 @@ def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
     if isinstance(result, WadaGrid):
         for m in range(2, len(result.basins) + 1):
             colour = COLOURS[m % len(COLOURS)]
-            ax.plot(result.shares[:, m], marker="o", markersize=4, color=colour, label=f"{m} basins")
+            ax.plot(result.fractions[:, m], marker="o", markersize=4, color=colour, label=f"{m} basins")
         ax.set_xlabel("step")
         ax.set_ylabel("fraction of boundary boxes")
         ax.legend(frameon=False)

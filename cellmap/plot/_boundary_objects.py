@@ -163,7 +163,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     ax = axes_or_new(ax, (6.0, 4.0))
     finite = np.sort(distance.distances[np.isfinite(distance.distances)])
     ax.step(finite, np.arange(1, len(finite) + 1) / len(distance.distances), where="post", color="black")
-    ax.axvline(distance.within, linestyle="--", color="0.5", label=f"{100 * distance.share:.4g} % within")
+    ax.axvline(distance.within, linestyle="--", color="0.5", label=f"{100 * distance.fraction:.4g} % within")
     ax.set_xlabel("distance (cells)")
     ax.set_ylabel("fraction of the boundary")
     ax.set_ylim(0.0, 1.02)

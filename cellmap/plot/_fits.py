@@ -68,7 +68,7 @@ def fit(
             markerfacecolor=colour if filled else "white",
             capsize=2.0,
         )
-    ends = fit.x[[fit.window[0], fit.window[1]]]
+    ends = fit.x[[fit.fit_range[0], fit.fit_range[1]]]
     if shade:
         low, high = sorted(np.exp(ends) if logarithmic[0] else ends)
         ax.axvspan(low, high, color=colour, alpha=0.12, linewidth=0.0)

@@ -46,12 +46,12 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     2
     """
     ax = axes_or_new(ax, (6.0, 4.5))
-    places = np.arange(len(stability.shares))
-    shares = np.array([s.share for s in stability.shares.values()])
-    ends = np.array([[s.low, s.high] for s in stability.shares.values()])
+    places = np.arange(len(stability.fractions))
+    shares = np.array([s.fraction for s in stability.fractions.values()])
+    ends = np.array([[s.low, s.high] for s in stability.fractions.values()])
     bars = np.stack([shares - ends[:, 0], ends[:, 1] - shares]).clip(min=0.0)
-    ax.bar(places, shares, color=[_colour(k) for k in stability.shares], yerr=bars, capsize=4.0, ecolor="0.2")
-    ax.set_xticks(places, [stability.names[k] for k in stability.shares], rotation=20, ha="right")
+    ax.bar(places, shares, color=[_colour(k) for k in stability.fractions], yerr=bars, capsize=4.0, ecolor="0.2")
+    ax.set_xticks(places, [stability.names[k] for k in stability.fractions], rotation=20, ha="right")
     ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
     ax.set_ylabel("fraction of states")
     return ax

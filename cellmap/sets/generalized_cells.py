@@ -84,7 +84,7 @@ def generalized_cell_mapping(
     >>> chain = generalized_cell_mapping(newton, CellGrid((-3,), (3,), (60,)))
     >>> chain.closed
     (CellClass(closed, 1 cells, period 1), CellClass(closed, 1 cells, period 1))
-    >>> [f.share for f in chain.basins().fractions.values()]
+    >>> [f.fraction for f in chain.basins().fractions.values()]
     [0.467, 0.467, 0.0667]
     """
     grid = check_map_and_grid(point_map, grid)

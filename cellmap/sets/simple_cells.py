@@ -237,7 +237,7 @@ def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, p
     >>> mapping = simple_cell_mapping(thirds, CellGrid((-1,), (1,), (5,)))
     >>> mapping.images, mapping.steps
     (array([1, 2, 2, 2, 3]), array([2, 1, 0, 1, 2], dtype=int32))
-    >>> mapping.basins().fractions[0].share
+    >>> mapping.basins().fractions[0].fraction
     1.0
     """
     grid = check_map_and_grid(point_map, grid)

@@ -97,7 +97,7 @@ def _by_table(scene: Scene, exact: object, order: int, cells: int, reference: Ba
 
 def _run(series: str, setting: str, seconds: float, basins: Basins, reference: Basins) -> Run:
     wrong = float((_numbers(basins, reference) != reference.labels).mean())
-    shares = [np.mean(_numbers(basins, reference) == k) - f.share for k, f in reference.fractions.items()]
+    shares = [np.mean(_numbers(basins, reference) == k) - f.fraction for k, f in reference.fractions.items()]
     found = f"{len(basins.attractors)} of {len(reference.attractors)} attractors"
     return Run(series, setting, seconds, wrong, f"{found}, fractions off by {100 * np.abs(shares).max():.2g} points")
 

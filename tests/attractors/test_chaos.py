@@ -223,7 +223,7 @@ def test_chaos_along_a_later_axis() -> None:
     exact = discrete_map(lambda x, p: (1.4 * x[0] - 0.4 * x[0] ** 3, 3.9 * x[1] * (1.0 - x[1])), {}, ("x", "y"))
     basins = find_basins(exact, CellGrid((-1.5, 0.05), (1.5, 0.95), (30, 20)))
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC, Kind.CHAOTIC]
-    assert [f.share for f in basins.fractions.values()] == [0.5, 0.5]
+    assert [f.fraction for f in basins.fractions.values()] == [0.5, 0.5]
     for attractor in basins.attractors:
         assert attractor.exponents[1] == pytest.approx(np.log(0.2), rel=1e-6)
         # 0.49615 +- 0.00018 from 3e6 iterates; of 16,000 the standard error is 0.0025.

@@ -63,7 +63,7 @@ def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
 
 
 def test_mirror_images_have_equal_shares(stuck) -> None:
-    shares = [stuck.fractions[k].share for k in range(4)]
+    shares = [stuck.fractions[k].fraction for k in range(4)]
     assert shares[0] == shares[1]
 
 

@@ -197,7 +197,7 @@ def test_pendulum_with_constant_torque():
     """Fractions 0.152 and 0.848 of Stender and Hoffmann, Nonlinear Dynamics 107 (2022) 1451, and SciPy's period."""
     places = CellGrid((-pi + asin(0.5), -10), (pi + asin(0.5), 10), (150, 150))
     basins = find_basins(flow_map(TORQUE, 2 * pi), places)
-    assert [round(f.share, 5) for f in basins.fractions.values()] == [0.15227, 0.84773]
+    assert [round(f.fraction, 5) for f in basins.fractions.values()] == [0.15227, 0.84773]
     cycle = basins.attractors[1]
 
     state, times = [0.0, 5.0], []

@@ -44,7 +44,7 @@ def counts(basins: Basins) -> list[int]:
 
 
 def shares(basins: Basins) -> list[float]:
-    return [f.share for f in basins.fractions.values()]
+    return [f.fraction for f in basins.fractions.values()]
 
 
 def halves(x, p):
@@ -96,7 +96,7 @@ def test_counts_by_interpolated_cell_mapping(pendulum, order):
 def test_pendulum_is_verified(pendulum):
     _, basins, _, _ = pendulum
     check = basins.verify(300)
-    assert (check.compared, check.wrong, check.share, check.low, check.excluded) == (300, 0, 0.0, 0.0, 0)
+    assert (check.compared, check.wrong, check.fraction, check.low, check.excluded) == (300, 0, 0.0, 0.0, 0)
     assert check.high < 0.013
 
 
@@ -204,14 +204,14 @@ def test_bounded_share_of_henons_map():
     nodes = np.linspace(-2.0, 2.0, 1000)
     basins = find_basins(systems.henon_map(), np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1))
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC]
-    assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.00006)
+    assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.00006)
     assert set(basins.fractions) == {0, Label.DIVERGED}
 
 
 def test_bounded_share_of_henons_map_on_a_coarse_grid():
     grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200))
     basins = find_basins(systems.henon_map(), grid, max_periods=500)
-    assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.003)
+    assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
 
 
 @pytest.mark.slow
@@ -369,11 +369,11 @@ def test_labels_of_any_grid_are_those_of_its_centres(both_wells, cells, lower, l
 def test_shares_add_up_and_have_standard_errors():
     basins = find_basins(systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)), max_periods=300)
     fractions = basins.fractions
-    assert sum(f.share for f in fractions.values()) == pytest.approx(1.0, abs=1e-12)
+    assert sum(f.fraction for f in fractions.values()) == pytest.approx(1.0, abs=1e-12)
     assert sum(f.count for f in fractions.values()) == 3600
     for f in fractions.values():
-        assert f.share == f.count / 3600
-        assert f.standard_error == pytest.approx(sqrt(f.share * (1 - f.share) / 3600), rel=1e-12)
+        assert f.fraction == f.count / 3600
+        assert f.standard_error == pytest.approx(sqrt(f.fraction * (1 - f.fraction) / 3600), rel=1e-12)
 
 
 @pytest.mark.slow
@@ -382,9 +382,9 @@ def test_standard_error_is_that_of_random_starts():
     rng = np.random.default_rng(0)
     found = [find_basins(LINE, rng.uniform(-1, 2, (200, 1))) for _ in range(60)]
     left = [f.fractions[k] for f in found for k, a in enumerate(f.attractors) if a.points[0, 0] < 0]
-    scatter = np.std([f.share for f in left])
+    scatter = np.std([f.fraction for f in left])
     assert scatter == pytest.approx(np.mean([f.standard_error for f in left]), rel=0.3)
-    assert np.mean([f.share for f in left]) == pytest.approx(1 / 3, abs=0.015)
+    assert np.mean([f.fraction for f in left]) == pytest.approx(1 / 3, abs=0.015)
 
 
 def test_repr_names_the_attractors_and_their_shares():
@@ -409,7 +409,7 @@ def test_single_start():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), [1.0, 2.0])
     assert basins.labels.shape == ()
     assert int(basins.labels) == 0
-    assert basins.fractions[0].share == 1.0
+    assert basins.fractions[0].fraction == 1.0
     assert basins.verify(5).wrong == 0
 
 
@@ -552,9 +552,9 @@ def test_verify_finds_wrong_labels():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 50))
     spoilt = planted(basins, 250, 1)
     check = spoilt.verify(1000)
-    assert check.wrong == round(check.share * check.compared)
+    assert check.wrong == round(check.fraction * check.compared)
     assert check.low < 0.1 < check.high
-    assert check.share == pytest.approx(0.1, abs=0.03)
+    assert check.fraction == pytest.approx(0.1, abs=0.03)
     assert basins.verify(1000).wrong == 0
 
 
@@ -595,7 +595,7 @@ def test_undecided_starts_reach_from_right_to_wrong():
     from cellmap.basins.record import Verification
 
     found = Verification.of(5, 50, undecided=45)
-    assert found.share == 0.1
+    assert found.fraction == 0.1
     assert found.low == Verification.of(5, 95).low
     assert found.high == Verification.of(50, 95).high
 
@@ -612,7 +612,7 @@ def test_verify_leaves_out_what_has_no_answer():
     basins = find_basins(icm, circle_grid(100.0, 40))
     check = basins.verify(500)
     assert check.compared + check.excluded == 500
-    assert check.excluded / 500 == pytest.approx(basins.fractions[Label.ESCAPED].share, abs=0.05)
+    assert check.excluded / 500 == pytest.approx(basins.fractions[Label.ESCAPED].fraction, abs=0.05)
     assert check.wrong == 0
 
 
@@ -637,7 +637,7 @@ def test_verify_does_not_trust_the_neighbourhoods():
     )
     basins = find_basins(exact, CellGrid((-1.0,), (1.0,), (100,)), attractors=big)
     assert len(set(basins.labels.tolist())) == 1
-    assert basins.verify(200).share == pytest.approx(0.5, abs=0.1)
+    assert basins.verify(200).fraction == pytest.approx(0.5, abs=0.1)
 
 
 # --- warnings, memory, bad input

@@ -73,7 +73,7 @@ def test_true_divergence_brings_no_warning(recwarn):
     """x' = x^2 from x > 1 reaches infinity within a period, with any method."""
     system = ForcedSystem(lambda t, x, p: (x[0] ** 2 - x[0],), {}, 1.0, ("x",))
     basins = find_basins(stroboscopic_map(system), CellGrid((1.0,), (9.0,), (20,)), max_periods=200)
-    assert basins.fractions[Label.DIVERGED].share > 0.9
+    assert basins.fractions[Label.DIVERGED].fraction > 0.9
     assert not [w for w in recwarn if w.category is UnsettledWarning]
 
 

@@ -98,7 +98,7 @@ def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
         assert returns.times[k] == pytest.approx(time, abs=1e-9)
         assert returns.points[k, 0] == pytest.approx(state[1], abs=1e-8)
     basins = find_basins(back, CellGrid((3.0,), (9.0,), (20,)))
-    assert len(basins.attractors) == 1 and basins.fractions[0].share == 1.0
+    assert len(basins.attractors) == 1 and basins.fractions[0].fraction == 1.0
     # Of the rotation the multiplier is exp(-damping * time): Liouville.
     point = basins.attractors[0].points
     assert basins.attractors[0].multipliers[0].real == pytest.approx(exp(-0.2 * back.returns(point).times[0]), rel=1e-6)

@@ -175,7 +175,7 @@ def test_legend_names_each_attractor_and_its_share(pendulum):
     entries = legend_of(plot.basins(pendulum))
     assert len(entries) == 4
     for entry, (label, fraction) in zip(entries, pendulum.fractions.items(), strict=True):
-        assert entry == f"{pendulum.label_name(label)}: {100 * fraction.share:.2f} %"
+        assert entry == f"{pendulum.label_name(label)}: {100 * fraction.fraction:.2f} %"
     patches = plot.basins(pendulum).get_legend().legend_handles
     assert [p.get_facecolor()[:3] for p in patches] == [pytest.approx(c) for c in label_colours(pendulum).values()]
 

@@ -341,7 +341,7 @@ class TestBasins:
         inside = basins.labels >= 0
         far = np.abs(grid.centres()[..., 0]) > 1.5 * 4 / 100
         assert ((basins.labels == direct.labels) | ~inside | ~far).all()
-        assert basins.verify(500).share < 0.02
+        assert basins.verify(500).fraction < 0.02
         assert (basins.settling_time[inside] == np.round(chain.expected_times[inside])).all()
         # Mirror images have mirrored chances.
         assert chain.absorption[..., 0] == pytest.approx(chain.absorption[::-1, :, 1], abs=1e-9)

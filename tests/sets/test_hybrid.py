@@ -32,7 +32,7 @@ def test_attractor_with_a_tiny_basin_is_found():
     assert any(boxes.contains([CENTRE + SIZE]) for boxes in found.saddles)
     basins = find_basins(point_map, CellGrid((0.3,), (0.42,), (600,)), attractors=found.attractors)
     label = [round(float(a.points[0, 0]), 6) for a in basins.attractors].index(CENTRE)
-    assert abs(basins.fractions[label].share - 2 * SIZE / 0.12) < 0.01
+    assert abs(basins.fractions[label].fraction - 2 * SIZE / 0.12) < 0.01
 
 
 @pytest.mark.slow

@@ -80,7 +80,7 @@ def test_three_basins_of_equal_size() -> None:
     initial_conditions[..., 0], initial_conditions[..., 1] = radii * np.cos(phases), radii * np.sin(phases)
     basins = find_basins(stroboscopic_map(magnetic_pendulum()), initial_conditions)
     assert [a.period for a in basins.attractors] == [1, 1, 1]
-    assert [f.share for f in basins.fractions.values()] == pytest.approx([1.0 / 3.0] * 3, abs=0.01)
+    assert [f.fraction for f in basins.fractions.values()] == pytest.approx([1.0 / 3.0] * 3, abs=0.01)
     places = np.array([a.points[0, :2] for a in basins.attractors])
     assert np.linalg.norm(places[:, None] - places, axis=-1).max() == pytest.approx(0.97805 * sqrt(3.0), abs=1e-4)
     turned = places @ THIRD_OF_A_TURN[:2, :2].T

@@ -41,7 +41,7 @@ def test_areas() -> None:
 def test_henons_bounded_share() -> None:
     """0.4319 on 1000^2 starts of [-2, 2]^2 (REFERENCES.md)."""
     basins = find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200)))
-    assert basins.fractions[0].share == pytest.approx(0.4319, abs=0.003)
+    assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
 
 
 def test_the_attractors_of_the_grebogi_ott_yorke_map_share_the_cylinder() -> None:
@@ -50,7 +50,7 @@ def test_the_attractors_of_the_grebogi_ott_yorke_map_share_the_cylinder() -> Non
     assert places == [pytest.approx([0.0, -0.3], abs=1e-9), pytest.approx([pi, 0.3], abs=1e-9)]
     for attractor in basins.attractors:  # 1 + 2 a - 4 b -+ c, and 0
         assert np.abs(attractor.multipliers) == pytest.approx([0.34, 0.0], abs=1e-9)
-    assert [f.share for f in basins.fractions.values()] == pytest.approx([0.5, 0.5], abs=0.003)
+    assert [f.fraction for f in basins.fractions.values()] == pytest.approx([0.5, 0.5], abs=0.003)
 
 
 @pytest.mark.parametrize(("degree", "growth"), [(3, 1.5), (2, 1.5), (3, 2.5)])

@@ -148,7 +148,7 @@ def test_a_small_and_a_large_oscillation_coexist_in_a_hardening_spring() -> None
     system = duffing_oscillator()
     basins = find_basins(stroboscopic_map(system), CellGrid((-3.0, -3.0), (3.0, 3.0), (30, 30)))
     assert [a.period for a in basins.attractors] == [1, 1]
-    assert sum(f.share for k, f in basins.fractions.items() if k >= 0) == 1.0
+    assert sum(f.fraction for k, f in basins.fractions.items() if k >= 0) == 1.0
     # Harmonic balance: ((1 - w^2 + 3/4 a^2)^2 + (damping w)^2) a^2 = forcing^2 (Kovacic, Brennan 2011).
     w = 1.4
     squares = np.roots([9.0 / 16.0, 1.5 * (1.0 - w * w), (1.0 - w * w) ** 2 + (0.1 * w) ** 2, -0.09])
@@ -207,7 +207,7 @@ def test_the_limit_cycle_of_a_weak_van_der_pol(mu: float) -> None:
 def test_van_der_pol_locks_to_the_force() -> None:
     basins = find_basins(stroboscopic_map(van_der_pol_oscillator()), CellGrid((-3.0, -3.0), (3.0, 3.0), (12, 12)))
     assert [a.period for a in basins.attractors] == [1]
-    assert basins.fractions[0].share == 1.0
+    assert basins.fractions[0].fraction == 1.0
 
 
 def test_van_der_pol_refuses_a_negative_mu() -> None:

@@ -31,7 +31,7 @@ class BoundaryDistance:
         Labels of the two cells, the smaller one first.
     within : float
         Distance up to which a point counts as lying on a curve.
-    share : float
+    fraction : float
         Fraction of the points that are so close.
     """
 
@@ -39,12 +39,12 @@ class BoundaryDistance:
     distances: NDArray[np.float64]
     between: NDArray[np.int16]
     within: float
-    share: float
+    fraction: float
 
     def __repr__(self) -> str:
         return (
-            f"BoundaryDistance({100 * self.share:.4g} % of {len(self.places)} boundary points within {self.within:g} "
-            f"cells, median {np.median(self.distances):.3g}, largest {self.distances.max():.3g})"
+            f"BoundaryDistance({100 * self.fraction:.4g} % of {len(self.places)} boundary points within "
+            f"{self.within:g} cells, median {np.median(self.distances):.3g}, largest {self.distances.max():.3g})"
         )
 
 
@@ -87,7 +87,7 @@ def boundary_distance(
     >>> grid = CellGrid((-1.5, -1), (1.5, 1), (60, 40))
     >>> axis = saddle_manifold(cubic, periodic_orbit(cubic, [0.0, 0.0]), "stable", grid)
     >>> followed = boundary_distance(axis, find_basins(cubic, grid))
-    >>> len(followed.places), followed.share, bool(followed.distances.max() < 0.06)
+    >>> len(followed.places), followed.fraction, bool(followed.distances.max() < 0.06)
     (40, 1.0, True)
     """
     curves = [manifolds] if isinstance(manifolds, Manifold) else list(manifolds)

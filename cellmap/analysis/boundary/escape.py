@@ -235,7 +235,7 @@ def escape_rate(
     within = fit_range
     if within is None:
         try:
-            within = fit_line(steps[usable], height[usable], tolerance=allowed).window
+            within = fit_line(steps[usable], height[usable], tolerance=allowed).fit_range
         except ValueError as reason:
             raise ValueError(f"tolerance={allowed!r}: no part of the decay is as straight as that ({reason})") from None
     fit = fit_line(steps, height, within, errors, labels=("step", "ln fraction of surviving orbits"))

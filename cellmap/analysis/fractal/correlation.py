@@ -31,7 +31,7 @@ class CorrelationSum:
     ----------
     radii : ndarray, shape (n,)
         Distances in units of the scales, in decreasing order.
-    shares : ndarray, shape (n,)
+    fractions : ndarray, shape (n,)
         Correlation sum C(r): fraction of pairs closer than r, among those farther apart in time than `theiler`.
     errors : ndarray, shape (n,)
         Standard errors of C(r), from the spread over segments of the orbit.
@@ -47,7 +47,7 @@ class CorrelationSum:
     """
 
     radii: NDArray[np.float64]
-    shares: NDArray[np.float64]
+    fractions: NDArray[np.float64]
     errors: NDArray[np.float64]
     pairs: int
     theiler: int

@@ -94,7 +94,7 @@ class UncertaintyExponent:
         return self.dimension - self.exponent
 
     @property
-    def shares(self) -> NDArray[np.float64]:
+    def fractions(self) -> NDArray[np.float64]:
         """Fraction of uncertain pairs at each distance."""
         return np.asarray(self.uncertain / np.maximum(self.pairs, 1))
 
@@ -169,7 +169,7 @@ def _with_choice(fit: Fit) -> Fit:
     Points at the large end are taken in or left out by tests that scatter decides as well; what beginning one distance
     earlier or later changes is added, in squares.
     """
-    first, last = fit.window
+    first, last = fit.fit_range
     changes = [
         fit_line(fit.x, fit.y, (begin, last), fit.errors).slope - fit.slope
         for begin in (first - 1, first + 1)
@@ -181,7 +181,7 @@ def _with_choice(fit: Fit) -> Fit:
 
 def _with_halves(fit: Fit) -> Fit:
     """Return a fit whose standard error counts half of what the slopes of both halves of its window differ by."""
-    first, last = fit.window
+    first, last = fit.fit_range
     middle = (first + last) // 2
     coarse, fine = (fit_line(fit.x, fit.y, part, fit.errors).slope for part in ((first, middle), (middle, last)))
     return replace(fit, standard_error=float(np.hypot(fit.standard_error, 0.5 * (coarse - fine))))
@@ -252,7 +252,7 @@ def _agrees(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.f
 
 def _halves(fit: Fit) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Return slope and error of the coarser and of the finer half of a window."""
-    order = np.argsort(-fit.x[fit.inside]) + fit.window[0]
+    order = np.argsort(-fit.x[fit.inside]) + fit.fit_range[0]
     if len(order) < 6:
         return None
     parts = []

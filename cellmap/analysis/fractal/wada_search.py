@@ -73,7 +73,7 @@ class WadaGrid:
     def __repr__(self) -> str:
         return (
             f"WadaGrid({self.verdict}: {len(self.basins)} basins, {self.boundary} boxes on the boundary, "
-            f"{100 * self.shares[-1, -1]:.4g} % with all after {len(self.points) - 1} steps)"
+            f"{100 * self.fractions[-1, -1]:.4g} % with all after {len(self.points) - 1} steps)"
         )
 
     @property
@@ -82,7 +82,7 @@ class WadaGrid:
         return int(self.boxes[-1, 2:].sum())
 
     @property
-    def shares(self) -> NDArray[np.float64]:
+    def fractions(self) -> NDArray[np.float64]:
         """Fraction of the boundary boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
         shares = self.boxes / max(self.boundary, 1)
         shares[:, :2] = 0.0
@@ -101,9 +101,9 @@ class WadaGrid:
         if len(self.basins) < 3 or self.boundary < _FEWEST:
             return NOT
         again = self.closer / max(self.closer.sum(), 1)
-        if self.shares[-1, -1] >= 1.0 - self.tolerance and again[-1] >= _AGREEING:
+        if self.fractions[-1, -1] >= 1.0 - self.tolerance and again[-1] >= _AGREEING:
             return WADA
-        return PARTIALLY if min(self.shares[-1, 3:].sum(), again[3:].sum()) >= PART else NOT
+        return PARTIALLY if min(self.fractions[-1, 3:].sum(), again[3:].sum()) >= PART else NOT
 
 
 @checked

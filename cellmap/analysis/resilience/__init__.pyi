@@ -1,5 +1,5 @@
 from .basin_fractions import BasinStability as BasinStability
-from .basin_fractions import Share as Share
+from .basin_fractions import SampledFraction as SampledFraction
 from .basin_fractions import basin_stability as basin_stability
 from .integrity import Ball as Ball
 from .integrity import largest_ball as largest_ball

@@ -25,12 +25,12 @@ Distribution = Callable[[np.random.Generator, int], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class SampledFraction:
     """Fraction of random states that converge to one attractor, or that have one of the other labels.
 
     Parameters
     ----------
-    share : float
+    fraction : float
         Fraction of all states drawn; undecided ones count as outside the basin.
     standard_error : float
         Standard error of the fraction.
@@ -41,14 +41,14 @@ class Share:
         Number of states.
     """
 
-    share: float
+    fraction: float
     standard_error: float
     low: float
     high: float
     count: int
 
     def __repr__(self) -> str:
-        return f"Share({self.share:.4g} in [{self.low:.4g}, {self.high:.4g}], {self.count} states)"
+        return f"SampledFraction({self.fraction:.4g} in [{self.low:.4g}, {self.high:.4g}], {self.count} states)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class BasinStability:
 
     Parameters
     ----------
-    shares : mapping of int to Share
+    fractions : mapping of int to SampledFraction
         Fraction of each attractor, then of each of the labels -1, -2, -3 that occurred.
     names : mapping of int to str
         Meaning of each label.
@@ -71,7 +71,7 @@ class BasinStability:
         Confidence level of the intervals.
     """
 
-    shares: Mapping[int, Share]
+    fractions: Mapping[int, SampledFraction]
     names: Mapping[int, str]
     states: NDArray[np.float64]
     labels: NDArray[np.int16]
@@ -79,7 +79,7 @@ class BasinStability:
     confidence: float
 
     def __repr__(self) -> str:
-        parts = [f"{self.names[k]} {s.share:.4g} [{s.low:.4g}, {s.high:.4g}]" for k, s in self.shares.items()]
+        parts = [f"{self.names[k]} {s.fraction:.4g} [{s.low:.4g}, {s.high:.4g}]" for k, s in self.fractions.items()]
         return f"BasinStability({len(self.labels)} states: {'; '.join(parts)})"
 
     @property
@@ -144,8 +144,8 @@ def basin_stability(
     >>> from cellmap import discrete_map, find_basins
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
     >>> basins = find_basins(cubic, CellGrid((-1.5,), (1.5,), (60,)))
-    >>> basin_stability(basins, CellGrid((-0.5,), (1.5,), (1,)), n_samples=1000).shares[0]
-    Share(0.769 in [0.7416, 0.7948], 769 states)
+    >>> basin_stability(basins, CellGrid((-0.5,), (1.5,), (1,)), n_samples=1000).fractions[0]
+    SampledFraction(0.769 in [0.7416, 0.7948], 769 states)
     """
     label = labeller(source, attractors, point_map, max_periods)
     number = affordable_number("n_samples", n_samples, 8 * (4 * label.point_map.dimension + 6), at_least=1)
@@ -163,7 +163,7 @@ def basin_stability(
         if k >= 0 and undecided:
             high = float(binomial_interval(count + undecided, number, confidence, method)[1])
         share = count / number
-        shares[k] = Share(share, float(np.sqrt(share * (1.0 - share) / number)), low, high, count)
+        shares[k] = SampledFraction(share, float(np.sqrt(share * (1.0 - share) / number)), low, high, count)
     names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
     return BasinStability(shares, names, states, labels, times, confidence)
 

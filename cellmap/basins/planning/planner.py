@@ -96,7 +96,7 @@ def plan(
     >>> planned = plan(discrete_map(newton, {}, ("x",)), picture, accuracy=1e-3)
     >>> planned.met, bool(planned.chosen.error <= 1e-3)
     (True, True)
-    >>> planned.basins().fractions[0].share
+    >>> planned.basins().fractions[0].fraction
     1.0
     """
     if isinstance(system, PointMap) and system.table is not None:

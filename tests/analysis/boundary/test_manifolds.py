@@ -130,10 +130,10 @@ def test_henons_stable_manifold_bounds_the_basin(henon_basin: Basins) -> None:
     saddle = periodic_orbit(henon, [-1.1, -0.3])
     found = saddle_manifold(henon, saddle, "stable", grid, length=30.0)
     followed = boundary_distance(found, basins, (0, -2))
-    assert followed.share > 0.999
+    assert followed.fraction > 0.999
     # That of the saddle on the attractor fills the basin and does not bound it.
     inner = saddle_manifold(henon, periodic_orbit(henon, [0.6, 0.2]), "stable", grid, length=3.0)
-    assert boundary_distance(inner, basins, (0, -2)).share < 0.5
+    assert boundary_distance(inner, basins, (0, -2)).fraction < 0.5
 
 
 def test_newtons_inverse_agrees_with_the_known_inverse() -> None:
@@ -219,15 +219,15 @@ def test_boundary_of_the_pendulum_follows_the_stable_manifolds(pendulum: tuple[P
     assert len(saddles) == 4
     curves = [saddle_manifold(exact, o, "stable", basins.grid, 30.0, inverse=inverse) for o in saddles]
     everything = boundary_distance(curves, basins)
-    assert everything.share == 1.0
+    assert everything.fraction == 1.0
     assert everything.distances.max() < 0.75
     slow = [c for c in curves if abs(c.orbit.points[0, 1]) < 10.0]
     between = boundary_distance(slow, basins, (0, 1))
-    assert between.share == 1.0
+    assert between.fraction == 1.0
     # One saddle's manifold is not all of the boundary, and this is not said.
-    assert boundary_distance(slow[:1], basins).share < 0.8
+    assert boundary_distance(slow[:1], basins).fraction < 0.8
     rotating = [c for c in curves if c not in slow]
-    assert boundary_distance(rotating, basins, (0, 1)).share < 0.3
+    assert boundary_distance(rotating, basins, (0, 1)).fraction < 0.3
 
 
 def test_newton_and_backward_integration_agree(pendulum: tuple[PointMap, Basins]) -> None:
@@ -325,7 +325,7 @@ def test_what_a_distance_refuses(henon_basin: Basins) -> None:
         boundary_distance(curve, basins)  # one basin, whose only neighbours diverge
     with pytest.raises(ValueError, match="no neighbouring cells"):
         boundary_distance(curve, basins, (0, 1))
-    assert boundary_distance([], basins, (0, -2)).share == 0.0
+    assert boundary_distance([], basins, (0, -2)).fraction == 0.0
     on_points = find_basins(henon, np.zeros((3, 2)), attractors=basins.attractors)
     with pytest.raises(ValueError, match="two axes"):
         boundary_distance(curve, on_points)

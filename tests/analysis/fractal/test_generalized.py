@@ -85,7 +85,7 @@ def test_pairs_are_counted_exactly(henon):
     distance = np.linalg.norm(points[:, None] - points[None], axis=-1)
     apart = np.abs(np.subtract.outer(np.arange(1200), np.arange(1200))) > 7
     expected = [(distance[apart] <= r).mean() for r in (0.3, 0.1, 0.03)]
-    np.testing.assert_allclose(found.shares, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.fractions, expected, rtol=1e-12)
     assert found.pairs == apart.sum() // 2
 
 
@@ -112,7 +112,7 @@ def test_pairs_across_the_seam_of_an_angle():
     points = np.mod(np.arange(8000)[:, None] * 0.5 * (5.0**0.5 - 1.0) * 2.0 * pi, 2.0 * pi) - pi
     found = correlation_dimension(points, coordinates=(angle("theta"),), theiler=0)
     assert found.dimension == pytest.approx(1.0, abs=0.01)
-    np.testing.assert_allclose(found.shares[:5], 2.0 * found.radii[:5], rtol=0.02)
+    np.testing.assert_allclose(found.fractions[:5], 2.0 * found.radii[:5], rtol=0.02)
 
 
 def test_norms_and_threads(henon):
@@ -121,8 +121,8 @@ def test_norms_and_threads(henon):
     for threads in (1, 3):
         set_threads(threads)
         results.append(correlation_dimension(points, norm=inf))
-    assert np.array_equal(results[0].shares, results[1].shares)
-    assert (results[0].shares >= correlation_dimension(points, norm=2.0).shares).all()
+    assert np.array_equal(results[0].fractions, results[1].fractions)
+    assert (results[0].fractions >= correlation_dimension(points, norm=2.0).fractions).all()
 
 
 def test_correlation_errors():

@@ -313,7 +313,7 @@ def test_narrow_stripes_in_a_picture_are_not_fractal(width):
 def test_a_mixed_picture_has_exponent_zero():
     found = image_uncertainty_exponent(np.random.default_rng(0).integers(0, 2, (300, 200)))
     assert found.exponent == pytest.approx(0.0, abs=0.01)
-    assert found.shares == pytest.approx(0.5, abs=0.01)
+    assert found.fractions == pytest.approx(0.5, abs=0.01)
 
 
 def test_picture_of_grebogi_ott_and_yorke():

@@ -149,9 +149,9 @@ def test_wada_pendulum(wada_pendulum):
     found = wada_grid(find_basins(wada_pendulum, window(100)), refinements=12)
     assert len(found.basins) == 3
     assert found.verdict == "Wada"
-    assert found.shares[0, 3] < 0.8  # the centres alone do not tell
+    assert found.fractions[0, 3] < 0.8  # the centres alone do not tell
     assert (np.diff(found.boxes[:, 3]) >= 0).all()
-    assert found.shares[8, 2] < 0.5 * found.shares[6, 2]
+    assert found.fractions[8, 2] < 0.5 * found.fractions[6, 2]
     assert (found.boxes.sum(axis=1) == 100 * 100).all()
     assert found.colours.shape == (100, 100)
 
@@ -162,7 +162,7 @@ def test_partially_wada_pendulum(partial_pendulum):
     assert len(found.basins) == 4
     assert found.verdict == "partially"
     # Boxes that lack a basin become half as many from step to step where the boundary is Wada; here they stay.
-    assert found.shares[-1, 2] > 0.9 * found.shares[-2, 2] > 0.0
+    assert found.fractions[-1, 2] > 0.9 * found.fractions[-2, 2] > 0.0
 
 
 def test_two_basins_are_not_wada_on_the_grid():
@@ -170,7 +170,7 @@ def test_two_basins_are_not_wada_on_the_grid():
     basins = find_basins(pendulum(2.0), window(100))
     found = wada_grid(basins)
     assert found.verdict == "not"
-    assert found.shares[0, 2] == 1.0
+    assert found.fractions[0, 2] == 1.0
     assert len(found.points) == 1
 
 
@@ -184,7 +184,7 @@ def test_smooth_basins_are_not_wada_on_the_grid():
     found = wada_grid(still, CellGrid((-1, -1), (1, 1), (80, 60)), outcome=sector, refinements=8)
     assert found.basins == (0, 1, 2)
     assert found.verdict == "not"
-    assert found.shares[-1, 3] < 0.1
+    assert found.fractions[-1, 3] < 0.1
 
 
 @pytest.mark.parametrize("cells", [0.1, 0.5, 1.0, 1.5])
@@ -197,7 +197,7 @@ def test_smooth_basins_as_narrow_as_boxes_are_not_wada(cells):
         return np.floor(points[:, 0] / (cells * region.widths[0]) + 1000.0).astype(int) % 3
 
     found = wada_grid(still, region, outcome=stripe)
-    assert found.shares[-1, 3] > 0.3
+    assert found.fractions[-1, 3] > 0.3
     assert found.verdict == "not"
     assert found.closer.tolist() == [0, 0, 400, 0]
 

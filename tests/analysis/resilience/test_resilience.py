@@ -113,7 +113,7 @@ def test_intervals_cover_a_known_share_as_often_as_they_say(cubic: PointMap, lin
     window = CellGrid((-0.5,), (1.5,), (1,))
     hits = 0
     for seed in range(200):
-        right = basin_stability(line, window, n_samples=100, rng=seed).shares[0]
+        right = basin_stability(line, window, n_samples=100, rng=seed).fractions[0]
         hits += right.low <= 0.75 <= right.high
     assert hits >= 184
     assert (
@@ -131,21 +131,21 @@ def test_normal_distribution_of_perturbations(line: Basins) -> None:
     back = float(np.roots([-0.5, 0.0, 1.5, sqrt(3.0)]).real.max())  # its image is -sqrt 3
     known = below(sqrt(3.0)) - below(0.0) + below(sqrt(5.0)) - below(back)
     found = basin_stability(line, lambda rng, n: rng.normal(1.0, 0.4, (n, 1)), n_samples=40_000, confidence=0.999)
-    assert found.shares[0].low < known < found.shares[0].high
-    assert found.shares[0].standard_error == pytest.approx(sqrt(known * (1 - known) / 40_000), rel=0.02)
+    assert found.fractions[0].low < known < found.fractions[0].high
+    assert found.fractions[0].standard_error == pytest.approx(sqrt(known * (1 - known) / 40_000), rel=0.02)
 
 
 def test_undecided_states_belong_to_no_basin_and_widen_the_intervals(line: Basins) -> None:
     window = CellGrid((-0.5,), (1.5,), (1,))
     hasty = basin_stability(line, window, n_samples=4000, max_periods=6)
     assert hasty.undecided > 50
-    assert sum(s.count for s in hasty.shares.values()) == 4000
-    assert hasty.shares[-3].count == hasty.undecided
-    assert hasty.shares[0].low < 0.75 < hasty.shares[0].high
+    assert sum(s.count for s in hasty.fractions.values()) == 4000
+    assert hasty.fractions[-3].count == hasty.undecided
+    assert hasty.fractions[0].low < 0.75 < hasty.fractions[0].high
     patient = basin_stability(line, window, n_samples=4000)
     assert patient.undecided == 0
-    assert -3 not in patient.shares
-    width = [b.shares[0].high - b.shares[0].low for b in (hasty, patient)]
+    assert -3 not in patient.fractions
+    width = [b.fractions[0].high - b.fractions[0].low for b in (hasty, patient)]
     assert width[0] > width[1] + 0.9 * hasty.undecided / 4000
 
 
@@ -158,8 +158,8 @@ def test_a_map_with_attractors_will_do(cubic: PointMap, line: Basins) -> None:
 
 def test_states_that_diverge_have_a_share_of_their_own(disc: Basins) -> None:
     found = basin_stability(disc, n_samples=20_000, rng=1)
-    assert found.shares[0].low < pi / 9.0 < found.shares[0].high
-    assert found.shares[-2].count + found.shares[0].count == 20_000
+    assert found.fractions[0].low < pi / 9.0 < found.fractions[0].high
+    assert found.fractions[-2].count + found.fractions[0].count == 20_000
 
 
 def test_same_bits_for_any_number_of_threads(pendulum: Basins) -> None:
