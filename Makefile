@@ -16,7 +16,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env basins figures test test-all test-newest check bench docs pins clean
+.PHONY: help env basins figures test test-all test-newest check check-code check-site bench docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -78,11 +78,16 @@ pins:
 	} > constraints.txt
 	rm -rf .venv-pins
 
-check: env
+# With `make -j2 check` the site is built while types are checked.
+check: check-code check-site
+
+check-code: env
 	$(RUN) -m ruff format --check
 	$(RUN) -m ruff check
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports
+
+check-site: env
 	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory docs
 
 # Peers raise warnings of their own, which are not errors of ours.

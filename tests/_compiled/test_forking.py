@@ -11,7 +11,7 @@ import pytest
 # A child that waits for a lock that nobody will release is ended by its alarm.
 PROGRAM = """
 import os, signal, threading, time
-from cellmap import CellGrid, discrete_map, find_basins, set_threads
+from cellmap import discrete_map, set_threads
 
 def halved(shift):
     return discrete_map(lambda x, p: (x[0] / 2 + shift, x[1] / 3 - x[0] * x[0] * shift), {}, ("x", "y"))
@@ -31,9 +31,8 @@ for i in range(5):
     child = os.fork()
     if not child:
         signal.alarm(120)
-        basins = find_basins(halved(-float(i)), CellGrid((-30, -400), (30, 400), (5, 5)), max_periods=200)
-        fixed = basins.attractors[0].points[0, 0]
-        os._exit(0 if (basins.labels == 0).all() and abs(fixed + 2 * i) < 1e-9 else 1)
+        x, y = halved(-float(i))([2.0, 3.0])  # machine code from formulas, and loops written by hand
+        os._exit(0 if (x, y) == (1.0 - i, 1.0 + 4.0 * i) else 1)
     codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 over.set()
 thread.join()
