@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -240,3 +242,18 @@ def test_what_is_not_in_the_language_is_refused_with_its_line() -> None:
 
     with pytest.raises(TypeError, match="read-only"):
         written(write)(read_only)
+
+
+def test_a_file_that_was_changed_after_it_was_imported_is_not_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What would be compiled is not what was imported."""
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "changing_loops.py"
+    file.write_text(text := "from cellmap._compiled.loops import loop\n@loop\ndef tripled(x):\n    return 3 * x\n")
+    module = importlib.import_module("changing_loops")
+    file.write_text(text.replace("3", "4"))
+    with pytest.raises(RuntimeError, match=r"changing_loops\.py was changed after it had been imported"):
+        module.tripled(2)
+    file.write_text(text)
+    assert module.tripled(2) == 6

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
-import inspect
-import textwrap
+import functools
+import linecache
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import CodeType
 from typing import Any
 
 from .marks import Deferred
@@ -95,10 +96,9 @@ class Module:
                     continue
                 except (TypeError, KeyError, ValueError) as error:
                     code = what.function.__code__
-                    line = code.co_firstlineno + body.line - 1
                     if str(error).startswith(code.co_filename.rpartition("/")[0]):
                         raise
-                    raise TypeError(f"{code.co_filename}:{line}: {error}") from error
+                    raise TypeError(f"{code.co_filename}:{body.line}: {error}") from error
             callee = Callee(f"{what.function.__name__}.{len(self._callees)}", body.result, body.may_fail)
             self._callees[key] = callee
             self._texts.append(_definition(callee, body, names, kinds, what.is_inlined))
@@ -112,9 +112,31 @@ def returned(kind: Kind) -> str:
 
 
 def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
-    assert isinstance(tree, ast.FunctionDef)
-    return tree
+    """Return the grammar of a function as it was imported.
+
+    Raises
+    ------
+    RuntimeError
+        Where its file has been changed since then.
+    """
+    code = function.__code__
+    text = "".join(linecache.updatecache(code.co_filename))
+    codes, trees = _functions_in(text, code.co_filename)
+    if code not in codes:
+        raise RuntimeError(f"{code.co_filename} was changed after it had been imported: start Python anew")
+    return trees[code.co_firstlineno]
+
+
+@functools.lru_cache(maxsize=32)
+def _functions_in(text: str, file: str) -> tuple[set[CodeType], dict[int, ast.FunctionDef]]:
+    """Return the functions of a text as Python compiles them, and their grammar by the line in which each begins."""
+    codes, left = set(), [compile(text, file, "exec", dont_inherit=True)]
+    while left:
+        inner = {one for one in left.pop().co_consts if isinstance(one, CodeType)}
+        codes |= inner
+        left += inner
+    found = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    return codes, {min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in found}
 
 
 def _is_set(node: ast.Name) -> bool:
