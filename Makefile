@@ -6,11 +6,13 @@ VENV := .venv
 PINS := constraints.txt
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed-
-INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check
+# Python compiles what is imported, when it is: most of what is installed never is.
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile
 UNKNOWN_PYTHON := 3.15
 ALL_EXTRAS := bench,cluster,docs,explorer,test,video
 
 export MPLBACKEND ?= Agg
+export PYTHONDONTWRITEBYTECODE :=
 # What builds the library is pinned as well: older pips read the first of these for it, newer ones the second.
 export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
