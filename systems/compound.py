@@ -117,9 +117,9 @@ def uniform_rod(effective_length: float, mass: float = 1.0) -> CompoundPendulum:
     Parameters
     ----------
     effective_length : float
-        Effective length (m), above 0, such as `LONG_ROD`, `SHORT_ROD` and `BASIN_ROD` of the report.
+        Effective length (m), from 1e-16 to 1e16, such as `LONG_ROD`, `SHORT_ROD` and `BASIN_ROD` of the report.
     mass : float, optional
-        Mass (kg), above 0.
+        Mass (kg), from 1e-16 to 1e16.
 
     Returns
     -------
@@ -129,15 +129,16 @@ def uniform_rod(effective_length: float, mass: float = 1.0) -> CompoundPendulum:
     Raises
     ------
     TypeError, ValueError
-        For values that are not finite numbers above 0.
+        For values that are not numbers within these bounds.
 
     Examples
     --------
     >>> uniform_rod(LONG_ROD).effective_length
     0.069
     """
-    length = finite_number("effective_length", effective_length, above=0.0)
-    weight = finite_number("mass", mass, above=0.0)
+    # The moment of inertia has to be within the bounds of physical quantities as well.
+    length = finite_number("effective_length", effective_length, at_least=1e-16, at_most=1e16)
+    weight = finite_number("mass", mass, at_least=1e-16, at_most=1e16)
     return CompoundPendulum(weight, 0.75 * weight * length * length, 0.75 * length)
 
 

@@ -36,10 +36,12 @@ class Loop(Deferred):
     def __call__(self, *arguments: Any) -> Any:
         """Run the loop, compiled for the types of these arguments."""
         result = self._entry(*arguments)
+        if result is MISFIT:
+            arguments = plain(arguments)  # a bool is a whole number, and NumPy's numbers are Python's
+            result = self._entry(*arguments)
         return self._other_types(arguments) if result is MISFIT else result
 
     def _other_types(self, arguments: tuple[Any, ...]) -> Any:
-        arguments = plain(arguments)
         key = key_of(arguments)
         if key not in self._entries:
             entry = EntryText(arguments)
