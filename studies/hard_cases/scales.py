@@ -94,13 +94,13 @@ def light_outer_mass() -> Iterator[Finding]:
     "Mass ratios 1e6 and 1e8",
     why="A light mass between pivot and heavy bob has a mode of 3.9 kHz and of 39 kHz: 80 and 800 swings in a "
     "period of the drive.",
-    expected="The frozen images; multipliers of the hanging state on the unit circle at the angles of both modes; the "
-    "energy over 25 periods.",
+    expected="The frozen images; multipliers of the hanging state on the unit circle at the angles of both modes, at "
+    "1e5 and 1e6; the energy over 25 periods.",
 )
 def heavy_outer_mass() -> Iterator[Finding]:
     for name in ("mass ratio 1e+06", "mass ratio 1e+08"):
         yield at_most(f"{name}: error of the image", error(name, image(name)), 1e-9)
-    for ratio in (1e6, 1e8):
+    for ratio in (1e5, 1e6):
         system = double_pendulum(mass_2=ratio, damping=0.0, amplitude=NO_DRIVE)
         matrix = jacobian(stroboscopic_map(system, max_steps=2**18), np.zeros(4))
         values = np.linalg.eigvals(matrix)
