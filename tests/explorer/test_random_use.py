@@ -1,0 +1,190 @@
+"""Random use of the explorer by several pages at once: storms, garbage, reconnects, systems that diverge or fail."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import json
+import logging
+import random
+import time
+from collections import Counter
+from math import cos, pi
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins
+from cellmap.explorer import Explored
+from cellmap.explorer.protocol import LOWEST, unpacked
+from cellmap.explorer.serving import serve
+
+
+def step(x, p):
+    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3)
+    return x[0] + speed, speed
+
+
+def forced(t, x, p):
+    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
+
+
+WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (64, 48))
+WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
+DUFFING = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v"), "Duffing")
+GALLERY = (
+    Explored("wells", lambda: WELLS, WINDOW),
+    Explored("duffing", lambda: DUFFING, CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 50))),
+)
+TYPED = (
+    "x' = x**2 + cos(t)\nperiod = 2*pi",  # escapes in a finite time
+    "x -> 1/x\n",  # has no image of 0
+    "x -> a*x*(1 - x)\na = 3.9",
+    "x' = y\ny' = log(x)\nperiod = 1",  # NaN on one side
+    "x' = ",
+    "import os",
+)
+GARBAGE = (
+    "",
+    "{",
+    '{"type": 1}',
+    '{"type": "view"}',
+    '{"type": "orbit"}',
+    '{"type": "film"}',
+    '{"type": "drawn"}',
+    "[]",
+)
+NUMBERS = (-0.5, 1e300, 0.3, 0.5, 0.61, 0.7, 1.2, 30.0)
+
+
+class RandomPage:
+    """A page that does anything, and draws what it gets."""
+
+    def __init__(self, address: str, seed: int) -> None:
+        self.address, self.random = address, random.Random(seed)
+        self.number = 0
+        self.told: Counter[str] = Counter()
+
+    async def use(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            async with self.connected() as socket:
+                reading = asyncio.ensure_future(self.read(socket))
+                try:
+                    for _ in range(self.random.randint(1, 60)):
+                        await self.act(socket)
+                        await asyncio.sleep(self.random.choice((0.0, 0.01, 0.05, 0.3)))
+                        if time.monotonic() > end:
+                            break
+                except ConnectionClosed:
+                    self.told["closed"] += 1
+                reading.cancel()
+                with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
+                    await reading
+
+    def connected(self) -> Any:
+        origin = "http://" + self.address.split("/")[2]
+        return connect(
+            self.address.replace("http", "ws") + "connection", origin=origin, compression=None, max_size=None
+        )
+
+    async def send(self, socket: ClientConnection, kind: str, **fields: Any) -> int:
+        self.number += 1
+        await socket.send(json.dumps({"type": kind, "request": self.number, **fields}))
+        return self.number
+
+    async def act(self, socket: ClientConnection) -> None:
+        draw = self.random
+        kind = draw.choice(
+            ("view", "view", "view", "storm", "window", "system", "typed", "garbage", "question", "silence")
+        )
+        if kind in ("view", "storm"):
+            for _ in range(1 if kind == "view" else 40):
+                name = draw.choice(("keep", "keep", "delta", "gamma"))
+                await self.send(socket, "view", view={"params": {name: draw.choice(NUMBERS)}})
+        elif kind == "window":
+            lower = [draw.uniform(-3, 0) for _ in range(2)]
+            view = {"lower": lower, "upper": [v + draw.choice((1e-9, 0.5, 4.0)) for v in lower]}
+            await self.send(socket, "view", view={**view, "cells": [draw.randint(1, 120), draw.randint(1, 120)]})
+        elif kind == "system":
+            await self.send(socket, "system", name=draw.choice(("wells", "duffing", "none")))
+        elif kind == "typed":
+            await self.send(socket, "system", text=draw.choice(TYPED))
+        elif kind == "garbage":
+            await socket.send(draw.choice(GARBAGE))
+        elif kind == "question":
+            question = draw.choice(("quality", "verify", "script", "hdf5", "orbit", "diagram"))
+            point = [draw.choice((0.0, 0.3, 1e9, 1e300)) for _ in range(draw.randint(1, 2))]
+            await self.send(socket, question, point=point, parameter="keep", lower=0.5, upper=0.7)
+
+    async def read(self, socket: ClientConnection) -> None:
+        async for message in socket:
+            if isinstance(message, str):
+                answer = json.loads(message)
+                self.told[answer["type"]] += 1
+                assert answer["type"] != "error" or answer["message"]
+                continue
+            facts, data = unpacked(message)
+            self.told[facts["type"]] += 1
+            if facts["type"] == "frame":
+                codes = np.frombuffer(data, facts["pixels"])
+                assert codes.size == facts["width"] * facts["height"]
+                known = {a["identity"] for a in facts["attractors"]} | set(range(LOWEST, 0))
+                assert set((codes.astype(int) + LOWEST).tolist()) <= known
+                await socket.send(json.dumps({"type": "drawn", "frame": facts["frame"]}))
+
+    async def last(self) -> None:
+        """A page that is opened after all that has the image of the library."""
+        async with self.connected() as socket:
+            await socket.recv()
+            await self.send(socket, "view", view={})
+            while True:
+                facts, data = unpacked(await asyncio.wait_for(socket.recv(), 60))
+                await socket.send(json.dumps({"type": "drawn", "frame": facts["frame"]}))
+                if facts["complete"]:
+                    break
+        basins = find_basins(WELLS, WINDOW)
+        codes = np.frombuffer(data, facts["pixels"]).reshape(48, 64)
+        expected = basins.labels.T[::-1]
+        pairs = set(zip(codes.ravel().tolist(), expected.ravel().tolist(), strict=True))
+        assert len(pairs) == len(basins.attractors) == 2, "the same sets"
+
+
+def used(address: str, pages: int, seconds: float, seed: int) -> Counter[str]:
+    async def all_at_once() -> Counter[str]:
+        some = [RandomPage(address, seed + k) for k in range(pages)]
+        await asyncio.gather(*(page.use(seconds) for page in some))
+        await some[0].last()
+        return sum((page.told for page in some), Counter())
+
+    return asyncio.run(all_at_once())
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(600.0, marks=pytest.mark.slow)])
+def test_random_use_leaves_no_error_no_leak_and_no_wrong_image(
+    seconds: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    process = psutil.Process()
+
+    def memory() -> float:
+        gc.collect()
+        return process.memory_info().rss / 2**20
+
+    with caplog.at_level(logging.WARNING), serve(GALLERY, open_page=False) as explorer:
+        used(explorer.address, 3, min(seconds / 2, 60.0), seed=100)  # loads and compiles what there is
+        before = memory()
+        told = used(explorer.address, 3 if seconds < 60 else 10, seconds, seed=0)
+        deadline = time.monotonic() + 20.0
+        while seconds > 60.0 and memory() > before + 20.0 and time.monotonic() < deadline:
+            time.sleep(0.5)
+        grown = memory() - before
+    assert told["frame"] > 5
+    assert told["error"] > 5
+    assert not [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
+    assert seconds < 60.0 or grown < 20.0
