@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..attractors.labels import LABEL_NAMES
-from ..basins.finding import find_basins
 from ..basins.live import LiveBasins, LiveFrame
+from ..basins.refining import refine_basins
 from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
 from ..maps.trajectories import trajectory
@@ -163,7 +163,8 @@ def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
     point_map, start = frame.basins.point_map, view.state(point)
     assert point_map is not None
     known = tuple(frame.attractors.values())
-    alone = find_basins(point_map, start[None], MAX_PERIODS, attractors=known)
+    *_, last = refine_basins(point_map, start[None], MAX_PERIODS, attractors=known)
+    alone = last.basins
     label, settled = int(alone.labels[0]), int(alone.settling_time[0])
     identity = next(
         (k for k, a in frame.attractors.items() if label >= 0 and a is alone.attractors[label]),

@@ -23,12 +23,12 @@ MOST_SESSIONS = 16
 
 _HEADERS = {
     b"content-security-policy": b"default-src 'self'; img-src 'self' blob: data:; style-src 'self'; object-src 'none'; "
-    b"base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    b"base-uri 'none'; form-action 'none'; frame-ancestors http://127.0.0.1:* http://localhost:*",
     b"referrer-policy": b"no-referrer",
     b"x-content-type-options": b"nosniff",
     b"cache-control": b"no-store",
     b"cross-origin-opener-policy": b"same-origin",
-    b"cross-origin-resource-policy": b"same-origin",
+    b"cross-origin-resource-policy": b"same-site",
 }
 
 

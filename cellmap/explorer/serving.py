@@ -41,6 +41,10 @@ class Explorer:
     def __repr__(self) -> str:
         return f"Explorer({self.address if self._thread.is_alive() else 'closed'})"
 
+    def _repr_html_(self) -> str:
+        """Return the page as a notebook on the same machine shows it."""
+        return f'<iframe src="{self.address}" width="100%" height="900" allow="clipboard-write"></iframe>'
+
     def __enter__(self) -> Self:
         return self
 

@@ -21,6 +21,7 @@ from . import downloads
 from .equations import EquationError, typed_system
 from .explored import Explored
 from .images import Images, described, orbit, picture, quality, verification
+from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
 from .sweeps import diagram, film, sweep
 from .view import SCHEMA, View
@@ -299,6 +300,8 @@ def _number_of_samples(asked: Mapping[str, Any]) -> int:
 _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "quality": lambda images, asked: quality(*images.seen()),
     "verify": lambda images, asked: verification(images.seen()[1], _number_of_samples(asked)),
+    "certify": lambda images, asked: certificate(*images.seen()),
+    "measures": lambda images, asked: measures(images.seen()[1]),
     "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
     "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},

@@ -345,3 +345,15 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
     root = ElementTree.parse(tmp_path / "basins.svg").getroot()
     assert len(root.findall("{*}circle")) == 2
     assert len(root.findall("{*}image")) == 1
+
+
+def test_measures_and_certificates_are_shown(page: Page) -> None:
+    page.click("#measure")
+    until(page, "document.querySelectorAll('#measures li').length === 4")
+    assert "basin entropy: 0." in page.inner_text("#measures li:nth-child(1)")
+    after(page, lambda: page.select_option("#system", "swing"))
+    assert page.inner_text("#measures") == ""
+    after(page, lambda: page.select_option("#nodes", "64"))
+    page.wait_for_timeout(300)
+    page.click("#certify")
+    until(page, "document.getElementById('quality').textContent.startsWith('Certified')", 60.0)

@@ -21,6 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, interpolated_map, load_basins, stroboscopic_map
+from cellmap.analysis.fractal import basin_entropy, boundary_dimension
 from cellmap.explorer import Explored, Explorer, explore
 from cellmap.explorer.protocol import LOWEST, unpacked
 from cellmap.explorer.server import MOST_SESSIONS, same_origin
@@ -341,6 +342,7 @@ def test_a_system_that_is_given() -> None:
         assert page.hello["system"]["name"] == "given"
         frame, numbers = page.image()
         assert_same_image(frame, numbers, find_basins(WELLS, WINDOW), upright)
+        assert f'src="{running.address}"' in running._repr_html_()
     assert repr(running) == "Explorer(closed)"
     with pytest.raises(ValueError, match="give the ForcedSystem of the map"):
         explore(stroboscopic_map(DUFFING), open_page=False)
@@ -367,17 +369,36 @@ def test_a_diagram_follows_the_attractors(page: Page) -> None:
 def test_a_film_has_the_images_of_its_values(page: Page) -> None:
     palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
     request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, stills=3, palette=palette)
-    images = []
     while (answer := page.receive())["type"] == "frame":
         page.send("drawn", frame=answer["frame"])
-        if answer["complete"]:
-            images.append(numbers_of(answer))
     assert (answer["type"], answer["request"]) == ("film", request)
     with Image.open(io.BytesIO(answer["data"])) as film:
         assert film.n_frames == 3
         film.seek(2)
         last = np.array(film.convert("RGB"))
-    assert np.array_equal(last, np.array(palette)[images[-1] - LOWEST])
+    _, numbers = page.image(params={"keep": 0.7})
+    assert np.array_equal(last, np.array(palette)[numbers - LOWEST])
     assert (
         "palette" in page.ask("film", view={}, parameter="keep", lower=0, upper=1, stills=2, palette=[[300]])["message"]
     )
+
+
+def test_measures_and_certificates_are_the_librarys(page: Page) -> None:
+    cells = [200, 200]
+    page.image(cells=cells)
+    basins = find_basins(WELLS, CellGrid((-2.0, -1.5), (2.0, 1.5), (200, 200)))
+    found = {m["name"]: m for m in page.ask("measures")["measures"]}
+    entropy, dimension = basin_entropy(basins), boundary_dimension(basins)
+    assert found["basin entropy"]["value"] == pytest.approx(entropy.entropy)
+    assert found["boundary basin entropy"]["error"] == pytest.approx(entropy.boundary_error)
+    assert found["boundary dimension"]["value"] == pytest.approx(dimension.fit.slope)
+    assert len(found["uncertainty exponent"]["fit"]["x"]) > 3
+    page.ask("system", name="line")
+    page.image(cells=[80])
+    assert "certificates are for maps of two coordinates" in page.ask("certify")["message"]
+    page.ask("system", name="duffing")
+    page.image(cells=[40, 30])
+    told = page.ask("certify")
+    assert told["open"] == np.frombuffer(told["data"], np.uint8).sum()
+    assert (told["height"], told["width"]) == (30, 40)
+    assert 0 <= told["changed"] <= told["redone"] <= 1200

@@ -7,7 +7,7 @@ import { Gestures } from "./gestures.js";
 import { keep, svg } from "./keeping.js";
 import { drawOverlay, drawSeries } from "./overlay.js";
 import { Picture } from "./picture.js";
-import { accuracy, ending, nameOf, news, showAttractors, verified } from "./report.js";
+import { accuracy, certified, ending, nameOf, news, showAttractors, showMeasures, verified } from "./report.js";
 import { Sweep } from "./sweep.js";
 
 const $ = (id) => document.getElementById(id);
@@ -18,6 +18,7 @@ let codes = {};
 let picture = null;
 let orbits = [];
 let marked = { cross: null, box: null };
+let open = null; // cells that a certificate has left open
 let oldest = 0; // requests before this one belong to another system
 let wanted = false;
 let drawing = false;
@@ -88,6 +89,8 @@ function use(system, text, view) {
 // Sends the view at the next repainting of the page: values in between are dropped here already.
 function changed() {
   removeOrbits();
+  open = null;
+  $("measures").replaceChildren();
   limits.put(state.view);
   sweep.draw();
   $("preview").hidden = false;
@@ -136,7 +139,7 @@ function redraw(then) {
     if (state.view && picture) {
       picture.draw(state.view);
       const attractors = picture.frame?.attractors ?? [];
-      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, ...marked });
+      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, open, ...marked });
     }
     for (const act of (redraw.after ?? []).splice(0)) act();
   });
@@ -249,6 +252,21 @@ const clicked = {
   verify: async () => {
     $("quality").textContent = "Verifying …";
     $("quality").textContent = verified(await connection.ask({ type: "verify" }));
+  },
+  certify: async () => {
+    const { view } = state;
+    const request = Math.max(...views.keys());
+    $("quality").textContent = "Certifying …";
+    const found = await connection.ask({ type: "certify" });
+    if (view !== state.view || request !== Math.max(...views.keys())) return;
+    open = found;
+    $("quality").textContent = certified(found);
+    redraw();
+  },
+  measure: async () => {
+    const request = Math.max(...views.keys());
+    const { measures } = await connection.ask({ type: "measures" });
+    if (request === Math.max(...views.keys())) showMeasures($("measures"), measures);
   },
   script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
   hdf5: async () => { const file = await connection.ask({ type: "hdf5" }); download(file.name, new Blob([file.data], { type: file.media })); },

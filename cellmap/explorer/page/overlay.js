@@ -26,7 +26,7 @@ export function fresh(canvas) {
   return { context, width, height };
 }
 
-export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cross, box }) {
+export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cross, box, open }) {
   const { context, width, height } = fresh(canvas);
   const along = (k, v) => (v - view.lower[k]) / (view.upper[k] - view.lower[k]);
   const flat = view.axes.length < 2;
@@ -40,6 +40,13 @@ export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cro
     context.strokeStyle = "#000";
     context.stroke();
   };
+  if (open) {
+    context.fillStyle = "#ff00ff";
+    const size = Math.max(2, width / open.width);
+    open.data.forEach((mark, k) => {
+      if (mark) context.fillRect(((k % open.width) * width) / open.width, (Math.floor(k / open.width) * height) / open.height, size, size);
+    });
+  }
   drawAxes(context, width, height, view, coordinates, along);
   for (const a of attractors) {
     const radius = a.points.length > 64 ? 1.5 : 4;

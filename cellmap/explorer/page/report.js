@@ -1,6 +1,7 @@
 // What is said of an image: the table of attractors, news, accuracy, and where orbits end.
 
 import { css } from "./colours.js";
+import { fresh } from "./overlay.js";
 
 const percent = (f) => `${(100 * f).toPrecision(3)} %`;
 const small = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(3)).toString());
@@ -75,4 +76,39 @@ export function ending(orbit) {
   const place = orbit.point.map((v) => Number(v.toPrecision(4))).join(", ");
   const after = orbit.settled === null ? "" : `, in its trapping region after ${orbit.settled} periods`;
   return `(${place}): ${orbit.name}${after}`;
+}
+
+export function certified(c) {
+  return `Certified: ${c.redone} labels were recomputed with the exact map, ${c.changed} of them changed, ${c.open} are open`
+    + `${c.open ? " (marked in the image)" : ""}; between ${percent(c.wrong[0])} and ${percent(c.wrong[1])} of the labels are `
+    + "wrong, with 95 % confidence.";
+}
+
+// Lists measures, each with its error, and its points and line where it is the slope of one.
+export function showMeasures(list, measures) {
+  list.replaceChildren(...measures.map((m) => {
+    const item = document.createElement("li");
+    item.append(m.reason ? `${m.name}: ${m.reason}` : `${m.name}: ${small(m.value)} ± ${small(m.error)}`);
+    if (m.fit) item.append(Object.assign(document.createElement("canvas"), { className: "fit" }));
+    return item;
+  }));
+  const fits = measures.filter((m) => m.fit).map((m) => m.fit);
+  list.querySelectorAll("canvas").forEach((canvas, k) => drawFit(canvas, fits[k]));
+}
+
+function drawFit(canvas, { x, y, window: [first, last], slope, intercept }) {
+  const { context, width, height } = fresh(canvas);
+  const shown = x.map((v, k) => [v, y[k]]).filter((p) => p.every((v) => v !== null));
+  const scale = (k, size) => {
+    const values = shown.map((p) => p[k]);
+    const [low, high] = [Math.min(...values), Math.max(...values)];
+    return (v) => 6 + ((size - 12) * (v - low)) / (high - low || 1);
+  };
+  const [across, up] = [scale(0, width), scale(1, height)];
+  context.fillStyle = css(0);
+  for (const [v, w] of shown) context.fillRect(across(v) - 2, height - up(w) - 2, 4, 4);
+  context.beginPath();
+  for (const v of [x[first], x[last]]) context.lineTo(across(v), height - up(intercept + slope * v));
+  context.strokeStyle = css(5);
+  context.stroke();
 }
