@@ -69,7 +69,8 @@ class Images:
         key = view.nodes, view.tolerance
         if self._live is None or self._live[0] != key:
             point_map = self.explored.point_map(*key)
-            self._live = key, LiveBasins(point_map, view.initial_conditions(), MAX_PERIODS)
+            # The first window, however far into it the view is: distances between attractors are relative to it.
+            self._live = key, LiveBasins(point_map, View.first(self.explored).initial_conditions(), MAX_PERIODS)
         return self._live[1]
 
     def seen(self, complete: bool = True) -> tuple[View, LiveFrame]:
