@@ -22,7 +22,7 @@ def _explored(name: str, *limits: Sequence[float], nodes: int = 0, cells: int = 
 _TURN = (-pi, pi)
 
 GALLERY = (
-    _explored("driven_pendulum", _TURN, (-400.0, 400.0), nodes=128),
+    _explored("driven_pendulum", _TURN, (-400.0, 400.0), nodes=64),
     _explored("two_well_duffing", (-2.2, 2.2), (-2.2, 2.2)),
     _explored("duffing_oscillator", (-4.0, 4.0), (-4.0, 4.0), nodes=128),
     _explored("moon_li_duffing", (-2.0, 2.0), (-1.5, 1.5), nodes=128),
