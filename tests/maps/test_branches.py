@@ -118,8 +118,8 @@ def reference(pieces: Pieces, params: dict[str, float], start: NDArray[np.float6
             (t, PERIOD),
             x,
             "DOP853",
-            rtol=1e-12,
-            atol=1e-12,
+            rtol=1e-13,
+            atol=1e-14,
             max_step=0.02,
             events=events,
         )
