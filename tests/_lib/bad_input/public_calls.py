@@ -93,9 +93,9 @@ def sample(name: str) -> Any:
     return called(maker, good_arguments(maker))
 
 
-LEFT_OUT = ("derivative", "fun", "signs", "error", "quantity")
-"""Methods that are the user's function, which integrators call many times; one that exact maps do not have; and what
-declares a field where a class is defined."""
+LEFT_OUT = ("derivative", "fun", "signs", "error", "quantity", "explore")
+"""Methods that are the user's function, which integrators call many times; one that exact maps do not have; what
+declares a field where a class is defined; and what serves a page until it is closed."""
 
 BY_HAND = ("ForcedSystem", "Coordinate", "CellGrid", "BoxSet")
 WITH_METHODS = ("PointMap", "SectionMap", "Option", "Fit")
