@@ -137,8 +137,8 @@ def uniform_rod(effective_length: float, mass: float = 1.0) -> CompoundPendulum:
     0.069
     """
     # The moment of inertia has to be within the bounds of physical quantities as well.
-    length = finite_number("effective_length", effective_length, at_least=1e-16, at_most=1e16)
-    weight = finite_number("mass", mass, at_least=1e-16, at_most=1e16)
+    length = finite_number("effective_length", effective_length, above=0.0, at_least=1e-16, at_most=1e16)
+    weight = finite_number("mass", mass, above=0.0, at_least=1e-16, at_most=1e16)
     return CompoundPendulum(weight, 0.75 * weight * length * length, 0.75 * length)
 
 

@@ -13,6 +13,7 @@ import pytest
 from cellmap import PointMap, angle, discrete_map, find_basins
 from cellmap.attractors import cluster_orbits
 from cellmap.attractors.labels import Label
+from cellmap.orbits import Kind
 
 
 def between_circles(x: Any, p: Any) -> tuple[float, float]:
@@ -30,7 +31,10 @@ def test_invariant_circles_are_two_clusters(circles: PointMap) -> None:
     rng = np.random.default_rng(0)
     initial_conditions = np.stack([rng.uniform(-pi, pi, 300), rng.uniform(0.5, 3.5, 300)], axis=-1)
     initial_conditions = initial_conditions[np.abs(initial_conditions[:, 1] - 2.0) > 0.01]
-    assert (find_basins(circles, initial_conditions, max_periods=500).labels == Label.UNDECIDED).all()
+    basins = find_basins(circles, initial_conditions, max_periods=500)
+    assert [a.kind for a in basins.attractors] == 2 * [Kind.QUASIPERIODIC]
+    innermost = basins.labels[np.argmin(initial_conditions[:, 1])]
+    assert np.array_equal(basins.labels == innermost, initial_conditions[:, 1] < 2.0)
     found = cluster_orbits(circles, initial_conditions)
     assert len(found.samples) == 2
     inner = found.labels[np.argmin(initial_conditions[:, 1])]

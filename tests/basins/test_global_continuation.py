@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from math import pi, sin, sqrt, tanh
+from math import cos, pi, sin, sqrt, tanh
 
 import matplotlib as mpl
 import numpy as np
@@ -221,15 +221,15 @@ def test_starts_without_an_attractor_have_their_own_labels():
 
 
 def test_undecided_starts_are_counted():
-    """The circle map below criticality: locked at rate 0.03, and winding without a period at the golden mean."""
+    """A turned plane that shrinks to its fixed point, and one that keeps its circles, of which none attracts."""
 
-    def circle(x, p):
-        return (x[0] + 2 * pi * p.rate - 0.5 * sin(x[0]),)
+    def turned(x, p):
+        return p.rate * (cos(1.0) * x[0] - sin(1.0) * x[1]), p.rate * (sin(1.0) * x[0] + cos(1.0) * x[1])
 
-    maps, initial_conditions = discrete_map(circle, {"rate": 0.0}, (angle("a"),)), CellGrid((-pi,), (pi,), (40,))
-    sweep = continue_basins(maps, "rate", [0.03, (3 - sqrt(5)) / 2], initial_conditions, max_periods=200)
+    maps = discrete_map(turned, {"rate": 0.0}, ("x", "y"))
+    sweep = continue_basins(maps, "rate", [0.5, 1.0], CellGrid((-1, -1), (1, 1), (6, 6)), max_periods=200)
     assert sweep.labels == (0, Label.UNDECIDED)
-    assert sweep.counts.tolist() == [[40, 0], [0, 40]]
+    assert sweep.counts.tolist() == [[36, 0], [0, 36]]
 
 
 # --- tables, threads, interruption
