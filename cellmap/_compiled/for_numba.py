@@ -10,10 +10,6 @@ import importlib
 from collections.abc import Callable
 from typing import Any
 
-from .forking import keep_compilers_whole
-
-keep_compilers_whole()
-
 LOOP: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
 """Options of the compiler, in one place.
 

@@ -27,7 +27,6 @@ def _hold() -> None:
         _held.enter_context(getattr(holder, name, contextlib.nullcontext()))
 
 
-def keep_compilers_whole() -> None:
-    """Let every later fork of this process wait until no other thread is in a compiler.  To be called once."""
-    if hasattr(os, "register_at_fork"):
-        os.register_at_fork(before=_hold, after_in_parent=_held.close, after_in_child=_held.close)
+# Every later fork of this process waits until no other thread is in a compiler.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_hold, after_in_parent=_held.close, after_in_child=_held.close)

@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from .entry import MISFIT, NAME, EntryText, key_of, plain, python_function
-from .forking import COMPILING, keep_compilers_whole
+from .forking import COMPILING
 from .machine_code import MachineCode, compiled_once, loop_code
 from .translation.marks import ByAddress, Deferred
-
-keep_compilers_whole()
 
 CHECKED = bool(os.environ.get("CELLMAP_BOUNDS_CHECK"))
 """Whether loops raise IndexError at an index outside of an array: to look for faults in them, at half the speed."""

@@ -19,6 +19,7 @@ from .values import (
     TRUTH,
     WHOLE,
     ArrayKind,
+    Kind,
     Known,
     PointerKind,
     TupleKind,
@@ -44,8 +45,9 @@ _NEW: dict[Any, bool] = {np.empty: False, np.zeros: True, np.ones: False}
 class Expressions:
     """What expressions become; constants are worked out at once."""
 
-    def __init__(self, module: Any, what: Deferred) -> None:
-        self.module = module
+    def __init__(self, module: Any, what: Deferred, kinds: dict[str, Kind], fixed: dict[str, Value]) -> None:
+        self.module, self.kinds, self._fixed = module, kinds, fixed
+        self.places: dict[str, list[str]] = {}
         function = what.function
         cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
         self._around = {**vars(builtins), **function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
@@ -61,14 +63,20 @@ class Expressions:
 
     def variable(self, name: str) -> Value | None:
         """Return the value of a variable; None where the name is not one."""
-        raise NotImplementedError
+        if name in self._fixed:
+            return self._fixed[name]
+        if name not in self.places:
+            return None
+        kind = self.kinds[name]
+        pairs = zip(registers(kind), self.places[name], strict=True)
+        return Value(kind, tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs))
 
     def known(self, node: ast.expr) -> Known | None:
         """Return what an expression is, where that is known without running anything."""
         if isinstance(node, ast.Constant):
             return Known(node.value)
         if isinstance(node, ast.Name):
-            if node.id in self._around and not self.is_variable(node.id):
+            if node.id in self._around and node.id not in self.kinds:
                 return Known(self._around[node.id])
             return None
         parts = [self.known(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
@@ -86,14 +94,6 @@ class Expressions:
         if isinstance(node, ast.Tuple):
             return Known(tuple(values))
         return None
-
-    def is_variable(self, name: str) -> bool:
-        """Tell whether a name is a variable's."""
-        return self.variable_kind(name) is not None
-
-    def variable_kind(self, name: str) -> Any:
-        """Return the kind of a variable; None where the name is not one."""
-        return getattr(self, "kinds", {}).get(name)
 
     def expression(self, node: ast.expr) -> Value | Known:
         """Return the value of an expression."""
@@ -279,7 +279,7 @@ class Expressions:
         if function in NUMBERS:
             return self.numbers.converted(given[0], NUMBERS[function])
         if function in INTRINSICS:
-            return self.numbers.intrinsic(INTRINSICS[function][0], given)
+            return self.numbers.intrinsic(INTRINSICS[function], given)
         if function in (min, max):
             return self.numbers.extreme(ast.Lt() if function is min else ast.Gt(), given)
         if function is abs:

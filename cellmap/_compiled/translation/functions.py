@@ -42,6 +42,10 @@ class Callee:
         return f"call {returned(self.result)} @{self.name}({', '.join([*handed, f'ptr {failure}'])})"
 
 
+class LanguageError(TypeError):
+    """Something is not in the language; the message says where."""
+
+
 class Module:
     """Functions that call one another, each for the kinds of arguments that it is called with.
 
@@ -94,11 +98,11 @@ class Module:
                     break
                 except Widened:
                     continue
+                except LanguageError:  # of a function that this one calls
+                    raise
                 except (TypeError, KeyError, ValueError) as error:
-                    code = what.function.__code__
-                    if str(error).startswith(code.co_filename.rpartition("/")[0]):
-                        raise
-                    raise TypeError(f"{code.co_filename}:{body.line}: {error}") from error
+                    file = what.function.__code__.co_filename
+                    raise LanguageError(f"{file}:{body.line}: {error}") from error
             callee = Callee(f"{what.function.__name__}.{len(self._callees)}", body.result, body.may_fail)
             self._callees[key] = callee
             self._texts.append(_definition(callee, body, names, kinds, what.is_inlined))

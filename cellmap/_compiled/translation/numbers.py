@@ -23,12 +23,11 @@ _COMPARED: dict[type[ast.cmpop], tuple[str, str]] = {
     ast.Eq: ("oeq", "eq"), ast.NotEq: ("une", "ne"),
 }  # fmt: skip
 
-INTRINSICS: dict[Callable[..., Any], tuple[str, int]] = {
-    math.sqrt: ("sqrt", 1), np.sqrt: ("sqrt", 1), math.floor: ("floor", 1), np.floor: ("floor", 1),
-    math.log: ("log", 1), np.log: ("log", 1), math.fabs: ("fabs", 1), np.copysign: ("copysign", 2),
-    math.copysign: ("copysign", 2),
+INTRINSICS: dict[Callable[..., Any], str] = {
+    math.sqrt: "sqrt", np.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", math.log: "log", np.log: "log",
+    math.fabs: "fabs", math.copysign: "copysign", np.copysign: "copysign",
 }  # fmt: skip
-"""Functions of floats, with LLVM's names of them and the numbers of their arguments."""
+"""Functions of floats, with LLVM's names of them."""
 
 NUMBERS: dict[Any, str] = {np.int64: WHOLE, int: WHOLE, np.uint64: UNSIGNED, np.float64: FLOAT, float: FLOAT}
 """Types that are called to convert a number."""

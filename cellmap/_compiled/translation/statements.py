@@ -30,9 +30,8 @@ class Statements(Expressions):
     def __init__(
         self, module: Any, what: Any, kinds: dict[str, Kind], result: list[Kind], fixed: dict[str, Value]
     ) -> None:
-        super().__init__(module, what)
-        self.kinds, self._result, self._fixed = kinds, result, fixed
-        self.places: dict[str, list[str]] = {}
+        super().__init__(module, what, kinds, fixed)
+        self._result = result
         self.conversions: list[str] = []
         self.results = [self.writer.memory(t) for t in registers(self.result)]
         self._loops: list[tuple[str, str]] = []
@@ -52,16 +51,6 @@ class Statements(Expressions):
                 return
             self.line = statement.lineno
             getattr(self, f"_{type(statement).__name__.lower()}")(statement)
-
-    def variable(self, name: str) -> Value | None:
-        """Return the value of a variable; None where the name is not one."""
-        if name in self._fixed:
-            return self._fixed[name]
-        if name not in self.places:
-            return None
-        kind = self.kinds[name]
-        pairs = zip(registers(kind), self.places[name], strict=True)
-        return Value(kind, tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs))
 
     def fitted(self, value: Value | Known, kind: Kind, first: bool = False) -> Value:
         """Return a value as one of the kind of a variable; `first` writes what it takes before everything else."""
