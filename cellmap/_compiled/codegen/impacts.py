@@ -61,7 +61,8 @@ def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], may_r
     after = graph.substituted(base.outputs, dict(zip(base.states, reset, strict=True)))
     delay = graph.apply("div", toward, rate)
     turned = tuple(
-        _plus(graph, c, graph.times(delay, graph.minus(f, m))) for c, f, m in zip(carried, after, moving, strict=True)
+        graph.apply("add", c, graph.times(delay, graph.minus(f, m)))
+        for c, f, m in zip(carried, after, moving, strict=True)
     )
     impact = Impact(rate, acceleration, tuple(reset), turned, base.states, deviation, ())
     return _with_rest(base, impact, guard, ahead) if may_rest else impact
@@ -111,12 +112,8 @@ def _gradient(base: Trace, function: Expression) -> tuple[Expression, ...]:
     return tuple(along(base.graph, [function], {x: one})[0] for x in base.states)
 
 
-def _plus(graph: Graph, a: Expression, b: Expression) -> Expression:
-    return b if a.vanishes else a if b.vanishes else graph.apply("add", a, b)
-
-
 def _dot(graph: Graph, a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
     total = graph.constant(0.0)
     for u, v in zip(a, b, strict=True):
-        total = _plus(graph, total, graph.times(u, v))
+        total = graph.apply("add", total, graph.times(u, v))
     return total
