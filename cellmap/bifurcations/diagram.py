@@ -215,7 +215,7 @@ def bifurcation_diagram(
         record_each(swept, axis, initial_conditions, transient, recorded, label)
     else:
         record_followed(swept, axis, initial_conditions, directions, shift, transient, recorded, label)
-    warn_of_tolerance(recorded.status, exact)
+    warn_of_tolerance(recorded.status, exact.name)
 
     alive = recorded.status < Status.ESCAPED
     period = _periods(

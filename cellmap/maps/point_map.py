@@ -183,7 +183,7 @@ class PointMap:
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
         images = follow(self, points, 1)
-        warn_of_tolerance(images.status, self)
+        warn_of_tolerance(images.status, self.name)
         return images.points
 
     @checked
@@ -212,7 +212,7 @@ class PointMap:
             If the integrator missed its tolerance; the images concerned have the status INACCURATE.
         """
         images = follow(self, points, periods, progress, client)
-        warn_of_tolerance(images.status, self)
+        warn_of_tolerance(images.status, self.name)
         return images
 
     @checked
@@ -255,7 +255,7 @@ class PointMap:
                 orbits = Orbits(history[k + 1], rotations[k + 1], status[k + 1])
                 run_over(slices(len(orbits), CHUNK), lambda part, o=orbits: self.advance(o[part], 1))  # type: ignore[misc]
                 tick(1)
-        warn_of_tolerance(status[-1], self)
+        warn_of_tolerance(status[-1], self.name)
         shape = (periods + 1, *initial_conditions.shape)
         return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
 
@@ -334,12 +334,12 @@ class _Advanced:
         return images
 
 
-def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
+def warn_of_tolerance(status: NDArray[np.uint8], name: str) -> None:
     """Warn where orbits carry the status INACCURATE."""
     missed = np.count_nonzero(status == Status.INACCURATE)
     if missed:
         warn_caller(
-            f"{missed} of {status.size} orbits of {point_map.name} did not meet the tolerance; their status says so. "
+            f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so. "
             "Loosen rtol and atol, or allow more steps with max_steps",
             ToleranceWarning,
         )

@@ -207,7 +207,7 @@ def trajectory(
     status = np.maximum(orbits.status, within.status.reshape(periods, count).max(axis=0))
     ended = np.logical_or.accumulate(np.isnan(states).any(axis=-1), axis=0)
     states[ended] = np.nan
-    warn_of_tolerance(status, strobe)
+    warn_of_tolerance(status, strobe.name)
     times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)
     return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples_per_period)
@@ -272,7 +272,7 @@ def integrate(
     orbits = Orbits.starting(places.reshape(-1, system.dimension).copy())
     run_over(slices(len(orbits), CHUNK), lambda part: motion(orbits[part]))
     orbits.wrap(*turns_of(system.axes))
-    warn_of_tolerance(orbits.status, spec.build())
+    warn_of_tolerance(orbits.status, system.name)
     shape = places.shape
     return Iterate(
         orbits.points.reshape(shape), orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), system.axes
