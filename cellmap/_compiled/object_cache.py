@@ -44,7 +44,7 @@ def cache_folder() -> Path | None:
     if not private:
         warnings.warn(
             f"CELLMAP_CACHE_DIR={str(folder)!r}: it belongs to somebody else, or others can write to it, so that code "
-            "from there is not run and everything is compiled anew; empty it and take `chmod 700`, or give another one",
+            "from there is not run and all is compiled again; empty it and take `chmod 700`, or give another one",
             stacklevel=2,
         )
         return None

@@ -13,7 +13,7 @@ from .signatures import checked
 def binomial_interval(
     count: ArrayLike, trials: ArrayLike, confidence: float = 0.95, method: str = "exact"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return confidence intervals of shares.
+    """Return confidence intervals of fractions.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def binomial_interval(
     confidence : float, optional
         Between 0 and 1.
     method : {"exact", "Wilson"}, optional
-        The interval of Clopper and Pearson, which covers the share with at least the stated confidence, or that of
+        The interval of Clopper and Pearson, which covers the fraction with at least the stated confidence, or that of
         Wilson, which does so on average and is shorter.
 
     Returns

@@ -40,7 +40,7 @@ def completed(
     numbers : sequence of int
         Tiles to do.
     task : callable
-        What a tile begins from; called when its turn comes, without a client from several threads at once.
+        Returns the input of a tile; called just before the work on it, without a client from several threads at once.
     work : callable
         What is done to it: pure, and picklable where there is a client.  A tile that is lost is done again.
     client : distributed.Client, optional

@@ -37,7 +37,7 @@ def boxes_around(widths: NDArray[np.float64], turn: NDArray[np.float64]) -> NDAr
 
 
 def wrapped_boxes(places: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bring places of boxes along an angle into its turn."""
+    """Wrap the indices of boxes along angles."""
     return np.where(around > 0, places % np.maximum(around, 1), places)
 
 

@@ -29,7 +29,7 @@ _PERIODS = 16  # in which orbits near the edge have to come closer
 def sets_of_equilibria(
     point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
 ) -> list[Attractor]:
-    """Return the attracting sets of equilibria on which some of the orbits rest, without those that are known.
+    """Return the attracting sticking sets (continua of equilibria) on which some orbits rest, without the known ones.
 
     An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
     axis, and its derivative contracts in all other directions: so it does in the interior of the friction cone.  From
@@ -65,7 +65,7 @@ def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.floa
 
 
 def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
-    """Return the set of equilibria around one of them; None where it is a single one, or nothing is drawn to it."""
+    """Return the continuum of equilibria around one of them; None where it is isolated or does not attract."""
     d = exact.dimension
     matrix = jacobian(exact, place) * (extent / extent[:, None])
     multipliers = multipliers_of(matrix)

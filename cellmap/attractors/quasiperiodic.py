@@ -144,8 +144,8 @@ def _autonomous(exact: PointMap) -> ForcedSystem | None:
 def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: FittedCircle) -> InvariantCircle | None:
     """Return a limit cycle, fitted in steps of one length, as an invariant circle of the map with steps of another.
 
-    The period of the cycle follows from the rotation number up to the whole turns in one step, either way round: that
-    period is right after which the flow has closed the orbit.
+    The rotation number gives the period of the cycle up to the number of full rotations in one step, and their sense;
+    the right period is the one after which the flow closes the orbit.
     """
     circle, point = fitted.circle, fitted.orbit[-1]
     size = curve_size(fitted.orbit, exact.coordinates)

@@ -23,9 +23,9 @@ from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
 
 _LOOKS = 256  # looks at the same orbits, at most
-_FIRST_LOOK = 32  # periods before ends are polished for the first time
-_LOOKED_AT = 256  # ends among which those to be polished are chosen
-_REPRESENTATIVES = 8  # ends that are polished at a time because they lie far apart
+_FIRST_LOOK = 32  # periods before end points are refined for the first time
+_LOOKED_AT = 256  # end points among which those to be refined are chosen
+_REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
 _LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
@@ -106,13 +106,13 @@ def search(
     """Follow orbits and find attractors, but no chaotic ones; return the orbits that are left, and their age."""
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
-    age, horizon = 0, _FIRST_LOOK
+    age, time_limit = 0, _FIRST_LOOK
     while len(orbits):
         before = len(orbits)
-        catalogue, periods = Catalogue.of(attractors, point_map), min(horizon, max_periods - age)
+        catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
         settled = settle(point_map, orbits, catalogue, periods, age, stop)
-        orbits, last = settled.orbits, age + horizon >= max_periods
-        age, horizon = min(age + horizon, max_periods), 2 * age if age else horizon
+        orbits, last = settled.orbits, age + time_limit >= max_periods
+        age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
             orbits, attractors = sort_out(
                 point_map, orbits, attractors, max_period, extent, age, examined, patient=not last
@@ -150,7 +150,7 @@ def sort_out(
         if not len(orbits):
             break
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
-        # Orbits that approach one of these rest on it in the end, and on no set of equilibria.
+        # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sets_of_equilibria(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
@@ -176,7 +176,7 @@ def longest_period(max_period: int) -> int:
 
 
 def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Typical size of each coordinate: the turn of an angle, the window of a table, else the span of the starts."""
+    """Return the typical size of each coordinate: period of an angle, window of a table, else span of the states."""
     turn = turns_of(point_map.coordinates)[1]
     table = point_map.table
     span = np.ptp(states, axis=0) if table is None else np.array(table.grid.upper) - np.array(table.grid.lower)
@@ -193,7 +193,7 @@ def new_attractors(
     extent: NDArray[np.float64],
     examined: Examined,
 ) -> list[Attractor]:
-    """Polish some ends of orbits; return the attractors that are not known yet, each with its neighbourhood."""
+    """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
     for guesses, periods in _guesses(point_map, states, max_period, extent):
         found: list[Attractor] = []
         solutions, settled = examined.polished(point_map, guesses, periods)
@@ -267,7 +267,7 @@ class Examined:
     def polished(
         self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Polish guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
+        """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
         keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
         new = [i for i, key in enumerate(keys) if key not in self.ends]
         if new:

@@ -23,7 +23,7 @@ from .boxes import box_keys, boxes_around
 from .labels import LABELS_OF, Label
 
 RESIDENCE = 64
-"""Consecutive periods inside the cover of a chaotic attractor after which a start counts as captured."""
+"""Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged."""
 
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
@@ -33,7 +33,7 @@ Rule = Callable[[NDArray[np.float64]], NDArray[np.int64]]
 
 @dataclass(frozen=True, eq=False)
 class Catalogue:
-    """Known attractors, in the form in which starts are tested against them."""
+    """Known attractors, in the form in which orbits are tested against them."""
 
     attractors: tuple[Attractor, ...]
     regions: Regions
@@ -106,11 +106,11 @@ def _boxes(covers: Sequence[tuple[int, Cover, NDArray[np.int64]]], turn: NDArray
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """What became of a batch of starts.
+    """Labels and settling times of a batch of initial conditions.
 
-    ``labels`` (n,): number of the attractor, or a :class:`Label`; ``times`` (n,): period in which the start was first
-    inside a region that belongs to its attractor, -1 without one; ``orbits``: last states of the undecided; ``tally``:
-    what it took.
+    ``labels`` (n,): number of the attractor, or a :class:`Label`; ``times`` (n,): period in which the orbit was first
+    inside a trapping region of its attractor, -1 without one; ``orbits``: last states of the undecided; ``tally``: the
+    work done.
     """
 
     labels: NDArray[Any]
@@ -120,7 +120,7 @@ class Settled:
 
     @property
     def undecided(self) -> NDArray[np.int64]:
-        """Rows of the starts that are undecided."""
+        """Rows of the undecided initial conditions."""
         return np.flatnonzero(self.labels == Label.UNDECIDED)
 
 
@@ -142,11 +142,11 @@ def settle(
     leap = point_map.leap
     if not len(catalogue.regions.owners) and not catalogue.covers:
         return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]
-    # A cover is entered and left again; only what stays in a neighbourhood can be looked at once in several periods.
+    # A cover is entered and left again; only trapping neighbourhoods can be tested once in several periods.
     if leap == 1 or leap > periods or catalogue.covers:
         return _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)[0]
     found, since, before = _labelled(point_map, orbits, catalogue, periods, age, leap, stop=stop)
-    # The last leap once more, by single periods, for the period in which it happened.
+    # The last multi-period step again, by single periods, for the period in which the orbit converged.
     rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
     again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, leap, 0, 1, stop=stop)[0]
     told = again.labels != Label.UNDECIDED
@@ -174,7 +174,7 @@ def classify(
     size: int = CHUNK,
     progress: str | None = None,
 ) -> Classified:
-    """Label points (n, d) on all threads, as many as `size` at a time; angles may have any number of turns.
+    """Label points (n, d) on all threads, as many as `size` at a time; angles need not be wrapped.
 
     With a rule an orbit is in a final state as soon as the rule says so, and no attractors are needed.
     """

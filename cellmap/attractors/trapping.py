@@ -19,14 +19,14 @@ _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the nex
 _AHEAD = 8  # shells that are looked at together,
 _STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
 _GROWN = 2  # points of an attractor whose ellipsoids grow as far as they can; the others only begin
-_ALL_BUT_LINEAR = 0.5  # of what the linear part leaves to spare: the most that may be seen of bend and error,
-_STRAIGHT = 0.1  # and the most from which a step as long as the next is safe,
-_COARSE = (2.0, 4.0)  # from one small surface to another, as what bends allows for,
-_SMALL = 0.01  # as far as this part of the largest one
-_COARSE_AHEAD = 7  # of these surfaces that are looked at together
+_ALL_BUT_LINEAR = 0.5  # largest nonlinear remainder, with errors, of a first surface, in contraction margins
+_STRAIGHT = 0.1  # the same from which a step as long as the next is safe
+_COARSE = (2.0, 4.0)  # factors between small surfaces, as the nonlinear remainder allows,
+_SMALL = 0.01  # up to this part of the largest one
+_COARSE_AHEAD = 7  # of these surfaces that are tested together
 _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
-_FLIPPING = -0.9  # multiplier below which two rounds are taken together
+_FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
 _PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
 _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
@@ -38,9 +38,10 @@ def trapping_neighbourhood(
     """Return ellipsoids around a periodic attractor in which every orbit is verified to approach it.
 
     The linear map contracts in the metric by a known factor c < 1.  From a small ellipsoid on which the exact map is
-    seen to be all but linear, the ellipsoids grow in steps of some percent as long as the exact map shortens the
-    distance to the attractor, by a factor of at most (1 + c)/2 in one round, everywhere on their surfaces.  A distance
-    that falls in every round leaves no other attractor in the ellipsoid.  (Close to a flip, two rounds count as one.)
+    seen to be nearly linear, the ellipsoids grow in steps of some percent as long as the exact map shortens the
+    distance to the attractor, by a factor of at most (1 + c)/2 in one period of the attractor, everywhere on their
+    surfaces.  As this distance falls from period to period, the ellipsoid contains no other attractor.  (Close to a
+    flip, two periods count as one.)
 
     An orbit visits all points of the attractor, so that wide ellipsoids around a few are as good as around all: only
     those grow that promise to be widest along the direction of slowest approach.  No half-width is larger than a
@@ -82,9 +83,9 @@ def trapping_neighbourhood(
 
 
 def _rounds(attractor: Attractor) -> int:
-    """Return after how many rounds distances are compared.
+    """Return the periods of the attractor after which distances are compared.
 
-    Close to a flip, x -> -x + a x^2 + ..., the bend of one round undoes that of the round before, and two rounds
+    Close to a flip, x -> -x + a x^2 + ..., the quadratic terms of two consecutive periods cancel, so that two periods
     contract on a far larger neighbourhood than one.
     """
     slowest = attractor.multipliers[0]
@@ -113,10 +114,10 @@ class _Shells:
         self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
         self.fine = _FINE.get(exact.dimension, 1.1)
         self.allowed = 0.5 * (1.0 + contraction)
-        self.spare = self.allowed - self.linear
+        self.margin = self.allowed - self.linear
         rtol, atol = exact.tolerance
         noise = 2.0 * period * (atol + rtol * (np.abs(centre) + limit * 1e-3))
-        self.resolved = float(np.sqrt(noise @ np.abs(self.metric) @ noise)) / max(0.5 * self.spare, 1e-300)
+        self.resolved = float(np.sqrt(noise @ np.abs(self.metric) @ noise)) / max(0.5 * self.margin, 1e-300)
         self.largest = float((limit / np.sqrt((inverse_root**2).sum(axis=-1))).min())
         self.radius = self.promised = 0.0
         self.seen: dict[float, tuple[float, float]] = {}
@@ -127,49 +128,50 @@ class _Shells:
         return float(np.sqrt(np.real(vector.conj() @ self.metric @ vector)))
 
     def begin(self) -> float:
-        """Find a radius at which the map is seen to be all but linear; return the one that is foreseen from its bend.
+        """Find a radius at which the map is seen to be nearly linear; return the one predicted from its remainder.
 
-        The map is all but linear inside as well.  What the image differs from that of the linear part is the bend and
-        the error of the map together: where it is small, both are.  The first radius is sought near the one that the
-        tolerance resolves at worst; most maps are far better than their tolerance, and cycles that attract weakly bend
-        the map before that resolves anything.  From there it grows as long as the surfaces are all but flat.
+        The map is nearly linear inside as well.  The image differs from that of the linear part by the nonlinear
+        remainder and the error of the map together: where the sum is small, both are.  The first radius is sought near
+        the one that the tolerance resolves at worst; most maps are far better than their tolerance, and near weakly
+        attracting cycles the map is nonlinear before its tolerance resolves anything.  From there the radius grows as
+        long as the remainder is small.
         """
-        share = self._first() if self.spare > 0.0 else np.inf
-        while share <= _STRAIGHT and self.radius <= _SMALL * self.largest:
-            share = self._try(_COARSE[int(share * _COARSE[1] <= _STRAIGHT)] * self.radius, _COARSE_AHEAD)
+        fraction = self._first() if self.margin > 0.0 else np.inf
+        while fraction <= _STRAIGHT and self.radius <= _SMALL * self.largest:
+            fraction = self._try(_COARSE[int(fraction * _COARSE[1] <= _STRAIGHT)] * self.radius, _COARSE_AHEAD)
         return self.promised
 
     def _first(self) -> float:
-        """Take the first radius found at which the map is all but linear; return the share that is bent there."""
+        """Take the first radius found at which the map is nearly linear; return the nonlinear remainder there."""
         nearest = min(max(self.resolved, 1e-12 * self.largest), self.largest)
         radius, before = nearest, np.inf
         for _ in range(_ATTEMPTS):
-            share = self._try(radius)
-            if self.radius or before < share < np.inf:
+            fraction = self._try(radius)
+            if self.radius or before < fraction < np.inf:
                 break
-            # The bend falls with the radius, and tells by how much this has to fall; the error of the map rises.
-            radius, before = radius * min(max(0.5 * _ALL_BUT_LINEAR / share, 1.0 / 16.0), 0.5), share
+            # The remainder, which falls with the radius, determines the next one; the relative error of the map rises.
+            radius, before = radius * min(max(0.5 * _ALL_BUT_LINEAR / fraction, 1.0 / 16.0), 0.5), fraction
         for octave in range(1, _ABOVE + 1):
             if self.radius or nearest * 2.0**octave > self.largest:
                 break
-            share = self._try(nearest * 2.0**octave)
-        return share
+            fraction = self._try(nearest * 2.0**octave)
+        return fraction
 
     def _try(self, radius: float, ahead: int = 1) -> float:
-        """Take a radius if the map is all but linear there; return how much bends, as a share of what is to spare.
+        """Take a radius if the map is nearly linear there; return the nonlinear remainder over the contraction margin.
 
-        Further surfaces are looked at together with this one, as far as they are likely to be tried next.
+        Further surfaces are tested together with this one, as far as they are likely to be tried next.
         """
         if radius not in self.seen:
             radii = radius * _COARSE[1] ** np.arange(float(ahead))
             radii = radii[radii <= max(radius, _COARSE[1] * _SMALL * self.largest)]
             self.seen |= zip(radii.tolist(), zip(*self._factors(radii), strict=True), strict=True)
-        factor, bend = self.seen[radius]
-        share = float(bend) / self.spare
-        if share <= _ALL_BUT_LINEAR and factor <= self.allowed:
+        factor, remainder = self.seen[radius]
+        fraction = float(remainder) / self.margin
+        if fraction <= _ALL_BUT_LINEAR and factor <= self.allowed:
             self.radius, self.worst = radius, max(self.worst, float(factor))
-            self.promised = min(radius / max(share, 1e-300), self.largest)
-        return share
+            self.promised = min(radius / max(fraction, 1e-300), self.largest)
+        return fraction
 
     def grow(self) -> None:
         """Take the largest radius up to which all surfaces pass, from one that does."""
@@ -188,10 +190,10 @@ class _Shells:
                 break
 
     def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Bound the factor by which one round changes the distance on each surface; also say how far it bends each.
+        """Bound the factor by which distances change in one period of the attractor; also return nonlinear remainders.
 
-        There are two bounds, what is seen and what the linear part allows with the rest that is seen, each with what
-        may happen between neighbouring directions; the smaller one holds.
+        The smaller of two bounds for each surface: the factors observed, and the linear part plus the observed
+        remainder, each with an allowance for directions between neighbouring ones.
         """
         shift = radii[:, None, None] * self.offsets
         images = Orbits.starting((self.centre + shift).reshape(-1, self.exact.dimension))
@@ -221,10 +223,10 @@ def _between(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np.float64]]:
     """Return metrics in which a matrix contracts: one for any matrix, and one that eigenvectors make, where they can.
 
-    The first is the sum of the squares of what the matrix does to a vector in all later rounds, shrunk as slowly as the
+    The first is the sum of the squared lengths of a vector under all powers of the matrix, weighted by powers of the
     contraction that is asked for.  It weighs slow directions far more than fast ones, and is narrow along them where
     one approaches slowly.  With eigenvectors as axes all directions weigh the same, but close to a double eigenvalue
-    they are all but parallel.
+    they are nearly parallel.
     """
     total, power = np.eye(len(matrix)), matrix / contraction
     while np.abs(power).max() > 1e-9 and np.abs(total).max() < 1e200:
@@ -240,7 +242,7 @@ def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np
 
 
 def _product(steps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the derivative of a round from those of its steps."""
+    """Return the derivative of the composition of steps from those of each."""
     return functools.reduce(np.matmul, steps[::-1])
 
 

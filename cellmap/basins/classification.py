@@ -48,7 +48,7 @@ class Labeller:
         return f"Labeller({self.point_map.name}, {len(self.attractors)} attractors, {self.max_periods} periods)"
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
-        """Return the labels of points (n, dimension); angles may have any number of turns."""
+        """Return the labels of points (n, dimension); angles need not be wrapped."""
         return self.settle(points).labels
 
     def settle(self, points: NDArray[np.float64]) -> Classified:
@@ -132,7 +132,7 @@ def scale_of(
 
 
 def places_of(basins: Basins) -> NDArray[np.float64]:
-    """Return all starts of basins, shape (n, dimension), in the order of their labels' raveled array."""
+    """Return all initial conditions of basins, shape (n, dimension), in the order of their raveled labels."""
     if basins.grid is not None:
         return basins.grid.centres().reshape(-1, basins.grid.dimension)
     assert basins.initial_conditions is not None

@@ -22,7 +22,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
-from .continuation_record import BasinContinuation, ContinuationInterrupt, number_of_starts
+from .continuation_record import BasinContinuation, ContinuationInterrupt, count_initial_conditions
 from .finding import find_basins
 from .record import Basins, basins_memory
 
@@ -120,7 +120,7 @@ def continue_basins(
         if isinstance(initial_conditions, CellGrid)
         else state_points("initial_conditions", initial_conditions, point_map.coordinates)
     )
-    total = number_of_starts(given)
+    total = count_initial_conditions(given)
     if not total:
         raise ValueError("initial_conditions is empty: give at least one initial condition")
     settings = {
@@ -252,7 +252,7 @@ def _corners(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.f
 
 
 def _outermost(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return some of the starts, as far apart as all are: from points the search takes the size of its region."""
+    """Return some initial conditions of the same extent as all: from points the search takes the size of its region."""
     if isinstance(initial_conditions, CellGrid):
         return initial_conditions.places(
             np.array([np.full(initial_conditions.dimension, 0.5), np.array(initial_conditions.shape) - 0.5])

@@ -100,7 +100,7 @@ class BasinContinuation:
     @property
     def total(self) -> int:
         """Number of initial conditions."""
-        return number_of_starts(self.initial_conditions)
+        return count_initial_conditions(self.initial_conditions)
 
     @property
     def present(self) -> NDArray[np.bool_]:
@@ -117,8 +117,8 @@ class BasinContinuation:
         return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]
 
 
-def number_of_starts(initial_conditions: CellGrid | NDArray[np.float64]) -> int:
-    """Count starts, in cells or in an array."""
+def count_initial_conditions(initial_conditions: CellGrid | NDArray[np.float64]) -> int:
+    """Return how many initial conditions a grid or an array has."""
     return (
         initial_conditions.size
         if isinstance(initial_conditions, CellGrid)

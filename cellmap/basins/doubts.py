@@ -13,7 +13,7 @@ from ..attractors.transients import Reason
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 from .record import Basins
 
 _MANY = 0.05  # fraction of the initial conditions from which there is a warning
@@ -77,7 +77,7 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
         return False, "allow more with max_steps"
     rows = np.flatnonzero(basins.labels.ravel() == label)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, _TRIED).round().astype(int))]
-    points = Starts(basins.grid, basins.initial_conditions).points(rows)
+    points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
     enough = replace(spec, max_steps=max(spec.max_steps, MAX_STEPS))
     others = {f"max_steps={enough.max_steps}": enough} if enough.max_steps > spec.max_steps else {}
     if spec.system.functions[1:] == (None, None) and spec.method != "Rosenbrock":

@@ -27,14 +27,14 @@ _COARSE = 4096  # cells from which attractors are sought
 
 @dataclass(frozen=True, eq=False)
 class FinalStates:
-    """Where the starts of a region end.
+    """Final states of the orbits that begin in a region.
 
     Parameters
     ----------
     label : Labeller
         What labels them: by known attractors, or by a rule in their place.
     region : CellGrid
-        Window of the starts; an axis of one cell is held at its centre.
+        Window of the initial conditions; an axis of one cell is fixed at its centre.
     """
 
     label: Labeller
@@ -47,7 +47,7 @@ class FinalStates:
 
     @property
     def attractors(self) -> tuple[Attractor, ...]:
-        """Attractors that are told apart."""
+        """Attractors that are distinguished."""
         return self.label.attractors
 
 
@@ -58,7 +58,7 @@ def final_states(
     outcome: Outcome | None,
     max_periods: int,
 ) -> FinalStates:
-    """Collect what is needed to label starts; search for attractors where none are known."""
+    """Collect what is needed to label initial conditions; search for attractors where none are known."""
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     if isinstance(source, Basins):
         if source.point_map is None:

@@ -23,7 +23,7 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 from .label_store import InMemory, LabelStore
 from .passes import Run
 from .record import Basins, basins_disk, basins_memory
@@ -116,7 +116,7 @@ def find_basins(
     check_client(client)
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     began = time.perf_counter()
-    places = Starts.of(initial_conditions, point_map)
+    places = InitialConditions.of(initial_conditions, point_map)
     settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
@@ -135,7 +135,7 @@ def find_basins(
 
 def _store(
     point_map: PointMap,
-    places: Starts,
+    places: InitialConditions,
     settings: Mapping[str, Any],
     known: tuple[Attractor, ...],
     path: Path | None,

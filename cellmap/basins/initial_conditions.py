@@ -18,18 +18,18 @@ from ..maps.grid import CellGrid, grid_points
 from ..maps.point_map import PointMap
 
 BLOCK = 2**20
-"""Starts that are looked at together where all are gone through; a multiple of 8, for bits are kept in bytes."""
+"""Initial conditions that are processed together; a multiple of 8, for bits are kept in bytes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Starts:
-    """Starts of a picture: the centres of a grid, or points that are given."""
+class InitialConditions:
+    """Initial conditions of a basin image: the centres of a grid, or given points."""
 
     grid: CellGrid | None
     given: NDArray[np.float64] | None
 
     @classmethod
-    def of(cls, initial_conditions: CellGrid | ArrayLike, point_map: PointMap) -> Starts:
+    def of(cls, initial_conditions: CellGrid | ArrayLike, point_map: PointMap) -> InitialConditions:
         """Check the argument of that name."""
         if isinstance(initial_conditions, CellGrid):
             return cls(initial_conditions.on(point_map.coordinates, "initial_conditions"), None)
@@ -40,7 +40,7 @@ class Starts:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of an array with one number for each start."""
+        """Shape of an array with one number for each initial condition."""
         if self.grid is not None:
             return self.grid.shape
         assert self.given is not None
@@ -55,7 +55,7 @@ class Starts:
         return [self.grid.axis(j) for j in range(self.grid.dimension)]
 
     def points(self, rows: slice | NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return some starts as a new array, shape (n, dimension)."""
+        """Return some initial conditions as a new array, shape (n, dimension)."""
         if self.grid is not None:
             if sum(self.grid.shape) <= BLOCK:
                 return grid_points(self._axes, rows)
@@ -67,11 +67,11 @@ class Starts:
         return self.given.reshape(-1, self.given.shape[-1])[rows].copy()
 
     def wrapped(self, rows: slice | NDArray[np.int64], point_map: PointMap) -> NDArray[np.float64]:
-        """Return some starts with their angles in their turn."""
+        """Return some initial conditions with wrapped angles."""
         return wrap(self.points(rows), point_map.coordinates)
 
     def description(self) -> dict[str, Any]:
-        """Plain values that tell these starts from others."""
+        """Return plain values that identify these initial conditions."""
         if self.grid is not None:
             grid = self.grid
             return {"lower": grid.lower, "upper": grid.upper, "shape": grid.shape, "wraps": grid.wraps}
@@ -81,7 +81,7 @@ class Starts:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Flat numbers of starts in rising order: all, or those whose bit is set.
+    """Flat indices of initial conditions in rising order: all, or those whose bit is set.
 
     Examples
     --------
@@ -123,7 +123,7 @@ class Rows:
         return np.concatenate(found)
 
     def inside(self, part: slice) -> NDArray[np.bool_]:
-        """Tell which starts of a block are among the rows."""
+        """Return which initial conditions of a block are among the rows."""
         if self.bits is None:
             return np.ones(part.stop - part.start, bool)
         return np.unpackbits(self.bits[part.start // 8 : -(-part.stop // 8)], count=part.stop - part.start).view(bool)

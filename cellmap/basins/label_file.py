@@ -146,8 +146,8 @@ class OnDisk(LabelStore):
 
 def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
     group = file.create_group("pass")
-    group.attrs.update(legs=np.array(now.legs, np.int64), horizon=now.horizon, tally=np.array(now.tally, np.int64))
-    group.attrs.update(repeats=now.repeats, undecided=-1 if now.undecided is None else now.undecided)
+    group.attrs.update(legs=np.array(now.restart_times, np.int64), horizon=now.time_limit, repeats=now.repeats)
+    group.attrs.update(tally=np.array(now.tally, np.int64), undecided=-1 if now.undecided is None else now.undecided)
     write_attractors(group.create_group("attractors"), now.attractors)
     if now.rows.bits is not None:
         group["rows"] = now.rows.bits
@@ -157,15 +157,15 @@ def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
 
 def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Progress, list[int]]:
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
-    legs, horizon = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
-    if not all(0 < one < other <= limit for one, other in pairwise([*legs, horizon])) or horizon > limit:
-        raise ValueError(f"its sweeps run to {horizon} periods")
+    restart_times, time_limit = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
+    if not all(0 < one < other <= limit for one, other in pairwise([*restart_times, time_limit])) or time_limit > limit:
+        raise ValueError(f"its sweeps run to {time_limit} periods")
     now = Progress(
         attractors=read_attractors(group["attractors"], examined.coordinates),
         examined=_read_examined(group["examined"], examined),
         rows=rows,
-        legs=tuple(legs),
-        horizon=horizon,
+        restart_times=tuple(restart_times),
+        time_limit=time_limit,
         repeats=get_number(group, "repeats"),
         undecided=None if get_number(group, "undecided", -1) < 0 else get_number(group, "undecided"),
         tally=Tally(*group.attrs["tally"].tolist()),

@@ -14,12 +14,12 @@ from ..attractors.settling import Catalogue, Settled, settle
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Starts of a tile, by their numbers, and the states that they have come to where these are at hand."""
+    """Initial conditions of a tile, by their indices, and the present states of their orbits where these are kept."""
 
     rows: slice | NDArray[np.int64]
     states: Orbits | None = None
@@ -27,29 +27,29 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """Labels of starts after some periods, the horizon.
+    """Labels of initial conditions after `time_limit` periods.
 
-    ``legs``: periods after which the starts of a tile were looked at before and then went on; where their states are
-    not at hand, they go through all of that again, for how an orbit is iterated may depend on it.  ``stop``: a request
-    to end before that, in this process.
+    ``restart_times``: periods after which the orbits of a tile were examined before and went on; where their states are
+    not kept, they are computed again with the same restarts, on which the iteration of an orbit may depend.  ``stop``:
+    a request to end before that, in this process.
     """
 
     point_map: PointMap
-    initial_conditions: Starts
+    initial_conditions: InitialConditions
     attractors: tuple[Attractor, ...]
-    legs: tuple[int, ...]
-    horizon: int
+    restart_times: tuple[int, ...]
+    time_limit: int
     stop: Stop | None = None
 
     def __call__(self, batch: Batch) -> Settled:
         """Return the labels of a tile."""
         # States are moved in place, and a tile that is lost begins again from the same ones.
         states = self._states(batch.rows) if batch.states is None else Orbits.joined([batch.states])
-        return self._settled(states, self.legs[-1] if self.legs else 0, self.horizon)
+        return self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
 
     def _states(self, rows: slice | NDArray[np.int64]) -> Orbits:
         orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))
-        for begin, end in pairwise((0, *self.legs)):
+        for begin, end in pairwise((0, *self.restart_times)):
             orbits = self._settled(orbits, begin, end).orbits
         return orbits
 

@@ -19,7 +19,7 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .family import Family, Member
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 from .refining import BasinFrame, refinement
 
 _PREVIEWED = 2  # strides that are drawn before anything is verified
@@ -121,7 +121,7 @@ class LiveBasins:
         threshold: float = 0.1,
         stride: int = 8,
     ) -> None:
-        self._base, self._places = point_map, Starts.of(initial_conditions, point_map)
+        self._base, self._places = point_map, InitialConditions.of(initial_conditions, point_map)
         self._stride = stride
         grid = self._places.grid
         corners = (
@@ -180,7 +180,7 @@ class LiveBasins:
             raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self._base.params)}")
         phase = None if phase is None else finite_number("phase", phase)
         limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
-        places = self._places if initial_conditions is None else Starts.of(initial_conditions, self._base)
+        places = self._places if initial_conditions is None else InitialConditions.of(initial_conditions, self._base)
         stop = Stop(limit)
         with self._guard:
             self._newest.request()

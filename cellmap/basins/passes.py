@@ -1,4 +1,4 @@
-"""Passes over initial conditions, after each of which those that are left are searched for further attractors."""
+"""Sweeps over initial conditions, after each of which the active orbits are searched for further attractors."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ from ..attractors.transients import Reason
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
-from .initial_conditions import Rows, Starts
+from .initial_conditions import InitialConditions, Rows
 from .label_store import InMemory, LabelStore
 from .label_tiles import Batch, Labelling
 from .progress import Progress
 from .record import HELD, Basins
 from .strides import StridedTile
 
-_SAMPLE = 1024  # starts from which attractors are sought first
-_IN_A_TILE = 8192  # starts where a tile has neither to travel nor to be sealed: all threads are busy to the end
-_PATIENCE = 256  # periods before starts that are left are searched for further attractors
-_REPEATS = 32  # passes over the same periods with ever more attractors, at most
-_LOOKED_AT = 2**16  # starts of those that are left, evenly spread, that are searched where more than HELD are left
+_SAMPLE = 1024  # initial conditions of the first search for attractors
+_IN_A_TILE = 8192  # small, to keep all threads busy to the end, where a tile has neither to travel nor to be sealed
+_PATIENCE = 256  # periods before active orbits are searched for further attractors
+_REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
+_LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
 
 
 @dataclass(eq=False)
 class Run:
-    """Labelling of all starts in passes: each begins with what is left by the one before, or with what is known more.
+    """Labelling of all initial conditions in sweeps, each with the active orbits of the one before or more attractors.
 
-    All that a pass depends on is in its :class:`Progress`, so that a run may be taken up at any of them.
+    All that a sweep depends on is in its :class:`Progress`, so that a run may be resumed at any of them.
 
-    ``order``: the tiles of the first pass, in groups of which the first ones, as many as ``first``, are labelled before
-    the search for attractors, where some are known; ``now``: the present pass, or the last; ``reasons``: why some of
+    ``order``: the tiles of the first sweep, in groups of which the ``first`` ones are labelled before
+    the search for attractors, where some are known; ``now``: the present sweep, or the last; ``reasons``: why some of
     those that it leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration.
     """
 
     point_map: PointMap
-    initial_conditions: Starts
+    initial_conditions: InitialConditions
     store: LabelStore
     max_periods: int
     max_period: int
@@ -64,11 +64,11 @@ class Run:
     spent: list[float] = field(default_factory=list)
 
     def tiles(self, known: Sequence[Attractor]) -> Iterator[int]:
-        """Find attractors from a sample, label all starts, and look again at those that are left.
+        """Find attractors from a sample, label all initial conditions, and search the active orbits again.
 
-        Yield the number of each tile as it is completed.  The passes come to an end: each one that has the same horizon
-        as the one before has more attractors and labels more starts, and there are no more of these in a row than a
-        fixed number; the others double the horizon, up to the periods that are allowed.
+        Yield the number of each tile as it is completed.  The number of sweeps is finite: each one with the same time
+        limit as the one before has more attractors and labels more initial conditions, and there are no more of these
+        in a row than a fixed number; the others double the time limit, up to the periods that are allowed.
         """
         try:
             yield from self._passes(list(known))
@@ -137,8 +137,8 @@ class Run:
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
-            size, horizon = _IN_A_TILE if small else CHUNK, min(_PATIENCE, self.max_periods)
-            now = Progress(tuple(known), examined, Rows(total), (), horizon, size=size)
+            size, time_limit = _IN_A_TILE if small else CHUNK, min(_PATIENCE, self.max_periods)
+            now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(replace(now, tiles=_joined_tiles(self.order[: self.first])))
@@ -163,7 +163,7 @@ class Run:
                 self.reasons = reasons
                 return
             self.store.begin(following)
-            if following.horizon == now.horizon or len(states) < len(left):
+            if following.time_limit == now.time_limit or len(states) < len(left):
                 states = None
             now = following
 
@@ -176,7 +176,7 @@ class Run:
     def _search(
         self, chosen: NDArray[np.float64], known: list[Attractor], to_the_end: bool, examined: Examined
     ) -> tuple[Attractor, ...]:
-        """Find attractors from a sample; where this is all starts, those that take long are left to their labelling."""
+        """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
         own = region_extent(self.point_map, chosen)
         if not np.array_equal(own, examined.extent):
             examined = Examined.nothing_yet(self.point_map, own)
@@ -219,27 +219,28 @@ class Run:
     ) -> Iterator[tuple[int, Settled]]:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
-        work = Labelling(self.point_map, self.initial_conditions, now.attractors, now.legs, now.horizon, stop)
+        until = now.restart_times, now.time_limit
+        work = Labelling(self.point_map, self.initial_conditions, now.attractors, *until, stop)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)
 
     def _following(self, now: Progress, left: Rows, attractors: tuple[Attractor, ...]) -> Progress | None:
-        """Return the pass after one that is over, from the starts that are left and all attractors; None at the end."""
+        """Return the sweep after one that is over, from the active orbits and all attractors; None at the end."""
         decided = now.undecided is None or len(left) < now.undecided
         if len(attractors) > len(now.attractors) and decided and now.repeats < _REPEATS:
             # From the beginning, so that settling times are those of the whole catalogue.
             rows, repeats = self._unsettled(attractors), now.repeats + 1
-            again = replace(now, attractors=attractors, rows=rows, legs=(), tiles=None)
+            again = replace(now, attractors=attractors, rows=rows, restart_times=(), tiles=None)
             return replace(again, repeats=repeats, undecided=len(left))
-        if now.horizon == self.max_periods:
+        if now.time_limit == self.max_periods:
             return None
-        horizon = min(2 * now.horizon, self.max_periods)
-        after = replace(now, rows=left, legs=(*now.legs, now.horizon), horizon=horizon, tiles=None)
+        restart_times, time_limit = (*now.restart_times, now.time_limit), min(2 * now.time_limit, self.max_periods)
+        after = replace(now, rows=left, restart_times=restart_times, time_limit=time_limit, tiles=None)
         return replace(after, repeats=0, undecided=None)
 
     def _find_more(self, now: Progress, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
-        """Search the orbits that are left for further attractors; return all, and why the last pass leaves orbits."""
-        extent, age = now.examined.extent, now.horizon
+        """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
+        extent, age = now.examined.extent, now.time_limit
         left, attractors = sort_out(
             self.point_map, states, list(now.attractors), self.max_period, extent, age, now.examined
         )
@@ -255,7 +256,7 @@ class Run:
         return self.store.where(lambda labels: labels < 0)
 
     def _states(self, left: Rows, now: Progress) -> Orbits:
-        """Compute the states of starts that a pass has left again, of a part of them where they are very many."""
+        """Compute the states of the active orbits of a sweep again, of a part of them where they are very many."""
         count = len(left) if len(left) <= HELD else _LOOKED_AT
         batches = [Batch(rows[part]) for rows in left.spread(count) for part in slices(len(rows), CHUNK)]
         found = {k: settled.orbits for k, settled in self._settled(range(len(batches)), batches.__getitem__, now)}

@@ -19,20 +19,20 @@ from .strides import StridedTile
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """What a sweep over initial conditions begins with, and all that it depends on besides them and the map.
+    """State before a sweep over initial conditions: all that it depends on besides these and the map.
 
-    ``rows``: initial conditions that are labelled; ``legs``: periods after which earlier sweeps, with the same
-    attractors, looked at those that went on, and which they have behind them now; ``horizon``: periods after which
-    this one does; ``repeats``: sweeps up to that horizon before this one, with fewer attractors; ``undecided``: initial
-    conditions that the last of them left; ``tally``: what all sweeps before it took; ``tiles``: the initial conditions
-    of each tile, where these are not simply consecutive ones; ``size``: how many are in a tile otherwise.
+    ``rows``: initial conditions that are labelled; ``restart_times``: periods after which earlier sweeps, with the same
+    attractors, ended, so that their orbits restart from there; ``time_limit``: periods after which this sweep ends;
+    ``repeats``: sweeps with the same time limit before this one, with fewer attractors; ``undecided``: initial
+    conditions that the last of them left; ``tally``: work of all sweeps before; ``tiles``: the initial conditions of
+    each tile, where these are not simply consecutive ones; ``size``: their number in a tile otherwise.
     """
 
     attractors: tuple[Attractor, ...]
     examined: Examined
     rows: Rows
-    legs: tuple[int, ...]
-    horizon: int
+    restart_times: tuple[int, ...]
+    time_limit: int
     repeats: int = 0
     undecided: int | None = None
     tally: Tally = NOTHING
@@ -48,7 +48,7 @@ class Progress:
         return [slice(begin, end) for begin, end in pairwise(ends)]
 
     def rows_of(self, number: int) -> slice | NDArray[np.int64]:
-        """Return the starts of a tile."""
+        """Return the initial conditions of a tile."""
         if self.tiles is not None:
             return self.tiles[number].rows
         part = self.parts[number]

@@ -19,28 +19,28 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, distinct_names
-from .initial_conditions import BLOCK, Starts
+from .initial_conditions import BLOCK, InitialConditions
 from .verification import Verification, verified
 
 HELD = 2**20
-"""Starts whose states are kept from one pass over the starts to the next; of more the states are computed again."""
+"""Active orbits whose states are kept from one sweep to the next; those of more are computed again."""
 
 _HELD_BYTES = 256  # for each of them, while they are put together
 
 
 @dataclass(frozen=True)
 class Fraction:
-    """Share of the starts that carry one label.
+    """Fraction of the initial conditions with one label.
 
     Parameters
     ----------
     fraction : float
         Between 0 and 1.
     standard_error : float
-        Of the share, as an estimate of the basin's share of the window, if the starts were random; for the centres of a
-        grid this is an upper bound.
+        Of the fraction, as an estimate for the whole window from random initial conditions; for the centres of a grid
+        this is an upper bound.
     count : int
-        Number of starts.
+        Number of initial conditions.
     """
 
     fraction: float
@@ -121,7 +121,7 @@ class Basins:
         return result
 
     def _counts(self) -> dict[int, int]:
-        """Count the starts of each label; a block at a time, for labels may be more than memory holds."""
+        """Count each label; a block at a time, for labels may be more than memory holds."""
         lowest = min(LABEL_NAMES)
         counts = np.zeros(len(self.attractors) - lowest, np.int64)
         labels = self.labels.reshape(-1)
@@ -156,7 +156,7 @@ class Basins:
         if self.point_map is None:
             raise ValueError("these basins have no map: rebuild it with rebuild_map and find the basins again")
         n_samples = affordable_number("n_samples", n_samples, 8 * (3 * len(self.coordinates) + 5), at_least=1)
-        initial_conditions = Starts(self.grid, self.initial_conditions)
+        initial_conditions = InitialConditions(self.grid, self.initial_conditions)
         periods = self.settings["max_periods"]
         return verified(
             self.point_map.without_table,
@@ -170,10 +170,10 @@ class Basins:
 
 
 def basins_memory(initial_conditions: int, checkpoint: bool = False) -> int:
-    """Return the bytes of memory that the labels and settling times of a number of starts need.
+    """Return the bytes of memory that the labels and settling times of a number of initial conditions need.
 
-    With a checkpoint these are on the disk, and what remains is a few bits for each start, which say what the present
-    pass and the next one are about, and the states of those that are left, as long as they are few.
+    With a checkpoint these are on the disk; a few bits for each initial condition remain in memory, which select those
+    of the present sweep and the next one, and the states of active orbits, as long as they are few.
 
     Examples
     --------

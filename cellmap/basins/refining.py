@@ -21,7 +21,7 @@ from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 from .label_store import InMemory
 from .passes import Run, new_numbers
 from .progress import Progress
@@ -217,13 +217,13 @@ def refine_basins(
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     check_attractors(attractors, point_map, "attractors")
     limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
-    places = Starts.of(initial_conditions, point_map)
+    places = InitialConditions.of(initial_conditions, point_map)
     return refinement(point_map, places, limits, attractors, stride, near, interval, Stop(limit))
 
 
 def refinement(
     point_map: PointMap,
-    places: Starts,
+    places: InitialConditions,
     limits: tuple[int, int],
     attractors: Sequence[Attractor],
     stride: int,
@@ -251,7 +251,7 @@ def refinement(
     return Refinement(run, _Frames(run, tuple(attractors), settings, often).made())
 
 
-def _place(near: NDArray[np.float64], places: Starts, point_map: PointMap) -> tuple[int, ...]:
+def _place(near: NDArray[np.float64], places: InitialConditions, point_map: PointMap) -> tuple[int, ...]:
     """Return the place in the image that is nearest to a point."""
     rows = slice(0, len(places))
     if places.grid is not None:

@@ -47,7 +47,7 @@ SCHEMA = 2
 """Number of the layout; readers take their own and older ones."""
 
 
-_ONLY = "basins"  # name of a picture that is alone in its file
+_ONLY = "basins"  # name of basins that are alone in their file
 
 
 @checked
@@ -87,20 +87,18 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     True
     """
     path = as_path("path", path)
-    pictures = basins if isinstance(basins, Mapping) else {_ONLY: basins}
-    for picture in pictures.values():
-        if not isinstance(picture, Basins):
+    images = basins if isinstance(basins, Mapping) else {_ONLY: basins}
+    for image in images.values():
+        if not isinstance(image, Basins):
             raise TypeError(
-                f"basins={picture!r}: give Basins, as find_basins returns them, or a mapping of names to them"
+                f"basins={image!r}: give Basins, as find_basins returns them, or a mapping of names to them"
             )
-    if not pictures or any(not name or "/" in name for name in pictures):
-        raise ValueError(
-            f"basins has the names {list(pictures)}: give at least one, none of them empty or with a slash"
-        )
+    if not images or any(not name or "/" in name for name in images):
+        raise ValueError(f"basins has the names {list(images)}: give at least one, none of them empty or with a slash")
 
     def fill(file: h5py.File) -> None:
-        for key, picture in pictures.items():
-            _write(file.create_group(key), picture)
+        for key, image in images.items():
+            _write(file.create_group(key), image)
         _describe(file)
 
     with written_whole(as_target("path", path)) as temporary:
@@ -173,7 +171,7 @@ def _with_arrays(basins: Basins, labels: NDArray[np.int16], times: NDArray[np.in
 
 
 def _describe(file: h5py.File) -> None:
-    """Say what a file is that holds its pictures already."""
+    """Write what a file of basins is into it, once it holds them."""
     describe(file, FORMAT, SCHEMA)
     put_text(file, "written", datetime.now(UTC).isoformat(timespec="seconds"))
     put_text(file, "machine", platform.machine())
@@ -214,7 +212,7 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None, unverifie
 
 
 def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins], unverified: bool = False) -> Basins:
-    """Read a picture of a file whose contents are those that were written."""
+    """Read basins from a file whose contents are those that were written."""
     if not path.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
     try:
@@ -269,7 +267,7 @@ def _write(file: h5py.Group, basins: Basins) -> None:
 
 
 def _read(file: h5py.Group, in_file: bool = False) -> Basins:
-    """Read a picture, with empty labels and settling times where these are to stay in the file."""
+    """Read basins, with empty labels and settling times where these are to stay in the file."""
     coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
     grid, initial_conditions = None, None
     if "grid" in file:

@@ -16,7 +16,7 @@ from ..attractors.settling import Catalogue, settle
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .initial_conditions import Starts
+from .initial_conditions import InitialConditions
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Verification:
 
     @classmethod
     def of(cls, wrong: int, compared: int, excluded: int = 0, undecided: int = 0) -> Verification:
-        """Give the share of `wrong` among some starts its interval; further ones that are undecided widen it."""
+        """Return the fraction of wrong labels with its confidence interval, which undecided ones widen."""
         (low, _), (_, high) = np.transpose(
             binomial_interval([wrong, wrong + undecided], compared + undecided, method="Wilson")
         ).tolist()
@@ -69,7 +69,7 @@ class Verification:
 def verified(
     exact: PointMap,
     attractors: Sequence[Attractor],
-    initial_conditions: Starts,
+    initial_conditions: InitialConditions,
     labels: NDArray[np.int16],
     max_periods: int,
     n: int,
@@ -83,20 +83,20 @@ def verified(
     catalogue = Catalogue.of(attractors, exact)
     close = catalogue.shrunk(0.01)
     found = np.empty(len(drawn), np.int16)
-    # Neighbourhoods of a cycle are not all of one size, and in a round an orbit visits each.
-    round_ = max((a.period for a in attractors), default=1)
+    # Neighbourhoods of a cycle differ in size, and within its period an orbit visits each.
+    period = max((a.period for a in attractors), default=1)
 
     def label(part: slice) -> None:
         orbits = Orbits.starting(points[part].copy())
         half = max_periods // 2
         early = settle(exact, orbits, close, half)
         found[part] = early.labels
-        before = _closest(exact, early.orbits, catalogue, round_)
+        before = _closest(exact, early.orbits, catalogue, period)
         late = settle(exact, early.orbits, close, max_periods - half, half)
         # One that converges slowly is still on its way; one at rest elsewhere is not.
         slow = late.undecided
-        nearer = _closest(exact, late.orbits, catalogue, round_) < before[slow] * (1.0 - 1e-9)
-        owners = settle(exact, late.orbits, catalogue, round_).labels
+        nearer = _closest(exact, late.orbits, catalogue, period) < before[slow] * (1.0 - 1e-9)
+        owners = settle(exact, late.orbits, catalogue, period).labels
         late.labels[slow] = np.where((owners >= 0) & nearer, owners, Label.UNDECIDED)
         found[part.start + early.undecided] = late.labels
 

@@ -23,7 +23,7 @@ _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class SolutionPoint:
     """A solution (n + 1,), the derivatives (n, n + 1) there, and the unit tangent of the curve."""
 
     unknowns: NDArray[np.float64]
@@ -36,7 +36,7 @@ class Place:
         return float(np.linalg.det(np.vstack([self.derivatives, self.tangent])))
 
 
-def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> Place | None:
+def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> SolutionPoint | None:
     """Return the solution in the plane through a guess, by Newton's method; None where it does not converge.
 
     The tangent of the curve points along `normal`.
@@ -56,7 +56,7 @@ def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.f
         if length <= _CONVERGED or stays:
             # The derivatives are those at the place itself, not at one before it.
             tangent = tangent_of(derivatives, normal)
-            return None if tangent is None else Place(unknowns, derivatives, tangent)
+            return None if tangent is None else SolutionPoint(unknowns, derivatives, tangent)
         if not length < 2.0 * last:
             return None
         unknowns = unknowns + change
@@ -75,26 +75,26 @@ def tangent_of(derivatives: NDArray[np.float64], along: NDArray[np.float64]) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Stride:
-    """A step of a curve from one place to the next, `length` along the tangent of the first."""
+class ContinuationStep:
+    """A step along a curve from one solution point to the next, `length` along the tangent of the first."""
 
     problem: Problem
-    begin: Place
-    end: Place
+    begin: SolutionPoint
+    end: SolutionPoint
     length: float
 
-    def at(self, length: float) -> Place | None:
-        """Return the place that is so far along the tangent."""
+    def at(self, length: float) -> SolutionPoint | None:
+        """Return the solution point at a distance along the tangent."""
         begin = self.begin
         return corrected(self.problem, begin.unknowns + length * begin.tangent, begin.tangent)
 
-    def interpolated(self, share: float) -> Place:
-        """Return a place between the ends that is no solution, but near to one."""
+    def interpolated(self, share: float) -> SolutionPoint:
+        """Return a point between the ends that is near a solution."""
         begin, end = self.begin, self.end
         return replace(begin, unknowns=begin.unknowns + share * (end.unknowns - begin.unknowns))
 
-    def located(self, test: Callable[[Place], float]) -> Place | None:
-        """Return the place between the ends at which a function of places changes its sign."""
+    def located(self, test: Callable[[SolutionPoint], float]) -> SolutionPoint | None:
+        """Return the solution point between the ends at which a test function changes its sign."""
         from scipy.optimize import brentq
 
         def value(length: float) -> float:
@@ -108,8 +108,8 @@ class Stride:
         except (FloatingPointError, ValueError):
             return None
 
-    def cut(self, first: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Stride | None:
-        """Return the stride up to where the unknowns from number `first` on leave an interval; None if it has none."""
+    def cut(self, first: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> ContinuationStep | None:
+        """Return the step up to where the unknowns from number `first` on leave an interval; None if it has none."""
         ends = []
         for k, (low, high) in enumerate(zip(lower, upper, strict=True), first):
             value = self.end.unknowns[k]
@@ -128,7 +128,7 @@ class Stride:
         """Return how far along the tangent unknowns are."""
         return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
 
-    def passes(self, place: Place, turns: NDArray[np.float64]) -> bool:
+    def passes(self, place: SolutionPoint, turns: NDArray[np.float64]) -> bool:
         """Return whether the step passes through a point in the same direction; unknowns with a period are angles."""
         apart = place.unknowns - self.begin.unknowns
         apart = apart - np.where(turns > 0, turns * np.round(apart / np.where(turns > 0, turns, 1.0)), 0.0)
@@ -137,13 +137,13 @@ class Stride:
         return passed and aligned and bool(np.linalg.norm(apart) <= 1.1 * self.length)
 
 
-def strides(
-    problem: Problem, begin: Place, longest: float, growing: NDArray[np.bool_]
-) -> Generator[Stride, bool | None, None]:
-    """Yield steps along a curve from a place on it, for ever; stop where no step is short enough.
+def continuation_steps(
+    problem: Problem, begin: SolutionPoint, longest: float, growing: NDArray[np.bool_]
+) -> Generator[ContinuationStep, bool | None, None]:
+    """Yield steps along a curve from a solution point, without end; stop where no step is short enough.
 
     Steps are adapted to the angle between tangents, up to `longest`, or that part of the largest of the unknowns that
-    are `growing`.  A stride that is sent back is repeated with less than half its length.
+    are `growing`.  A step that is sent back is repeated with less than half its length.
     """
     here, length = begin, longest
     while length > _SHORTEST:
@@ -152,7 +152,7 @@ def strides(
         if there is None or turned < _STRAIGHT:
             length *= 0.5
             continue
-        refused = yield Stride(problem, here, there, length)
+        refused = yield ContinuationStep(problem, here, there, length)
         if refused:
             length *= _REPEATED
             continue

@@ -12,7 +12,7 @@ from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
-from .arclength import Place, corrected, strides
+from .arclength import SolutionPoint, continuation_steps, corrected
 from .branch import Bifurcation, BifurcationKind, Branch
 from .orbit_equations import OrbitProblem, orbit_problem
 
@@ -146,10 +146,10 @@ def continue_bifurcation(
         label = f"curve of {bifurcation.kind}" if progress else None
         with progress_bar(most, label) as tick:
             begin = replace(start, tangent=sign * start.tangent)
-            for stride in strides(problem, begin, longest, orbits.growing):
-                there = stride.end.unknowns[-2:]
-                cut = None if (there >= low).all() and (there <= high).all() else stride.cut(exact.dimension, low, high)
-                last = stride.end if cut is None else cut.end
+            for part in continuation_steps(problem, begin, longest, orbits.growing):
+                there = part.end.unknowns[-2:]
+                cut = None if (there >= low).all() and (there <= high).all() else part.cut(exact.dimension, low, high)
+                last = part.end if cut is None else cut.end
                 if bifurcation.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
                     end = "multipliers met on the real axis"
                     break
@@ -157,7 +157,7 @@ def continue_bifurcation(
                 tick(1)
                 if cut is not None:
                     end = "left the intervals"
-                elif len(places) > 3 and stride.passes(begin, orbits.circles):
+                elif len(places) > 3 and part.passes(begin, orbits.circles):
                     end = "closed"
                 elif len(places) > most:
                     end = "most points"
@@ -209,11 +209,11 @@ class _Singular:
         left, _, _ = np.linalg.svd(orbits(unknowns)[1][:, :d])
         return cls(orbits, kind, left[:, -1], unknowns[:d])
 
-    def matrix(self, place: Place) -> NDArray[np.float64]:
+    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix."""
         return self._matrices(place.unknowns)
 
-    def is_real(self, place: Place) -> bool:
+    def is_real(self, place: SolutionPoint) -> bool:
         """Return whether the multipliers whose product is 1 are real."""
         found = multipliers_of(self.matrix(place))
         return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)

@@ -65,7 +65,7 @@ class Bifurcation:
     place: int
     _unknowns: NDArray[np.float64] = field(repr=False)
     _along: NDArray[np.float64] = field(repr=False)
-    _aside: NDArray[np.float64] | None = field(repr=False, default=None)
+    _branch_direction: NDArray[np.float64] | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
         return f"Bifurcation({self.kind} at {self.value:.12g}, {self.before} -> {self.after} unstable)"
@@ -134,7 +134,7 @@ class Branch:
             share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
             guess = problem.between(self.points[k], self.points[k + 1], share)
             place = corrected(
-                problem, np.append(guess / problem.scale[:-1], value / problem.scale[-1]), problem.upright
+                problem, np.append(guess / problem.scale[:-1], value / problem.scale[-1]), problem.parameter_direction
             )
             if place is not None:
                 exact = self.point_map.with_params(**{self.parameter: value})

@@ -20,7 +20,7 @@ class Crossing:
 
     unknowns: NDArray[np.float64]
     along: NDArray[np.float64]
-    aside: NDArray[np.float64]
+    branch_direction: NDArray[np.float64]
 
 
 def crossing(problem: Problem, guess: NDArray[np.float64], along: NDArray[np.float64]) -> Crossing | None:

@@ -14,7 +14,7 @@ from ..orbits.attractor import Attractor
 from ..orbits.periodic_orbit import PeriodicOrbit
 from .arclength import corrected
 from .branch import Bifurcation, BifurcationKind, Branch
-from .branch_tracer import Walker, born_orbit
+from .branch_tracer import BranchTracer, born_orbit
 from .orbit_equations import begin_orbit, orbit_problem
 
 _STEP = 0.02  # of the parameter's interval that is looked at
@@ -129,21 +129,21 @@ def period_doubling_cascade(
     if last == value:
         raise ValueError(f"limit={limit!r}: give another value than the present {parameter}={value:g}")
     problem = orbit_problem(exact, state, period, (parameter,), (abs(last - value),))
-    start = corrected(problem, np.append(state, value) / problem.scale, problem.upright)
+    start = corrected(problem, np.append(state, value) / problem.scale, problem.parameter_direction)
     ends = frozenset({BifurcationKind.PERIOD_DOUBLING, BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER})
     interval = (min(value, last), max(value, last))
-    walker = Walker(exact, parameter, problem, interval, _STEP, _POINTS, None, ends)
-    if start is None or walker.watch.unstable(start):
+    tracer = BranchTracer(exact, parameter, problem, interval, _STEP, _POINTS, None, ends)
+    if start is None or tracer.detector.unstable(start):
         raise ValueError(f"orbit={orbit!r}: give a stable orbit of this map")
     start = replace(start, tangent=start.tangent * np.sign((last - value) * start.tangent[-1]))
     found: list[Bifurcation] = []
     branches: list[Branch] = []
     while True:
-        walk = walker.walk(start)
-        branches.append(walker.branch(None, walk))
-        if walk.end != "bifurcation":
-            return Cascade(parameter, tuple(found), tuple(branches), f"then the branch {walk.end}")
-        found.append(walk.found[-1])
+        segment = tracer.trace(start)
+        branches.append(tracer.branch(None, segment))
+        if segment.end != "bifurcation":
+            return Cascade(parameter, tuple(found), tuple(branches), f"then the branch {segment.end}")
+        found.append(segment.found[-1])
         if found[-1].kind is BifurcationKind.NEIMARK_SACKER:
             return Cascade(parameter, tuple(found), tuple(branches), "then Neimark-Sacker")
         values = [b.value for b in found if b.kind is BifurcationKind.PERIOD_DOUBLING]
@@ -151,7 +151,7 @@ def period_doubling_cascade(
             return Cascade(parameter, tuple(found), tuple(branches), "as many as asked for")
         before = found[-2].value if len(found) > 1 else value
         span = min(_AHEAD * abs(found[-1].value - before), abs(last - value))
-        born = born_orbit(walker, found[-1], span, 1.0 / _SHRINKING)
+        born = born_orbit(tracer, found[-1], span, 1.0 / _SHRINKING)
         if born is None:
             return Cascade(parameter, tuple(found), tuple(branches), "then no orbit is found")
-        walker, start = born
+        tracer, start = born

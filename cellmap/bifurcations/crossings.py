@@ -58,7 +58,7 @@ class Seen:
     """Test functions (n, 4) at parameter points, with what else is known there (n).
 
     ``crossing`` is how the multiplier that is nearest to the unit circle would cross it, ``conservative`` whether the
-    map keeps volumes there.
+    map is volume-preserving there.
     """
 
     tests: NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one, unstable_count
-from .arclength import Place, Stride
+from .arclength import ContinuationStep, SolutionPoint
 from .branch import Bifurcation, BifurcationKind
 from .branch_points import crossing
 from .orbit_equations import OrbitProblem
@@ -34,25 +34,25 @@ _SIMPLE = {BifurcationKind.FOLD, BifurcationKind.PITCHFORK, BifurcationKind.PERI
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What is seen at a place: test functions (4,), in the order of `TESTS`, and the number of unstable multipliers.
+class TestValues:
+    """Values of the test functions (4,), in the order of `TESTS`, and the number of unstable multipliers.
 
     Without damping (`conservative`) the product of all multipliers is 1 everywhere, but for rounding, and the last test
-    tells nothing.
+    function carries no information.
     """
 
     tests: NDArray[np.float64]
     unstable: int
     conservative: bool
 
-    def is_singular(self, before: Sight) -> bool:
-        """Whether a test function that told something before vanishes, or is not known."""
-        told = self.watched | before.watched
-        return not bool((np.abs(self.tests[told]) > _SINGULAR).all())
+    def is_singular(self, before: TestValues) -> bool:
+        """Return whether a test function that was informative before vanishes, or is not known."""
+        compared = self.informative | before.informative
+        return not bool((np.abs(self.tests[compared]) > _SINGULAR).all())
 
     @property
-    def watched(self) -> NDArray[np.bool_]:
-        """Which tests tell something."""
+    def informative(self) -> NDArray[np.bool_]:
+        """Which test functions carry information."""
         return np.array([kind is not BifurcationKind.NEIMARK_SACKER or not self.conservative for kind in TESTS])
 
     @property
@@ -62,40 +62,42 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class Watch:
+class Detector:
     """Bifurcation detector: test functions at solution points, and bifurcations between them."""
 
     problem: OrbitProblem
 
-    def multipliers(self, place: Place) -> NDArray[np.complex128]:
-        """Return the multipliers at a place."""
+    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+        """Return the multipliers at a solution point."""
         return multipliers_of(self.problem.matrix(place))
 
-    def unstable(self, place: Place) -> int:
-        """Return the number of unstable multipliers at a place."""
+    def unstable(self, place: SolutionPoint) -> int:
+        """Return the number of unstable multipliers at a solution point."""
         return int(unstable_count(self.multipliers(place)))
 
-    def sight(self, place: Place) -> Sight:
-        """Return what is seen at a place."""
+    def values_at(self, place: SolutionPoint) -> TestValues:
+        """Return the values of the test functions at a solution point."""
         found = self.multipliers(place)
         tests = np.array([self._test(kind, place) for kind in TESTS])
-        return Sight(tests, int(unstable_count(found)), _keeps_volumes(found))
+        return TestValues(tests, int(unstable_count(found)), _is_volume_preserving(found))
 
-    def events(self, stride: Stride, before: Sight, after: Sight) -> tuple[list[Bifurcation], bool]:
-        """Return the bifurcations on a stride, in its order, and whether they explain what has changed on it."""
-        found: list[tuple[float, BifurcationKind, Place]] = []
-        for kind, changed in zip(TESTS, (before.sides != after.sides) & (before.watched | after.watched), strict=True):
-            if changed and (place := self._located(kind, stride)) is not None:
-                found.append((stride.along(place.unknowns), kind, place))
+    def events(self, step: ContinuationStep, before: TestValues, after: TestValues) -> tuple[list[Bifurcation], bool]:
+        """Return the bifurcations on a step, in its order, and whether they explain what has changed on it."""
+        found: list[tuple[float, BifurcationKind, SolutionPoint]] = []
+        for kind, changed in zip(
+            TESTS, (before.sides != after.sides) & (before.informative | after.informative), strict=True
+        ):
+            if changed and (place := self._located(kind, step)) is not None:
+                found.append((step.along(place.unknowns), kind, place))
         if not found and before.unstable != after.unstable:
-            place = self._where_count_changes(stride, before.unstable)
-            found.append((stride.along(place.unknowns), self._kind_of_change(place), place))
+            place = self._where_count_changes(step, before.unstable)
+            found.append((step.along(place.unknowns), self._kind_of_change(place), place))
         found.sort(key=lambda f: f[0])
         cuts = [0.5 * (a[0] + b[0]) for a, b in pairwise(found)]
-        counts = [before.unstable, *(self._count_at(stride, cut, before.unstable) for cut in cuts), after.unstable]
+        counts = [before.unstable, *(self._count_at(step, cut, before.unstable) for cut in cuts), after.unstable]
         if any(kind in _SIMPLE and counts[k] == counts[k + 1] for k, (_, kind, _) in enumerate(found)):
             # Between two bifurcations that are close together a multiplier stays within the margin for rounding.
-            exact = [self._exactly(p) for p in (stride.begin, *(stride.at(c) for c in cuts), stride.end)]
+            exact = [self._exactly(p) for p in (step.begin, *(step.at(c) for c in cuts), step.end)]
             counts = [c if e is None else e for c, e in zip(counts, exact, strict=True)]
         events, clear = [], True
         for k, (_, kind, place) in enumerate(found):
@@ -104,11 +106,11 @@ class Watch:
             if kind is BifurcationKind.NEIMARK_SACKER and not change:
                 continue
             clear &= change == (0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1))
-            if (event := self._event(kind, place, stride)) is not None:
+            if (event := self._event(kind, place, step)) is not None:
                 events.append(replace(event, before=counts[k], after=counts[k + 1]))
         return events, clear
 
-    def _test(self, kind: BifurcationKind, place: Place) -> float:
+    def _test(self, kind: BifurcationKind, place: SolutionPoint) -> float:
         if kind is BifurcationKind.FOLD:
             return float(place.tangent[-1])
         if kind is BifurcationKind.PITCHFORK:
@@ -117,27 +119,27 @@ class Watch:
             return float(np.linalg.det(self.problem.matrix(place) + np.eye(self.problem.dimension)))
         return float(pairs_beside_one(self.multipliers(place)))
 
-    def _located(self, kind: BifurcationKind, stride: Stride) -> Place | None:
-        place = stride.located(lambda p: self._test(kind, p))
+    def _located(self, kind: BifurcationKind, step: ContinuationStep) -> SolutionPoint | None:
+        place = step.located(lambda p: self._test(kind, p))
         if place is None and kind is BifurcationKind.PITCHFORK:
             # Next to a crossing corrections may fail; the crossing itself is found from afar.
-            ends = self._test(kind, stride.begin), self._test(kind, stride.end)
-            place = stride.interpolated(ends[0] / (ends[0] - ends[1]))
+            ends = self._test(kind, step.begin), self._test(kind, step.end)
+            place = step.interpolated(ends[0] / (ends[0] - ends[1]))
         return place
 
-    def _count_at(self, stride: Stride, length: float, otherwise: int) -> int:
-        place = stride.at(length)
+    def _count_at(self, step: ContinuationStep, length: float, otherwise: int) -> int:
+        place = step.at(length)
         return otherwise if place is None else self.unstable(place)
 
-    def _exactly(self, place: Place | None) -> int | None:
+    def _exactly(self, place: SolutionPoint | None) -> int | None:
         """Return the number of multipliers outside the unit circle, however near to it; None for no place."""
         return None if place is None else int(unstable_count(self.multipliers(place), 0.0))
 
-    def _where_count_changes(self, stride: Stride, count: int) -> Place:
-        low, high, place = 0.0, stride.length, stride.end
+    def _where_count_changes(self, step: ContinuationStep, count: int) -> SolutionPoint:
+        low, high, place = 0.0, step.length, step.end
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            there = stride.at(middle)
+            there = step.at(middle)
             if there is None:
                 break
             if self.unstable(there) == count:
@@ -146,33 +148,33 @@ class Watch:
                 high, place = middle, there
         return place
 
-    def _kind_of_change(self, place: Place) -> BifurcationKind:
+    def _kind_of_change(self, place: SolutionPoint) -> BifurcationKind:
         found = self.multipliers(place)
-        collide = _keeps_volumes(found) and self._is_complex(found)
+        collide = _is_volume_preserving(found) and self._is_complex(found)
         return BifurcationKind.NEIMARK_SACKER if collide else BifurcationKind.DEGENERATE
 
     def _is_complex(self, multipliers: NDArray[np.complex128]) -> bool:
         """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
-    def _event(self, kind: BifurcationKind, place: Place, stride: Stride) -> Bifurcation | None:
+    def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation | None:
         """Return what is known of a bifurcation, but for the counts; None where it is none."""
         problem, d = self.problem, self.problem.dimension
-        unknowns, along, aside = place.unknowns, place.tangent, None
+        unknowns, along, branch_direction = place.unknowns, place.tangent, None
         if kind is BifurcationKind.PITCHFORK:
-            meeting = crossing(problem, unknowns, stride.begin.tangent)
+            meeting = crossing(problem, unknowns, step.begin.tangent)
             if meeting is None:
                 kind = BifurcationKind.DEGENERATE
             else:
-                unknowns, along, aside = meeting.unknowns, meeting.along, meeting.aside
+                unknowns, along, branch_direction = meeting.unknowns, meeting.along, meeting.branch_direction
                 place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
-                if abs(aside[-1]) > _VERTICAL:
+                if abs(branch_direction[-1]) > _VERTICAL:
                     kind = BifurcationKind.TRANSCRITICAL
         matrix, multipliers = problem.matrix(place), self.multipliers(place)
         if kind is BifurcationKind.NEIMARK_SACKER and not self._is_complex(multipliers):
             kind = BifurcationKind.DEGENERATE
         if kind is BifurcationKind.PERIOD_DOUBLING:
-            aside = np.append(np.linalg.svd(matrix + np.eye(d))[2][-1], 0.0)
+            branch_direction = np.append(np.linalg.svd(matrix + np.eye(d))[2][-1], 0.0)
         state = unknowns * problem.scale
         return Bifurcation(
             kind=kind,
@@ -184,9 +186,9 @@ class Watch:
             place=0,
             _unknowns=unknowns,
             _along=along,
-            _aside=aside,
+            _branch_direction=branch_direction,
         )
 
 
-def _keeps_volumes(multipliers: NDArray[np.complex128]) -> bool:
+def _is_volume_preserving(multipliers: NDArray[np.complex128]) -> bool:
     return bool(abs(abs(np.prod(multipliers)) - 1.0) < _KEPT)

@@ -12,9 +12,9 @@ from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import Place, corrected, tangent_of
+from .arclength import SolutionPoint, corrected, tangent_of
 from .branch import Bifurcation, Branch
-from .branch_tracer import Walker, born_orbit
+from .branch_tracer import BranchTracer, born_orbit
 from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
@@ -108,14 +108,14 @@ def continue_orbit(
     def follow(span: float) -> Branch:
         problem = orbit_problem(exact, state, period, (parameter,), (span,), own)
         unknowns = np.append(state, value) / problem.scale
-        start = corrected(problem, unknowns, problem.upright) or _at_a_fold(problem, unknowns)
-        walker = Walker(exact, parameter, problem, (low, high), longest, most, label)
-        start = walker.clear_start(start)
-        ahead = walker.walk(start)
+        start = corrected(problem, unknowns, problem.parameter_direction) or _at_a_fold(problem, unknowns)
+        tracer = BranchTracer(exact, parameter, problem, (low, high), longest, most, label)
+        start = tracer.clear_start(start)
+        ahead = tracer.trace(start)
         if ahead.end == "closed":
-            return replace(walker.branch(None, ahead), ends=("closed", "closed"))
-        back = walker.walk(replace(start, tangent=-start.tangent))
-        return walker.branch(back.reversed(), ahead)
+            return replace(tracer.branch(None, ahead), ends=("closed", "closed"))
+        back = tracer.trace(replace(start, tangent=-start.tangent))
+        return tracer.branch(back.reversed(), ahead)
 
     branch = follow(high - low)
     extent = float(np.ptp(branch.values))
@@ -177,26 +177,26 @@ def switch_branch(
         raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain the bifurcation {bifurcation!r}")
     if side not in (1, -1):
         raise ValueError(f"side={side!r}: give 1 or -1")
-    if bifurcation._aside is None:
+    if bifurcation._branch_direction is None:
         raise ValueError(f"bifurcation={bifurcation!r}: no branch of periodic orbits leaves it")
     longest, most = (
         finite_number("step", step, above=0.0, at_most=1.0),
         whole_number("max_points", max_points, at_least=1),
     )
     label = f"continuation in {branch.parameter}" if progress else None
-    walker = Walker(branch.point_map, branch.parameter, branch._problem, (low, high), longest, most, label)
-    born = born_orbit(walker, bifurcation, high - low, side=side)
+    tracer = BranchTracer(branch.point_map, branch.parameter, branch._problem, (low, high), longest, most, label)
+    born = born_orbit(tracer, bifurcation, high - low, side=side)
     if born is None:
         raise ValueError(
             f"bifurcation={bifurcation!r}: no orbit is found on the branch that leaves it; give a smaller step"
         )
     further, start = born
-    return further.branch(None, further.walk(start))
+    return further.branch(None, further.trace(start))
 
 
-def _at_a_fold(problem: OrbitProblem, unknowns: NDArray[np.float64]) -> Place:
+def _at_a_fold(problem: OrbitProblem, unknowns: NDArray[np.float64]) -> SolutionPoint:
     """Return the place of a given solution whose parameter cannot be held fixed."""
     derivatives = problem(unknowns)[1]
     direction = np.linalg.svd(derivatives)[2][-1]
     along = tangent_of(derivatives, direction)
-    return Place(unknowns, derivatives, direction if along is None else along)
+    return SolutionPoint(unknowns, derivatives, direction if along is None else along)

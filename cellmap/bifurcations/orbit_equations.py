@@ -14,7 +14,7 @@ from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import Place
+from .arclength import SolutionPoint
 
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
 
@@ -49,7 +49,7 @@ class OrbitProblem:
         return np.append(self.around == 0, np.zeros(len(self.scale) - self.dimension, bool))
 
     @property
-    def upright(self) -> NDArray[np.float64]:
+    def parameter_direction(self) -> NDArray[np.float64]:
         """Unit vector along the last parameter."""
         return np.eye(len(self.scale))[-1]
 
@@ -59,14 +59,14 @@ class OrbitProblem:
         state = unknowns * self.scale
         images, matrices = tangent(self.swept, state, self.period)
         moved = images[..., :d] - state[..., :d]
-        # Where an angle that enters other images crosses its cut, these jump by whole turns.
+        # Where an angle that enters other images crosses its branch cut, these jump by full rotations.
         residual = (moved - self.around * np.round(moved / np.where(self.around > 0, self.around, 1.0))) / self.scale[
             :d
         ]
         slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
         return residual, slopes
 
-    def matrix(self, place: Place) -> NDArray[np.float64]:
+    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix, in units of `scale`."""
         return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
 

@@ -23,8 +23,8 @@ _ROUNDING = 1e-13  # residual, scaled, that no step makes smaller
 _CONVERGED = 3e-14  # step, scaled, that changes the derivatives by no more than their own tolerance
 _FLOOR = 1e-7  # steps below this that no longer shrink by half are rounding
 _NEAR = 0.3  # distance of a solution from its guess, scaled, beyond which it is on another branch
-_FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss where it was foreseen
-_SHORTEST = 2.0**-6  # step, as a share of the way to a neighbour
+_FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss its prediction
+_SHORTEST = 2.0**-6  # step, as a fraction of the way to a neighbour
 _CAREFUL = 2.0**-5  # the same where branches may cross
 _OPEN = 1e-5  # distance, scaled, by which an orbit is open before its period is over
 _TRIES = 2  # neighbours from which a point is sought in short steps
@@ -57,7 +57,7 @@ class FollowedOrbit:
 
         def work(part: slice) -> None:
             some = away[part]
-            matrices[some] = _walk_on_one_branch(self.problem, nearest[some], begins[some], points[some]).matrices
+            matrices[some] = _follow_one_branch(self.problem, nearest[some], begins[some], points[some]).matrices
 
         run_over(slices(len(away), CHUNK), work, progress)
         lost = np.asarray(np.isnan(matrices).any(axis=(-2, -1)))
@@ -143,7 +143,9 @@ def _repeat_themselves(
     return repeated
 
 
-def _stride(problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]) -> _Solved:
+def _one_step(
+    problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]
+) -> _Solved:
     """Return the orbits at parameters `after` (n, m) where they are as foreseen from `before`, and on the same side."""
     foreseen = np.einsum("nij,nj->ni", begin.drifts, after - before)
     found = _solve(problem, begin.states + foreseen, after)
@@ -161,7 +163,7 @@ def _as_foreseen(
         return np.asarray(wrong <= _FORESEEN * np.abs(foreseen / scale).max(axis=-1) + _SMALL)
 
 
-def _walk(
+def _several_steps(
     problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64], longest: float = 1.0
 ) -> _Solved:
     """Return the orbits at parameters `after` (n, m) to which those at `before` lead, in steps that are short enough.
@@ -189,14 +191,14 @@ def _walk(
     return here
 
 
-def _walk_on_one_branch(
+def _follow_one_branch(
     problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]
 ) -> _Solved:
-    """Walk; where branches seem to cross on the way, once more in short steps, which do not take one for another."""
-    found = _walk(problem, begin, before, after)
+    """Follow orbits; where branches seem to cross on the way, again in steps short enough to stay on one branch."""
+    found = _several_steps(problem, begin, before, after)
     crossed = np.flatnonzero(begin.sides * found.sides < 0.0)
     if len(crossed):
-        found[crossed] = _walk(problem, begin[crossed], before[crossed], after[crossed], _CAREFUL)
+        found[crossed] = _several_steps(problem, begin[crossed], before[crossed], after[crossed], _CAREFUL)
     return found
 
 
@@ -221,7 +223,7 @@ def follow_over(
     own = np.array([[exact.params[name] for name in names]])
     first = int(np.argmin(np.abs(y - own[0, 1]))), int(np.argmin(np.abs(x - own[0, 0])))
     start = _solve(problem, state[None], own)
-    start = _walk_on_one_branch(problem, start, own, np.array([[x[first[1]], y[first[0]]]]))
+    start = _follow_one_branch(problem, start, own, np.array([[x[first[1]], y[first[0]]]]))
     if np.isnan(start.states).any():
         raise ValueError(
             f"orbit={orbit!r}: it ceases to exist between {names[0]}={own[0, 0]:g}, {names[1]}={own[0, 1]:g} and the "
@@ -243,8 +245,8 @@ def follow_over(
             parts: dict[int, _Solved] = {}
 
             def work(part: slice) -> None:
-                walk = _stride if easy else _walk_on_one_branch  # noqa: B023
-                parts[part.start] = walk(problem, nearest[part], before[part], after[part])  # noqa: B023
+                follow = _one_step if easy else _follow_one_branch  # noqa: B023
+                parts[part.start] = follow(problem, nearest[part], before[part], after[part])  # noqa: B023
 
             run_over(slices(len(places), CHUNK), work)
             for begin, found in parts.items():

@@ -241,7 +241,7 @@ class Session:
             await self._socket.send_bytes(packed(facts, data))
 
     def _offer(self, wanted: _Wanted, view: View, frame: LiveFrame) -> None:
-        """Let a frame wait for its turn, in the place of the one that waits."""
+        """Queue a frame, in the place of the one that waits."""
         self._waiting = wanted, view, frame
         self._room.set()
 

@@ -12,7 +12,7 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Discrete, Step, Table
 from .._compiled.kernels.periods import Motion, iterate
 from .integration import Flow
-from .orbit_batch import Orbits, legs
+from .orbit_batch import Orbits, portions
 
 _NONE, _NOWHERE = np.zeros(1, np.int64), np.zeros(1)
 _NO_TABLE = Table(0, _NONE, 0, 0, _NOWHERE, _NOWHERE, _NOWHERE, _NOWHERE)
@@ -83,5 +83,5 @@ class DiscreteAdvance(CompiledAdvance):
     def __call__(self, orbits: Orbits, periods: int = 1) -> None:
         """Move a batch of orbits on by some applications, in place."""
         state = (orbits.points, orbits.rotations, orbits.status)
-        for some in legs(periods, len(orbits)):
+        for some in portions(periods, len(orbits)):
             orbits.work.evaluations += iterate(*self.step.discrete, *state, self.lower, self.turn, some)

@@ -108,7 +108,7 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
 
 
 def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return cuts and turns of all coordinates as arrays; a turn of 0 marks a variable on the line."""
+    """Return branch cuts and periods of all coordinates as arrays; the period 0 marks a variable on the line."""
     lower = np.array([c.lower if c.lower is not None else -inf for c in coordinates])
     turn = np.array([c.period or 0.0 for c in coordinates])
     return lower, turn
@@ -131,7 +131,7 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
 
 
 def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return points (..., dimension) with every angle in its turn; NaN where it is too large to have a phase."""
+    """Return points (..., dimension) with every angle wrapped; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
         if c.period is not None and c.lower is not None:

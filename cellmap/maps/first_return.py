@@ -18,13 +18,13 @@ from .orbit_batch import Orbits, Status
 from .system import ForcedSystem
 from .tangent import tangent_by_lanes
 
-_LAST = 1e-9  # share of a stretch before its end in which an arrival is left to the next one
+_LAST = 1e-9  # fraction of a stretch before its end in which an arrival is left to the next one
 _AT_REST = 1e-13  # largest move in a stretch, relative to 1 or to the point, of an orbit that rests
 EXTRA = 3  # states besides those of the system: time under way, side of the section, its value
 
 
 def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
-    """Return the system that stands still where it has crossed the section.
+    """Return the system whose state stays constant once it has crossed the section.
 
     Further states are the time under way, the sign of the side on which it moves, and the value on the section.
     """
@@ -32,7 +32,7 @@ def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
     rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
     taken = {c.name for c in system.axes}
     names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
-    # As the sign tells one side from the other, a turn later all is not the same: here the angle is on the line.
+    # The sign of the side differs after a full rotation: the angle of the section is kept unwrapped here.
     axes = [Coordinate(c.name) if j == place else c for j, c in enumerate(system.axes)]
     return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches)
 
@@ -128,7 +128,7 @@ class Trip:
     def _across(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the direction in which states cross the section at which they have stopped.
 
-        They come back from the side on which they were, except after a whole turn of an angle.
+        They come back from the side on which they were, except after a full rotation of an angle.
         """
         d, turn = self.system.dimension, self.system.axes[self.place].period
         round_ = np.inf if turn is None else 0.5 * turn

@@ -20,7 +20,7 @@ from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.periods import PROBE, Motion, integrate
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
-from .orbit_batch import Orbits, legs
+from .orbit_batch import Orbits, portions
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
@@ -228,7 +228,7 @@ class Flow:
         self.advance(orbits, 1, anywhere, anywhere)
 
     def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
-        """Move orbits on by some periods in place, with angles brought back into their turns."""
-        for some in legs(periods, len(orbits)):
+        """Advance orbits by some periods in place, with wrapped angles."""
+        for some in portions(periods, len(orbits)):
             steps = integrate(self.numbers, orbits.points, orbits.rotations, orbits.status, lower, turn, some)
             orbits.work.evaluations += steps * self.kernel.stages

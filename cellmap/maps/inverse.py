@@ -100,7 +100,7 @@ class Inverse(MapSpec[PointMap]):
 
 
 def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix (d, d) that takes whole turns of a point to those by which its image turns beyond them.
+    """Return the matrix (d, d) of the full rotations that an image gains, beyond those of its point.
 
     It is 0 for the map of a flow, and for any other that can be drawn together to one that leaves all points where they
     are.  Of the cat map it is not: its image of a circle winds round the torus in another way.
@@ -114,7 +114,7 @@ def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.f
     for j in circles:
         loop = np.tile(about, (_LOOP, 1))
         loop[:, j] += turn[j] * np.arange(_LOOP) / _LOOP
-        # The mean of a periodic derivative is what its integral gains in one turn.
+        # The mean of a periodic derivative is the increment of its integral over one period.
         gained = tangent(exact, loop)[1][:, circles, j].mean(axis=0) * turn[j] / turn[circles]
         whole = np.round(gained)
         if np.isfinite(gained).all() and np.abs(gained - whole).max() < 0.1:
@@ -204,7 +204,7 @@ def preimages_along(
     """Return preimages (n, d) of the points of a curve that form a curve themselves, given a guess for the first.
 
     Of several preimages it takes the one that the derivative foresees from the neighbour before.  Behind a gap, rows of
-    NaN or a place where that fails, it begins anew from the nearest of some known pairs of points and preimages.
+    NaN or a place where that fails, it restarts from the nearest of some known pairs of points and preimages.
     """
     found = np.full(targets.shape, np.nan)
     usable: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(targets), axis=1)

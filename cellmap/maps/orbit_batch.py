@@ -14,7 +14,7 @@ from .._compiled.kernels import periods
 from .._compiled.kernels.blocks import wrap_rows
 
 CHUNK = 16384
-"""Starts in a slice of work.  Fixed, so that results do not depend on the number of threads."""
+"""Initial conditions in a slice of work.  Fixed, so that results do not depend on the number of threads."""
 
 
 class Status(IntEnum):
@@ -45,23 +45,23 @@ _FIRST_END = int(Status.ESCAPED)  # looking up a member of an enum costs more th
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """What a map or a picture has cost.
+    """Time and work that a map or a basin image has taken.
 
     Parameters
     ----------
     seconds : float
         Wall time.
     steps : int
-        Steps of a map: for a table the exact images that it took, for basins the periods of all starts together.
+        Steps of a map: for an interpolated map its exact images, for basins the periods of all initial conditions.
     tabulation : float
-        Wall time of making the table; for basins that of their map, which `seconds` leaves out.
+        Wall time of computing the interpolation grid; for basins that of their map, which `seconds` leaves out.
     iteration : float
-        Wall time of iterating starts, a part of `seconds`; the rest of it went into the search for attractors.
+        Wall time of iteration, a part of `seconds`; the rest of it is the search for attractors.
     evaluations : int
         Right-hand sides that the integrator computed for these steps, or their series where it is a Taylor method, with
         those of steps that were repeated; applications of a discrete map.
     look_ups : int
-        Look-ups in the table that these steps took; one with a leap stands for several periods.
+        Evaluations of the interpolated map in these steps; a multi-period step is one of them.
     """
 
     seconds: float = 0.0
@@ -81,10 +81,10 @@ class Work:
 
 
 class Tally(NamedTuple):
-    """What labelling some starts took.
+    """Work of labelling some initial conditions.
 
-    ``steps``: periods made by all of them; ``inaccurate``: starts on whose way the integrator missed its tolerance;
-    ``evaluations``, ``look_ups``: see :class:`Cost`.
+    ``steps``: periods of all of them; ``inaccurate``: initial conditions on whose orbit the integrator missed its
+    tolerance; ``evaluations``, ``look_ups``: see :class:`Cost`.
     """
 
     steps: int = 0
@@ -100,8 +100,8 @@ class Tally(NamedTuple):
 NOTHING = Tally()
 
 
-def legs(periods: int, orbits: int) -> Iterator[int]:
-    """Cut periods into numbers of them that compiled loops take at once: between two of them Ctrl-C is heard."""
+def portions(periods: int, orbits: int) -> Iterator[int]:
+    """Yield numbers of periods that compiled loops take at once, between which Ctrl-C is noticed."""
     most = max(1, PERIODS_AT_ONCE // max(1, orbits))
     for done in range(0, periods, most):
         yield min(most, periods - done)
@@ -159,7 +159,7 @@ class Orbits:
             self[alive] = some
 
     def wrap(self, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
-        """Bring angles into their turn, and end orbits whose angle is so large that it has no phase."""
+        """Wrap angles, and terminate orbits whose angle is so large that it has no phase."""
         if wrap_rows(self.points, self.rotations, lower, turn):
             self.end(np.flatnonzero(np.isnan(self.points).any(axis=1) & self.alive), Status.DIVERGED)
 

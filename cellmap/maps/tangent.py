@@ -47,7 +47,7 @@ def tangent_by_lanes(
 def tangent(
     point_map: PointMap, points: NDArray[np.float64], periods: int | NDArray[np.int64] = 1
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return unwrapped images (..., d) after some periods and their derivatives by the starts (..., d, d).
+    """Return unwrapped images (..., d) after some periods and their derivatives (..., d, d) by the points.
 
     ``periods`` is one number for all points or one for each.  Images come from the same integration as the
     derivatives, whose tolerance is 1e-12 or better.

@@ -207,7 +207,7 @@ def _errors(growth: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _alike(logs: NDArray[np.float64]) -> list[slice]:
-    """Return the neighbouring directions of a frame whose growth (n, d) cannot be told apart.
+    """Return the neighbouring directions of a frame whose growth (n, d) cannot be distinguished.
 
     Of two vectors that a matrix without a second eigenvector carries, one grows n^2 times as much as the other that is
     kept orthogonal to it; those of a complex pair take turns.

@@ -316,7 +316,7 @@ def measured(point_map: PointMap, circle: InvariantCircle) -> InvariantCircle:
 
 
 def curve_size(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return what points (n, dimension) of a curve span; along an angle no more than its turn."""
+    """Return the extent of points (n, dimension) of a curve; along an angle no more than its period."""
     turn = turns_of(coordinates)[1]
     shift = difference(points, points[0], coordinates)
     span = np.maximum(np.ptp(shift, axis=0), 1e-12 * (1e-3 + np.abs(points).max(axis=0)))

@@ -65,8 +65,8 @@ def stretching(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def exponents_of_cycles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the exponents (n, d) per step of periodic orbits, the largest first, from their multipliers.
 
-    ``matrices`` (n, period, d, d) are the derivatives of the steps of one round.  Minus infinity for a multiplier 0,
-    NaN where a derivative is not finite.
+    ``matrices`` (n, period, d, d) are the derivatives of the steps of one period of the cycle.  Minus infinity for a
+    multiplier 0, NaN where a derivative is not finite.
 
     Examples
     --------

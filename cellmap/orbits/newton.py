@@ -31,7 +31,7 @@ def newton(
     reach: float = 0.5,
     attracting: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^period(x) = x, up to whole turns of angles, from guesses (n, d), each for its period.
+    """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d), each for its period.
 
     A guess from which the residual does not keep falling after the first steps is given up.  A solution farther than
     `reach` from its guess, in units of the extent of the region, does not count; if `attracting`, nor does one that is
@@ -85,7 +85,7 @@ def damped_newton(
     periods: NDArray[np.int64],
     extent: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^period(x) = x, up to whole turns of angles, from guesses (n, d) that may be far away.
+    """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d) that may be far away.
 
     A step is halved until the next one, foreseen with the old derivative, is shorter, so that saddles are found from as
     far as other orbits: the natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004),
@@ -172,7 +172,7 @@ def stable_orbit(
 def _follow(
     exact: PointMap, point: NDArray[np.float64], period: int
 ) -> tuple[NDArray[np.float64], tuple[int, ...], NDArray[np.float64]]:
-    """Return the wrapped points of a closed orbit, its whole turns, and the derivative of each step."""
+    """Return the wrapped points of a closed orbit, its full rotations, and the derivative of each step."""
     points = np.empty((period, exact.dimension))
     matrices = np.empty((period, exact.dimension, exact.dimension))
     place, total = np.array(point, dtype=float), np.zeros(exact.dimension)

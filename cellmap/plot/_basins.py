@@ -96,7 +96,7 @@ def _mark_attractors(ax: Axes, basins: Basins, wide: list[int]) -> None:
             continue
         for k, j in enumerate(wide):
             turn = basins.coordinates[j].period
-            if turn is not None:  # a point on the seam is seen at both ends
+            if turn is not None:  # a point on the branch cut is seen at both ends
                 places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])
         style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
         ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from ..sets.simple_cells import CellMapping
 from ._axes import axes_or_new, label_axis, show_cells
 from ._colours import CODE_COLOURS, colour_of
 
-_PALEST = 0.75  # share of white in the colour of the cells that are the last to come to their group
+_PALEST = 0.75  # fraction of white in the colour of the cells that are the last to reach their group
 
 
 @checked

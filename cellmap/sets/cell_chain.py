@@ -186,7 +186,7 @@ class CellChain:
             For `refine` with noise.
         """
         if refine and self.noisy:
-            raise ValueError(f"refine={refine!r}: orbits with noise settle on no point; leave polish out")
+            raise ValueError(f"refine={refine!r}: orbits with noise settle on no point; leave refine out")
         cells = np.concatenate([np.empty(0, np.int64), *(one.cells for one in self.closed)])
         owners = np.repeat(np.arange(len(self.closed)), [len(one.cells) for one in self.closed])
         if refine is None:

@@ -24,7 +24,7 @@ from cellmap.analysis.fractal import (
 )
 from cellmap.analysis.resilience import basin_stability, minimal_fatal_shock
 from cellmap.basins import continue_basins
-from cellmap.basins.initial_conditions import Starts
+from cellmap.basins.initial_conditions import InitialConditions
 from cellmap.basins.record import basins_memory
 from cellmap.maps.grid import grid_points
 from cellmap.maps.interpolation.interpolated import table_memory
@@ -126,7 +126,7 @@ def test_starts_of_long_axes_have_the_same_bits(shape):
     grid = CellGrid((-0.3,) * len(shape), (1.7,) * len(shape), shape)
     axes = [grid.axis(j) for j in range(grid.dimension)]
     for rows in (slice(grid.size - 1000, grid.size), np.arange(0, grid.size, grid.size // 500)):
-        assert np.array_equal(Starts(grid, None).points(rows), grid_points(axes, rows))
+        assert np.array_equal(InitialConditions(grid, None).points(rows), grid_points(axes, rows))
 
 
 # --- numbers that nobody has the memory for

@@ -270,7 +270,7 @@ class Graph:
         values: Mapping[Expression, Expression],
         apply: Callable[..., Expression] | None = None,
     ) -> tuple[Expression, ...]:
-        """Return expressions with some nodes replaced; `apply` makes the nodes anew, by default as they were."""
+        """Return expressions with some nodes replaced; `apply` rebuilds the nodes, by default unchanged."""
         rule = apply or self.apply
         known = dict(values)
         for node in in_order(outputs):

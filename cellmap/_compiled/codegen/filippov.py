@@ -1,4 +1,4 @@
-"""Right-hand sides that jump, in the sense of Filippov (1988), as expressions.
+"""Discontinuous right-hand sides in the sense of Filippov (1988), as expressions.
 
 With the signs s_i of the switching functions h_i the right-hand side is f(s) = f_0 + sum of s_i g_i.  Each switch of an
 orbit is either free, s_i = +1 or -1, or it slides: then s_i = l_i is Utkin's equivalent control, the value that keeps
@@ -29,7 +29,7 @@ from .trace import Trace, empty_trace, evaluated
 
 @dataclass(frozen=True, eq=False)
 class SwitchingTrace:
-    """Expressions of a right-hand side that jumps.
+    """Expressions of a discontinuous (Filippov) right-hand side.
 
     ``motion`` has the components of the mode that the inputs "sign" and "slide" describe, ``free_motion`` those where
     nothing slides, at less work.  ``events`` and ``free_events`` are positive as long as the mode lasts, one for each

@@ -132,7 +132,7 @@ def switching_kernel(
             traced = replace(traced, motion=tangent_trace(traced.motion))
         except UntraceableError:
             return None
-    # Derivatives are wanted at few places: there it pays to compile less.
+    # Derivatives are needed at few points only: a lower order saves more time in compiling than it costs in steps.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
     advance = compiled_switching(traced, order, len(names), one_step=tangent)
     return finished(advance, taylor_method(order), trial=0)

@@ -1,4 +1,4 @@
-"""Shared frame of the integrators: one period of many starts, in SIMD lanes.
+"""Shared frame of the integrators: one period of many initial conditions, in SIMD lanes.
 
 The generated function is
 
@@ -67,7 +67,7 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
         *indent(4, (f"x{j} = x_{j}[i]" for j in components)),
         *indent(4, code.per_lane),
         *indent(4, (f"x_{j}[i] = y{j}; e_{j}[i] += abs(e{j})" for j in components)),
-        # Many steps are taken where few have failed: there it pays to see that no lane is finite any more.
+        # A large number of steps follows failures with fewer: stop as soon as no lane is finite any more.
         f"            if step % {CHECKED} == {CHECKED - 1} and steps[b] >= {CHECKED}:",
         "                finite = 0",
         f"                for i in range({LANES}):",

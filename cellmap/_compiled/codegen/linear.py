@@ -5,7 +5,7 @@ lanes with different periods take their steps together.  The state of a lane is 
 of the determinant of the flow, dL/dtau = T trace A (Liouville), and the swept parameters q, which rest.
 
 A swept parameter is a state of zero derivative.  Where A has power series, a lane expands what depends on its own
-parameters and on time; what all lanes share is expanded once a step.
+parameters and on time; series common to all lanes are expanded once a step.
 """
 
 from __future__ import annotations

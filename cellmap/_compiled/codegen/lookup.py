@@ -1,4 +1,4 @@
-"""Iteration of a tabulated map: look-ups of a tensor B-spline, in blocks of initial conditions, as LLVM instructions.
+"""Iteration of an interpolated map: tensor B-splines evaluated in blocks of initial conditions, as LLVM instructions.
 
 The function is
 
@@ -8,16 +8,16 @@ It moves row i of ``points`` on by ``left[i]`` periods, or until the row leaves 
 table does not serve; ``left`` keeps the periods that were not made.  It returns the number of look-ups.
 
 ``origin``, ``inverse`` (one over the node distance) and ``cells`` describe the table; ``circle`` is the number of node
-distances in a turn, 0 on the line; ``lower`` and ``turn`` say how angles are kept.  ``strides`` has the doubles between
-neighbours along each axis and then those of the whole table of one period; the tables of 2, 4, ... periods follow that
-one in ``table``.  ``reach`` says for each cell how many of the tables serve there, 0 for none; an empty one stands for
-one everywhere.  A row takes the longest multi-period step that its cell allows and that does not go past its ``left``.
+distances in the period of an angle, 0 on the line; ``lower`` and ``turn`` are branch cuts and periods of angles.
+``strides`` has the doubles between neighbours along each axis and then those of the whole table of one period; the
+tables of 2, 4, ... periods follow that one in ``table``.  ``reach`` is the number of tables that may be used in each
+cell, 0 for none; an empty one stands for one everywhere.  A row takes the longest multi-period step that its cell
+allows and that does not go past its ``left``.
 
-The states of a block are kept component by component.  Places in the table and whole turns are found for all of its
+The states of a block are kept component by component.  Places on the grid and full rotations are found for all of its
 lanes at once, full or not, in vector code, so that an initial condition has the same image whatever its neighbours are;
-the sums over coefficients follow row by row, see :mod:`cellmap._compiled.codegen.spline_sum`.  Numbers of cells are
-whole, and
-kept as doubles until they are used.
+the sums over coefficients follow row by row, see :mod:`cellmap._compiled.codegen.spline_sum`.  Cell indices are whole
+numbers, kept as doubles until they are used.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def lookup_text(dimension: int, order: int, width: int) -> str:
 
 @dataclass(frozen=True)
 class _Block:
-    """Addresses of what is known about the rows of a block: state, whole turns, place in the cell, component-wise."""
+    """Addresses of the data of the rows of a block: state, full rotations, place in the cell, component-wise."""
 
     x: tuple[str, ...]
     w: tuple[str, ...]
@@ -163,7 +163,7 @@ class _Table:
 
 
 def _constants(dimension: int) -> Iterator[str]:
-    """Numbers that would divide by a turn are 0 on the line."""
+    """Yield statements for reciprocals of periods, which are 0 for variables on the line."""
     for a in range(dimension):
         yield f"around{a} = 1.0 / circle{a} if circle{a} > 0.0 else 0.0"
         yield f"cut{a} = lower{a} if turn{a} > 0.0 else 0.0"

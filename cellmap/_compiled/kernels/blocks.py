@@ -1,4 +1,4 @@
-"""Starts into blocks of lanes and out again."""
+"""Pack initial conditions into blocks of lanes, unpack their images, and wrap angles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ LANES = 32
 through the same machine code wherever it stands, and its image has the same bits."""
 
 MOST_TURNS = 1e15
-"""Turns from which on an angle has no phase: floating-point numbers of that size lie a tenth of a turn apart."""
+"""Full rotations from which on an angle has no phase: floating-point numbers of that size lie a tenth of a period
+apart."""
 
 
 @loop
@@ -28,7 +29,7 @@ def pack(points, members, blocks):
 def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
     """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
 
-    The relative part of the tolerance refers to abs(x), but to no more than `largest`: half a turn for an angle.
+    The relative part of the tolerance refers to abs(x), but to no more than `largest`: half the period of an angle.
     """
     for m in range(members.size):
         b, i, row = m // LANES, m % LANES, members[m]
@@ -45,7 +46,7 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
 
 @loop
 def wrap_rows(points, rotations, lower, turn):
-    """Bring angles back into their turn and count the whole turns taken away; what has no phase becomes NaN.
+    """Wrap angles and count the full rotations taken away; angles without phase become NaN.
 
     Returns how many have none.
     """
@@ -58,9 +59,9 @@ def wrap_rows(points, rotations, lower, turn):
 
 @inlined
 def wrap_angle(points, rotations, i, j, lower, turn):
-    """Bring a component of a row into its turn, counting whole turns; tell whether it has a phase."""
+    """Wrap a component of a row, counting full rotations; return whether it has a phase."""
     x = points[i, j]
-    # What is in its turn stays as it is, so that wrapping again changes nothing.
+    # A wrapped angle stays as it is, so that wrapping again changes nothing.
     if turn > 0.0 and not lower <= x < lower + turn:
         whole = np.floor((x - lower) / turn)
         if not abs(whole) < MOST_TURNS:

@@ -19,7 +19,7 @@ NONE, LOST = -10, -11
 
 @loop
 def place_of(x, origin, inverse, circle):
-    """Return where a coordinate is, in cells from the first edge; on a circle within its turn."""
+    """Return where a coordinate is, in cells from the first edge; wrapped on a circle."""
     u = (x - origin) * inverse
     if circle > 0.0:
         u -= circle * floor(u / circle)

@@ -10,7 +10,7 @@ from .blocks import LANES
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
 NO_EVENT = -1e300  # a time before all others
-TIE = 1e-13  # share of the friction limit by which a force may pass it and still be held
+TIE = 1e-13  # fraction of the friction limit by which a force may exceed it and contacts still stick
 
 _NOTHING = 1e-300  # coefficients that hold no digits
 _NARROW = 0.05  # interval from which on all coefficients are looked at

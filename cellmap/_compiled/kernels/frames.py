@@ -30,12 +30,12 @@ def carrying(d):
         step : int
             Address of the step of states with one tangent vector each, 2 d numbers in a row.
         parameters, lower, turn : ndarray
-            Parameters of the step; cuts and turns of the coordinates, shape (d,).
+            Parameters of the step; branch cuts and periods of the coordinates, shape (d,).
         bound : float
             Size from which on an orbit has ended; for an angle it is that at which its phase is lost.
         points, rotations, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
-            Points, whole turns taken out of angles, orthonormal columns, and which orbits have ended, which stay where
-            they are.  All are changed in place.
+            Points, full rotations taken out of angles, orthonormal columns, and which orbits are terminated, and stay
+            as they are.  All are changed in place.
         periods : int
             Steps.
         growth : ndarray, shape (n, d)

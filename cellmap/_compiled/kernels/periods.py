@@ -78,7 +78,7 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
 
     An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, or has an angle without phase, has
     DIVERGED; one that is finite, but not at the end of the period or without a right digit, is OUT_OF_STEPS.
-    ``lower`` and ``turn`` are the cuts and turns of the coordinates; a turn of 0 leaves a coordinate as it is.
+    ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
     """
     n, d = points.shape
     starts, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
@@ -202,7 +202,7 @@ def _images(motion, starts, members, steps, length, blocks, errors, numbers, ima
 
 @inlined
 def _wrap(points, rotations, status, k, lower, turn):
-    """Bring the angles of an orbit into their turns, or end it where one has no phase; tell whether it goes on."""
+    """Wrap the angles of an orbit, or terminate it where one has no phase; return whether it is still active."""
     for j in range(points.shape[1]):
         if not wrap_angle(points, rotations, k, j, lower[j], turn[j]):
             _end(points, status, k, DIVERGED)

@@ -1,4 +1,4 @@
-"""How many steps a start takes: a ladder of numbers of steps, climbed until the error estimate meets the tolerance."""
+"""Number of steps of an initial condition: increased along a ladder until the error estimate meets the tolerance."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def choose_mode(rates, gains, on_surface, signs, slides, held):
 def begin_on_surface(
     surfaces, rates, gains, jumps, normals, counts, signs, slides, fresh, state, zeros, on_surface, speeds, held
 ):
-    """Choose the mode of a start that lies on a surface.  Switches that leave it are marked as fresh: no event.
+    """Choose the mode of an initial condition on a surface.  Switches that leave it are marked as fresh: no event.
 
     Where it slides, neighbours on either side are drawn in along the jump, and with them the tangent vectors.
     """

@@ -127,7 +127,7 @@ def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
     text = "".join(linecache.updatecache(code.co_filename))
     codes, trees = _functions_in(text, code.co_filename)
     if code not in codes:
-        raise RuntimeError(f"{code.co_filename} was changed after it had been imported: start Python anew")
+        raise RuntimeError(f"{code.co_filename} was changed after it had been imported: restart Python")
     return trees[code.co_firstlineno]
 
 

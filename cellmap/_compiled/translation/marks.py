@@ -17,7 +17,7 @@ class Deferred:
     contract : bool
         Whether a product and a sum may be rounded once, together.
     vectors : bool
-        Whether its innermost loops are long, so that it pays to compile them for vectors.
+        Whether its innermost loops are long enough to be compiled for vectors.
     is_inlined : bool
         Whether it becomes part of those that call it.
     """

@@ -21,7 +21,7 @@ from .values import (
 
 
 class Widened(Exception):
-    """A variable turned out to need another kind: what was written of the function is written anew."""
+    """A variable turned out to need a wider type: the function is translated again from its beginning."""
 
 
 class Statements(Expressions):

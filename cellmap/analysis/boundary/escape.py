@@ -38,7 +38,7 @@ class Restraint:
     point_map : PointMap
         The map.
     window : CellGrid
-        The window; its cells do not matter, and along axes of a whole turn it has no ends.
+        The window; its cells do not matter, and along an angle whose whole period it covers it has no ends.
     attractors : tuple of Attractor
         Attractors whose verified neighbourhoods, or boxes, are no part of the region.
     catalogue : Catalogue
@@ -249,7 +249,7 @@ def escape_rate(
             again = fit_line(steps[part], np.log(left[part] / left[0]), (0, len(steps[part]) - 1), errors[part])
             slopes.append(again.slope)
     spread = float(np.std(slopes, ddof=1)) if len(slopes) > 1 else np.nan
-    # Shares of survivors at different steps are those of the same orbits, which a fit takes for independent.
+    # Survivors at different steps are the same orbits, while a fit assumes independent fractions.
     error = float(np.nanmax([spread, fit.standard_error]))
     fit = replace(fit, standard_error=error)
     return EscapeRate(fit, -fit.slope, error, survivors, grid, point_map.coordinates)

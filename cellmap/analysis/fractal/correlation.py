@@ -165,7 +165,7 @@ def _pairs(space: Space, rising: NDArray[np.float64], theiler: int, norm: float)
     circle = space.turns if space.turns.any() else None
     points = space.points
     if circle is not None:
-        # Rounding may put an angle on the end of its turn, which is the beginning.
+        # Rounding may put an angle on the upper end of its period, which is the lower one.
         points = np.where((circle > 0.0) & (points >= circle), 0.0, points)
     tree = cKDTree(points, boxsize=circle)
     edges = np.linspace(0, len(points), _BLOCKS + 1).astype(int)

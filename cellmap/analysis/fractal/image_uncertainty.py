@@ -17,7 +17,7 @@ from ...maps.orbit_batch import Cost
 from .label_images import NO_BASIN, LabelImage, label_image
 from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
-_BLOCKS = 8  # along each axis: parts of a picture whose scatter tells the errors
+_BLOCKS = 8  # along each axis: parts of an image whose scatter gives the errors
 _DRIFT = 0.05  # largest difference of slopes in a window
 _COARSEST = 16  # largest distance, as a part of the shorter side
 

@@ -79,7 +79,7 @@ def label_image(
         Basins on a grid, or labels of cells in any number of dimensions.  Negative labels are no basins; in arrays of
         floats NaN, and in masked arrays what is masked, is missing, which is no basin either.
     include : sequence of int, optional
-        Negative labels that count as basins all the same, such as (-2,) for the starts that diverge.
+        Negative labels that count as basins all the same, such as (-2,) for divergent orbits.
     wraps : sequence of bool, optional
         Which axes are circles; by default those of the grid of basins, and none of an array.
     name : str, optional

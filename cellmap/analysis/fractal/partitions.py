@@ -52,7 +52,7 @@ class Space:
     ) -> Space:
         """Check points and scales.
 
-        Without scales these are 1 where all coordinates have the same unit and none is an angle; else a turn for an
+        Without scales these are 1 where all coordinates have the same unit and none is an angle; else the period of an
         angle, and the extent of the set for the others.
         """
         array = real_array("points", points)
@@ -141,8 +141,8 @@ def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = 
     ``offset`` (d,) is in units of the largest box, in [0, 1); `ordered` keeps the order of the points.
     """
     d, bits = space.dimension, len(dyadic_sizes(space))
-    # The largest box of all, level 0, holds the set wherever the grid is.  On a circle whole numbers of boxes make up a
-    # turn, for which the boxes may be longer or shorter there by a factor of sqrt(2), the same one at all sizes.
+    # The largest box of all, level 0, holds the set wherever the grid is.  A period of an angle is a whole number of
+    # boxes, which may therefore be longer or shorter there by a factor of up to sqrt(2), the same one at all sizes.
     top = np.full(d, 2.0 * space.extent)
     circle = space.turns > 0.0
     top[circle] = space.turns[circle] * 2.0 ** -np.round(np.log2(space.turns[circle] / top[circle]))

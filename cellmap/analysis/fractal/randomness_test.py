@@ -22,7 +22,7 @@ from .uncertainty_fits import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
 _BATCH = 4096  # discs that are drawn together
 _PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most
 _FEWEST = 100  # discs on the boundary below which nothing is concluded
-_TILES = 16  # along each axis: parts of the picture that count as independent
+_TILES = 16  # along each axis: parts of the image that count as independent
 _SIGNIFICANT = 3.0  # standard errors
 
 

@@ -13,7 +13,7 @@ from .label_boxes import count_boxes
 from .label_images import LabelImage
 
 _MOST = 4  # cells of a speck, which touch at least at their corners
-_ALONE = 0.05  # share of the boxes that may hold specks alone without deciding anything
+_ALONE = 0.05  # fraction of the boxes that may hold specks alone without changing the result
 _GROWTH = 1.2  # of the odds of such boxes, from the smallest size on, that rounding of a few counts does not reach
 
 

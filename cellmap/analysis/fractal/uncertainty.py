@@ -23,9 +23,9 @@ from ...orbits.attractor import Attractor
 from .label_images import included_labels
 from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
-_LARGEST = 2.0**-6  # distance, as a share of the window
+_LARGEST = 2.0**-6  # distance, relative to the window
 _SAFETY = 10.0  # times the error of the map: the smallest distance
-_FIRST = 4096  # pairs from which the share of uncertain ones is first estimated
+_FIRST = 4096  # pairs in the first estimate of the uncertain fraction
 _HALF = CHUNK // 2  # pairs in a slice
 _AT_ONCE = 2**30  # pairs that are drawn before they are counted, at most
 _SMOOTH_COST = 31.0  # pairs for five distances, in those for the first one, where the boundary is smooth
@@ -166,8 +166,8 @@ def uncertainty_exponent(
 def smallest_distance(states: FinalStates) -> float:
     """Return the smallest distance that the accuracy of a map allows, as a fraction of the region.
 
-    An error in the first period moves a start by as much, later ones by less, since what lies across a boundary is
-    stretched from period to period; ten times the error of one period is therefore safe.
+    An error in the first period shifts the initial condition by as much, later ones by less, since distances across a
+    boundary grow from period to period; ten times the error of one period is therefore safe.
     """
     point_map, region = states.point_map, states.region
     lower, upper = np.array(region.lower), np.array(region.upper)

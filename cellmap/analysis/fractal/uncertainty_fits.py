@@ -16,8 +16,8 @@ SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "consistent with smooth", "fractal"
 """Verdicts on a boundary.  Smoothness cannot be proved: the dimension may be larger by less than the error."""
 
 _FEWEST = 20  # uncertain pairs at a distance that is used
-_UNDECIDED = 0.1  # as many pairs with undecided starts as this part of the uncertain ones spoil a distance
-_OSCILLATION = 0.03  # relative, of shares about the law on self-similar boundaries
+_UNDECIDED = 0.1  # undecided pairs, relative to uncertain ones, from which a distance is not used
+_OSCILLATION = 0.03  # relative, of fractions about the power law on self-similar boundaries
 _REJECTED = 0.05  # probability of the scatter about a line below which it is none
 _ALIKE = 1.25  # ratio of errors up to which a longer window is preferred
 _DECADE = 10.0  # range of distances below which nothing is called fractal

@@ -67,7 +67,7 @@ def candidates_of(
     for row in np.argsort(distance, kind="stable")[:_CANDIDATES]:
         shifts = difference(outside, origins[row], basins.coordinates) / unit
         if len(frozen) and basins.grid is not None:
-            # Of starts that differ in what a shock cannot change, those of the nearest cells are looked at.
+            # Along coordinates that a shock cannot change, only the nearest cells are considered.
             shifts = shifts[(np.abs(shifts[:, frozen]) <= 0.51 * basins.grid.widths[frozen] / unit[frozen]).all(axis=1)]
             if not len(shifts):
                 continue

@@ -117,10 +117,10 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArra
 
 
 def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int64]:
-    """Return for each cell the bits of what orbits may come to within it for ever.
+    """Return for each cell the bits of the sets in which orbits may stay within it for ever.
 
-    These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never:
-    paths lead out of these too, so that the starts that tell of them have to make them ends.
+    These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never: paths
+    lead out of these too, so that they are found from the initial conditions that settle late.
     """
     ends = np.zeros(setting.grid.size, np.int64)
     for number, cover, _ in setting.catalogue.covers:
@@ -171,7 +171,7 @@ def _boxes_of_images(
     middle = from_edge(middle, np.zeros(len(circle)), circle)
     known = (np.abs(middle) + reach < _FARTHEST).all(axis=1)
     known &= np.prod(np.where(known[:, None], 2.0 * reach, 0.0) + 1.0, axis=1) < _MOST_CELLS
-    # Part of a turn is outside of the window, and the window comes again behind it.
+    # Part of the period of an angle is outside of the window, and the window repeats behind it.
     cells, part = setting.place[2], (circle > 0.0) & (circle != setting.place[2])
     known &= ~(part & ((middle + reach >= circle) | (middle - reach <= cells - circle))).any(axis=1)
     first, last = (np.where(known[:, None], middle + way * reach, 0.0) for way in (-1.0, 1.0))

@@ -20,7 +20,7 @@ from ...attractors.settling import classify, settle
 from ...maps.coordinates import wrap
 from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from ...maps.point_map import PointMap
-from ..initial_conditions import Starts
+from ..initial_conditions import InitialConditions
 from ..record import Basins
 from ..verification import Verification
 from .cell_owners import SMALLEST, Setting, owners_of_cells
@@ -32,8 +32,8 @@ _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say 
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
 _ESCAPED = int(Label.ESCAPED)  # loops know plain numbers at once, and others by a look at all arguments
 _OPEN = (Label.UNDECIDED, Label.UNLABELLED)
-_SEARCHES = 8  # times that a picture is certified at most, because attractors have come up
-_GRACE = 16  # periods for which orbits are followed beyond twice the time in which the table's settle
+_SEARCHES = 8  # certifications of a basin image at most, as further attractors are found
+_GRACE = 16  # periods beyond twice the settling time of the interpolated map for which orbits are followed
 
 
 @checked
@@ -148,14 +148,14 @@ def certify(
 
 
 def _slow(basins: Basins) -> NDArray[np.bool_]:
-    """Tell which starts come to no end with half of the periods to spare: another map may take longer than allowed."""
+    """Return which initial conditions take more than half of the allowed periods: another map may need too many."""
     late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
     return np.asarray(late | np.isin(basins.labels.ravel(), _OPEN))
 
 
 @dataclass(frozen=True, eq=False)
 class _Left:
-    """Starts whose label is not certain, and where they are at an age in periods."""
+    """Initial conditions without certain label, and their states at an age in periods."""
 
     rows: NDArray[np.int64]
     orbits: Orbits
@@ -170,7 +170,7 @@ class _Run:
         point_map = basins.point_map
         assert point_map is not None
         self.name, self.told, self.point_map = basins.name, search.told.copy(), point_map
-        self.initial_conditions = Starts(basins.grid, basins.initial_conditions)
+        self.initial_conditions = InitialConditions(basins.grid, basins.initial_conditions)
         self.setting = Setting.of(basins, point_map)
         self.periods = int(basins.settings["max_periods"])
         self.slow = _slow(basins)
@@ -185,9 +185,9 @@ class _Run:
         self.tally = tally
 
     def certify(self, audit: int, seed: int) -> Verification:
-        """Find labels and the evidence for them; return the audit of those that were not made again.
+        """Find labels and the evidence for them; return the audit of those that were not recomputed.
 
-        Starts that the exact map leaves undecided, those of the audit among them, are then in `undecided`.
+        Initial conditions that the exact map leaves undecided, also in the audit, are then in `undecided`.
         """
         total = self.labels.size
         self.follow(self.point_map, np.arange(total), self.bounds.errors, Evidence.ORBIT)
@@ -203,15 +203,15 @@ class _Run:
         return Verification.of(int(np.count_nonzero(direct != self.labels[drawn])), len(drawn))
 
     def _late(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the starts that come to an end late or never, in batches."""
+        """Yield the initial conditions that settle late or never, in batches."""
         for part in slices(len(self.slow), CHUNK):
             rows = np.flatnonzero(self.slow[part]) + part.start
             yield self.initial_conditions.wrapped(rows, self.setting.direct)
 
     def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
-        """Follow starts with their errors, and label those that a region holds with all of it.
+        """Follow orbits with bounds of their errors, and label those that are inside a region within these bounds.
 
-        The others keep their label if this is the map with the table; the exact map labels them too.
+        The others keep their label if this is the interpolated map; the exact map labels them too.
         """
         parts = slices(len(rows), CHUNK)
         tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
@@ -227,7 +227,7 @@ class _Run:
         self.tally = self.tally.plus(tallies.sum(axis=0))
 
     def _settle(self, left: _Left) -> Tally:
-        """Label starts by the exact map, from the beginning where an attractor may have had them before."""
+        """Label orbits with the exact map, from the beginning where they may have converged before."""
         new = ~self.told[left.rows]
         rows, orbits, age = left.rows[new], left.orbits[new], left.age
         if self.setting.catalogue.covers or len(self.setting.overhangs):
@@ -241,7 +241,7 @@ class _Run:
     def _follow(
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
     ) -> tuple[list[_Left], Tally]:
-        """Follow starts until their label is certain; return those that stay open, and the work."""
+        """Follow orbits until their label is certain; return those without certain label, and the work."""
         setting, orbits = self.setting, Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
         left: list[_Left] = []

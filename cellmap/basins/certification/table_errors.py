@@ -69,7 +69,7 @@ class TableErrors:
 
 
 def images_of(point_map: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the images of points, both with whole turns put back."""
+    """Return the unwrapped images of points."""
     wrapped = wrap(points, point_map.coordinates)
     orbits = Orbits.starting(wrapped.copy())
     point_map.advance(orbits, 1)

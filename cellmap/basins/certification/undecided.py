@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
 from ..finding import find_basins
-from ..initial_conditions import Starts
+from ..initial_conditions import InitialConditions
 from ..record import Basins
 from .cell_owners import exact_within
 
@@ -35,13 +35,13 @@ class Search:
     def among(self, rows: NDArray[np.int64]) -> bool:
         """Label starts by the exact map, and search those that it leaves undecided; tell whether attractors came up.
 
-        Nothing is done where all of the starts have been searched before.
+        Nothing is done where all of the orbits have been searched before.
         """
         if self.told[rows].all():
             return False
         basins, known = self.basins, self.basins.attractors
         assert basins.point_map is not None
-        points = Starts(basins.grid, basins.initial_conditions).points(rows)
+        points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
         limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
         found = find_basins(exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits)
         new = [a for a in found.attractors if not any(a is k for k in known)]

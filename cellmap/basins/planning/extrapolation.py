@@ -38,9 +38,9 @@ def sized(window: CellGrid, cells: int) -> CellGrid:
 def error_of(probe: TableProbe, grid: CellGrid) -> float:
     """Return the error of a table by the measured ones; it falls no faster than the order of the splines allows.
 
-    A coarse table that leaves much to the exact map may be better than a finer one that does not; that is no reason to
-    trust those between them.  Beyond the last one the errors count that are made if nothing is left to the exact map,
-    unless they are so large that their cells will be.
+    A coarse grid with many fallback cells may be more accurate than a finer one without; grids between the two are
+    therefore given the larger error.  Beyond the largest grid, errors without fallback cells are extrapolated, limited
+    by the error from which on a cell becomes a fallback cell.
     """
     cells = max(grid.shape)
     if cells > probe.cells[-1]:
@@ -51,7 +51,7 @@ def error_of(probe: TableProbe, grid: CellGrid) -> float:
 
 
 def fallback_of(probe: TableProbe, cells: int) -> float:
-    """Return the images of a start that a table leaves to the exact map."""
+    """Return how many images of an orbit are evaluated with the exact map."""
     return _power_law(probe.fallback, cells, probe.order + 1.0)
 
 

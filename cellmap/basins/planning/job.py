@@ -20,14 +20,14 @@ Source = tuple[str, float]
 
 _TOLERANCES = (1e-4, 1e-7, 1e-10, 1e-13)
 _LOOSE = (1e-4, 1e-7)  # of RK45, which takes too many steps for more
-_JUMPING = (1e-6, 1e-10)  # of right-hand sides that jump, whose kernels take long to compile
-_BASE = 1e-7  # about what starts are labelled with in probes
+_JUMPING = (1e-6, 1e-10)  # of discontinuous right-hand sides, whose kernels take long to compile
+_BASE = 1e-7  # about the tolerance with which probes are labelled
 _PLACES = 4096  # random places at which errors are measured
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A picture that is planned: exact maps by method and tolerance, the most precise one, and what is to be done."""
+    """A basin image to be planned: exact maps by method and tolerance, the most precise one, and the task."""
 
     sources: Mapping[Source, PointMap]
     reference: PointMap
@@ -38,12 +38,12 @@ class Job:
 
     @property
     def base(self) -> Source:
-        """The way to integrate by which starts are labelled in probes."""
+        """Method and tolerance with which initial conditions are labelled in probes."""
         return min(self.sources, key=lambda s: (s[0] == "RK45", abs(np.log(s[1] / _BASE)), s[0] == "DOP853"))
 
     @property
     def finest(self) -> PointMap:
-        """The map of which tables are made in probes, so that what they show is the error of interpolation."""
+        """The map that is interpolated in probes, so that they show the error of interpolation."""
         return self.sources[min(self.sources, key=lambda s: (s[0] == "RK45", s[1], s[0] == "DOP853"))]
 
 
@@ -74,8 +74,8 @@ def places_in(window: CellGrid, seed: int) -> NDArray[np.float64]:
     return random_numbers(seed).uniform(window.lower, window.upper, (_PLACES, window.dimension))
 
 
-def some_starts(grid: CellGrid, count: int) -> NDArray[np.float64]:
-    """Return some starts of a picture, in its order."""
+def some_initial_conditions(grid: CellGrid, count: int) -> NDArray[np.float64]:
+    """Return some initial conditions of a grid, in its order."""
     some = grid.size > count
     rows = np.sort(np.random.default_rng(0).choice(grid.size, count, replace=False)) if some else np.arange(grid.size)
     return grid_points([grid.axis(j) for j in range(grid.dimension)], rows)

@@ -22,10 +22,10 @@ class ExactProbe:
 
 @dataclass(frozen=True)
 class Labelling:
-    """Time that the starts of a picture take: ``fixed`` seconds, and ``per_start`` seconds of one thread."""
+    """Time of labelling: ``fixed`` seconds, and ``per_point`` seconds of one thread for each initial condition."""
 
     fixed: float
-    per_start: float
+    per_point: float
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class TableProbe:
     errors : tuple of float
         Error of one period at those sizes.
     raw : tuple of float
-        The same, were no cell left to the exact map.
+        The same without fallback cells.
     surplus : float
-        Seconds of one thread for each tabulated image, besides those of the exact map.
+        Seconds of one thread for each node, besides those of the exact map.
     labelling : Labelling
-        By the largest size, without what the exact map takes in its place.
+        By the largest size, without evaluations of the exact map.
     fallback : tuple of (int, float)
-        Cells, and the images of a start that are left to the exact map with so many.
+        Cells, and the images of an orbit that are evaluated with the exact map at that size.
     lookups : tuple of (int, float)
         Bytes of a table, and the seconds of a look-up at a random place in it.
     """
@@ -69,7 +69,7 @@ class Measurements:
     Parameters
     ----------
     initial_conditions : int
-        Starts of the picture.
+        Number of initial conditions.
     periods : float
         Periods that one of them takes, on average.
     window : CellGrid
@@ -81,13 +81,13 @@ class Measurements:
     base : ExactProbe
         The one by which `direct` was measured.
     direct : Labelling
-        Of starts without a table.
+        With the exact map alone.
     tables : tuple of TableProbe
         One for each order.
     free : int or None
         Bytes of memory that are free.
     outside : float
-        Share of the points of orbits that lie outside of the window.
+        Fraction of the points of orbits that lie outside of the window.
     """
 
     initial_conditions: int

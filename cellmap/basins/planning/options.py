@@ -134,7 +134,7 @@ def _direct(measured: Measurements, source: ExactProbe) -> Option:
         shape=None,
         error=source.error,
         tabulation=0.0,
-        iteration=ratio * _wall(measured, measured.direct.per_start),
+        iteration=ratio * _wall(measured, measured.direct.per_point),
         search=ratio * measured.direct.fixed,
         memory=memory,
         obstacle=_obstacle(memory, measured.free),
@@ -144,7 +144,7 @@ def _direct(measured: Measurements, source: ExactProbe) -> Option:
 def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: ExactProbe) -> Option:
     cells = max(grid.shape)
     memory = table_memory(grid, probe.order) + basins_memory(measured.initial_conditions)
-    each = probe.labelling.per_start * slower(probe, grid) + fallback_of(probe, cells) * source.seconds
+    each = probe.labelling.per_point * slower(probe, grid) + fallback_of(probe, cells) * source.seconds
     return Option(
         kind="table",
         method=source.method,
@@ -162,13 +162,13 @@ def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: Ex
     )
 
 
-def _wall(measured: Measurements, per_start: float) -> float:
+def _wall(measured: Measurements, per_point: float) -> float:
     """Seconds for all starts on all threads; slices of work are not divided."""
-    return per_start * measured.initial_conditions / parallel(measured.initial_conditions, measured.threads)
+    return per_point * measured.initial_conditions / parallel(measured.initial_conditions, measured.threads)
 
 
 def parallel(initial_conditions: int, threads: int) -> int:
-    """Return how many threads a number of starts keeps at work."""
+    """Return how many threads a number of initial conditions keeps at work."""
     return max(1, min(threads, ceil(initial_conditions / CHUNK)))
 
 

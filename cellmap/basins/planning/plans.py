@@ -40,7 +40,7 @@ class Step:
 
     @property
     def seconds(self) -> float:
-        """Seconds from nothing to the picture."""
+        """Seconds for the basin image, computing the interpolation grid included."""
         return self.option.seconds
 
 

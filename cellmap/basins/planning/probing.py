@@ -12,17 +12,17 @@ from ..._lib.threads import thread_count
 from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
 from ...maps.interpolation.spline_coefficients import ORDERS
-from .job import Job, percentile_error, places_in, some_starts
+from .job import Job, percentile_error, places_in, some_initial_conditions
 from .measurements import ExactProbe, Measurements
 from .table_probe import table_probe
 from .timing import label, seconds_per_image, time_labelling
 
-_TRAVEL = 32  # periods after which orbits have shown where they go
-_LEAVING = 0.002  # share of their points that may lie beyond each end of an axis
+_TRAVEL = 32  # periods of the orbits that determine the window
+_LEAVING = 0.002  # fraction of their points that may lie beyond each end of an axis
 
 
 def measure(job: Job, window: CellGrid | None, say: Callable[[str], object]) -> Measurements:
-    """Take all measurements for a picture."""
+    """Take all measurements for a plan."""
     say("orbits")
     window, outside = window_of_orbits(job) if window is None else (window.on(job.reference.coordinates), 0.0)
     exact = []
@@ -58,19 +58,19 @@ def measure(job: Job, window: CellGrid | None, say: Callable[[str], object]) -> 
 
 
 def window_of_orbits(job: Job) -> tuple[CellGrid, float]:
-    """Return a window that holds the picture and its orbits, and the share of their points that it does not hold.
+    """Return a window of the initial conditions and their orbits, and the fraction of points of orbits outside of it.
 
-    It is wider than the picture where more than one point in 500 lies beyond an end of an axis, by at most the width of
-    the picture at each end.  Orbits that are on their way to infinity are none of its business.
+    It is wider than the grid where more than one point in 500 lies beyond an end of an axis, by at most the grid's
+    width at each end.  Divergent orbits are not considered.
     """
     grid, exact = job.grid, job.sources[job.base]
     travel = _TRAVEL if job.periods is None else max(1, min(_TRAVEL, job.periods))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a missed tolerance matters to the picture, not to its window
-        orbits = exact.orbit(some_starts(grid, 1024), travel).points
+        warnings.simplefilter("ignore")  # a missed tolerance matters to the labels, not to the window
+        orbits = exact.orbit(some_initial_conditions(grid, 1024), travel).points
     points = orbits[:, np.isfinite(orbits[-1]).all(axis=1)].reshape(-1, grid.dimension)
     if not len(points):
-        points = some_starts(grid, 1024)
+        points = some_initial_conditions(grid, 1024)
     turn = turns_of(exact.coordinates)[1]
     around = np.where(turn > 0.0, turn, 1.0)
     points -= np.where(turn > 0.0, around * np.floor((points - grid.lower) / around), 0.0)
@@ -86,7 +86,7 @@ def window_of_orbits(job: Job) -> tuple[CellGrid, float]:
             lower[j] = a if low >= a else max(low - room, a - most)
             upper[j] = b if high <= b else min(high + room, b + most)
         parts.append((upper[j] - lower[j]) / (b - a) * n)
-    # Where the picture is a slice one cell thick, it does not tell how fine the table has to be across it.
+    # A slice one cell thick does not determine the resolution across it.
     longest = max(parts)
     shape = [max(1, round(256 * (1.0 if n == 1 else max(p / longest, 0.25))))
              for p, n in zip(parts, grid.shape, strict=True)]  # fmt: skip

@@ -26,7 +26,7 @@ from .timing import BATCH, FEW, SECONDS, median_seconds, seconds_per_image, thin
 _MOST_IMAGES = 500_000  # of the first two tables of an order
 _FIRST_SIZE = {1: 64, 2: 32, 3: 12}
 _LARGEST_LOOKUPS = 1 << 25  # bytes of the largest table whose look-ups are timed; no cache holds much of it
-_SHOWN = 8  # periods over which starts show how often they need the exact map
+_SHOWN = 8  # periods over which evaluations of the exact map are counted
 
 
 def _counting(exact: PointMap) -> tuple[PointMap, Callable[[], int]]:
@@ -43,7 +43,7 @@ def _counting(exact: PointMap) -> tuple[PointMap, Callable[[], int]]:
 
 @dataclass(frozen=True)
 class _Sample:
-    """A small table, with its errors with and without the exact map in the place of rough cells."""
+    """A small interpolated map, with its errors with and without fallback cells."""
 
     cells: int
     table: PointMap
@@ -53,9 +53,9 @@ class _Sample:
 
 
 def table_probe(job: Job, window: CellGrid, order: int) -> TableProbe | None:
-    """Measure tables of an order; None where none that is fine enough to serve is soon made.
+    """Measure interpolated maps of an order; None where no grid that is fine enough can be computed quickly.
 
-    What exact images cost on the way is taken out of the times, for it depends on how they are made.
+    The time of exact images is subtracted, for it depends on the integration method.
     """
     exact, count = _counting(job.finest)
     image = seconds_per_image(job.finest, job.grid)
@@ -65,11 +65,11 @@ def table_probe(job: Job, window: CellGrid, order: int) -> TableProbe | None:
     last = samples[-1]
     labelling, periods, images = time_labelling(job, last.table, count)
     lookups = _lookup_times(job.finest, window, order, last.cells)
-    # Smaller tables differ from the last one in what they leave to the exact map as they do over a few periods.
+    # Evaluations of the exact map with smaller grids, relative to the last one, are taken from a few periods.
     least = max(last.fallback, 1.0 / FEW)
-    # Differences of times are uncertain; neighbours are looked up at neighbouring places, faster than random ones.
+    # Differences of times are uncertain; evaluations at neighbouring points are faster than at random ones.
     least_time = 0.5 * periods * lookups[0][1]
-    own = max(0.1 * labelling.per_start, least_time, labelling.per_start - images * image)
+    own = max(0.1 * labelling.per_point, least_time, labelling.per_point - images * image)
     return TableProbe(
         order=order,
         cells=tuple(s.cells for s in samples),
@@ -85,9 +85,9 @@ def table_probe(job: Job, window: CellGrid, order: int) -> TableProbe | None:
 def _samples(
     job: Job, exact: PointMap, count: Callable[[], int], window: CellGrid, order: int, image: float
 ) -> tuple[list[_Sample], float]:
-    """Tabulate larger and larger tables, as long as that is soon done; keep those that do most of the work.
+    """Interpolate on finer and finer grids, as long as that is quick; keep those with few fallback cells.
 
-    Also return the seconds that tabulating takes for each image, besides those of the exact map.
+    Also return the seconds for each node, besides those of the exact map.
     """
     samples: list[_Sample] = []
     surplus = 0.0
@@ -101,7 +101,7 @@ def _samples(
         if long or table_memory(grid, order) > limit:
             return samples, surplus
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a small table may well be too coarse
+            warnings.simplefilter("ignore")  # a small grid may well be too coarse
             table = interpolated_map(exact, grid, order, job.outside)
         surplus = max(0.0, table.cost.seconds * threads / images - image)
         if table.table is not None and table.table.rough.mean() <= 0.5:

@@ -14,7 +14,7 @@ from ...maps.grid import CellGrid
 from ...maps.orbit_batch import Orbits
 from ...maps.point_map import PointMap, follow
 from ..finding import find_basins
-from .job import Job, some_starts
+from .job import Job, some_initial_conditions
 from .measurements import Labelling
 from .options import parallel
 
@@ -23,14 +23,14 @@ SECONDS = 0.3
 
 BATCH = 16384
 FEW = 1600
-"""Starts of a probe, and of the small picture."""
+"""Initial conditions of a probe, and of the small grid."""
 
-_MANY = 4  # slices of work of the larger one, at most, for each thread
+_MANY = 4  # slices of work of the larger grid, at most, for each thread
 
 
 def seconds_per_image(source: PointMap, grid: CellGrid) -> float:
     """Return seconds of one thread for an image, with all threads at work."""
-    initial_conditions = some_starts(grid, BATCH)
+    initial_conditions = some_initial_conditions(grid, BATCH)
     threads = thread_count()
     parts = slices(len(initial_conditions), -(-len(initial_conditions) // threads))
 
@@ -52,7 +52,7 @@ def median_seconds(work: Callable[[], object]) -> float:
 
 
 def thinned(grid: CellGrid, count: int) -> CellGrid:
-    """Return the picture with about so many starts."""
+    """Return the grid with about `count` cells."""
     if grid.size <= count:
         return grid
     wide = sum(n > 1 for n in grid.shape)
@@ -62,7 +62,7 @@ def thinned(grid: CellGrid, count: int) -> CellGrid:
 
 @dataclass(frozen=True)
 class Trial:
-    """A small picture that was labelled: its starts, seconds, periods a start, and images that were counted."""
+    """Labelling of a small grid: initial conditions, seconds, periods for each of them, and counted images."""
 
     initial_conditions: int
     seconds: float
@@ -71,17 +71,17 @@ class Trial:
 
     @property
     def effort(self) -> float:
-        """Starts of the busiest thread."""
+        """Initial conditions of the busiest thread."""
         return self.initial_conditions / parallel(self.initial_conditions, thread_count())
 
 
 def label(job: Job, point_map: PointMap, initial_conditions: int, count: Callable[[], int]) -> Trial:
-    """Label a thinned picture, or iterate it."""
+    """Label a thinned grid of initial conditions, or iterate it."""
     grid = thinned(job.grid, initial_conditions)
     before, began = count(), time.perf_counter()
     if job.periods is None:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what they say of a probe, the picture will say of itself
+            warnings.simplefilter("ignore")  # warnings of a probe come again for the basin image itself
             periods = find_basins(point_map, grid).cost.steps / grid.size
     else:
         periods = float(job.periods)
@@ -90,7 +90,7 @@ def label(job: Job, point_map: PointMap, initial_conditions: int, count: Callabl
 
 
 def time_labelling(job: Job, point_map: PointMap, count: Callable[[], int]) -> tuple[Labelling, float, float]:
-    """Measure labelling by a small picture and a larger one; also return periods and counted images of a start."""
+    """Measure labelling with a small grid and a larger one; also return periods and counted images of an orbit."""
     if job.grid.size <= 2 * FEW:
         whole = label(job, point_map, job.grid.size, count)
         return Labelling(whole.seconds, 0.0), whole.periods, whole.images / whole.initial_conditions
@@ -99,7 +99,7 @@ def time_labelling(job: Job, point_map: PointMap, count: Callable[[], int]) -> t
         few = min(few, label(job, point_map, FEW, count), key=lambda trial: trial.seconds)
     most = min(_MANY * thread_count() * BATCH, job.grid.size)
     more, many = few.initial_conditions, few
-    # Until the starts cost more than the search, lest their cost is lost in its noise.
+    # Until labelling takes longer than the search, whose time fluctuates.
     while many is few or (many.initial_conditions < most and many.seconds < max(3.0 * SECONDS, 1.5 * few.seconds)):
         more = min(4 * more, most)
         many = label(job, point_map, more, count)

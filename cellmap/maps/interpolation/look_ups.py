@@ -20,7 +20,7 @@ from .spline_coefficients import padded
 
 
 class LookUps(CompiledAdvance):
-    """Iteration of tables of 1, 2, 4, ... periods, with the exact map where they do not serve.
+    """Iteration of interpolated maps of 1, 2, 4, ... periods, with the exact map in fallback cells.
 
     `coefficients` are those of the first table, in the memory that all of them share.
     """

@@ -26,7 +26,7 @@ def tabulated_nodes(grid: CellGrid, order: int) -> int:
 
 
 def nodes_of(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
-    """Coordinates of the tabulated nodes along each axis."""
+    """Return the coordinates of the interpolation nodes along each axis."""
     axes = []
     for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
         past = PADDING[order]

@@ -24,7 +24,7 @@ _FARTHEST = 100.0  # an image so many windows away counts as none
 def spline_coefficients_of(
     exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Tabulate displacements and turn them into B-spline coefficients; also mark cells next to nodes without image."""
+    """Return the B-spline coefficients of displacements at the nodes, and the cells next to nodes without image."""
     values = _displacements(exact, nodes_of(grid, order), progress, tiles)
     extent = np.array(grid.upper) - np.array(grid.lower)
     with np.errstate(invalid="ignore"):
@@ -114,7 +114,7 @@ def leading_errors_in_cells(
 def leap_table(
     exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
 ) -> CellTable:
-    """Tabulate twice as many periods as the last table has, by look-ups of the table of one period."""
+    """Interpolate twice as many periods as the last table does, by iteration of the table of one period."""
     grid, order = tables[0].grid, tables[0].order
     periods = 2 ** len(tables)
     # Orbits of nodes past the ends of the window, and those that come back to it, are smooth as well.
