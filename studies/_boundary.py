@@ -1,4 +1,4 @@
-"""Box dimensions of boundaries: on lines through them, which resolve far more than a picture, and of pictures."""
+"""Box dimensions of boundaries: on lines through them, which resolve far more than an image, and of images."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FEWEST_LINES = 3
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Box counts of a boundary on lines parallel to the first axis; of a picture, where lines meet too little of it.
+    """Box counts of a boundary on lines parallel to the first axis; of an image, where lines meet too little of it.
 
     A boundary of dimension D leaves a set of dimension D - 1 on almost any line that meets enough of it (Marstrand
     1954).  A line crosses a smooth boundary a few times, too few for boxes to be counted.
@@ -30,7 +30,7 @@ class Boxes:
     def __repr__(self) -> str:
         if np.isnan(self.dimension):
             return "none by boxes"
-        where = f"boxes on {len(self.on_lines)} lines" if self.by_lines else "boxes of a picture"
+        where = f"boxes on {len(self.on_lines)} lines" if self.by_lines else "boxes of an image"
         return f"{self.dimension:.3f} +- {self.standard_error:.3f} by {where}"
 
     @property
@@ -61,7 +61,7 @@ def box_counts(
     """Count boxes with the map and the attractors of some basins.
 
     Lines have `cells` and lie at random places of the second axis; where fewer than three of them give a dimension, a
-    picture of `side` x `side` cells is counted.
+    basin image of `side` x `side` cells is counted.
     """
     assert basins.grid is not None and basins.point_map is not None
     (left, low), (right, high) = basins.grid.lower, basins.grid.upper

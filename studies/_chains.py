@@ -1,4 +1,4 @@
-"""Rest states of chains of pendulums: their names, their windows of stability, the single pendulums they consist of."""
+"""Equilibria of chains of pendulums: their names, their windows of stability, the single pendulums they consist of."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ LEAST = 1e-5  # amplitude from which windows are sought (m)
 CURVES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000", "#8C6D1F")
 
 
-def rest_states(links: int) -> dict[str, State]:
-    """Return all rest states with their rates, by names such as "(0, π)"."""
+def equilibria(links: int) -> dict[str, State]:
+    """Return all equilibria with their angular velocities, by names such as "(0, π)"."""
     states = {}
     for angles in product((0.0, pi), repeat=links):
         name = ", ".join("π" if a else "0" for a in angles)
@@ -36,7 +36,7 @@ def rest_states(links: int) -> dict[str, State]:
 
 
 def stable_windows(system: ForcedSystem, state: State, most: float) -> tuple[tuple[Window, str], ...]:
-    """Return the intervals of amplitudes up to `most` where a rest state is stable, and how each of them ends."""
+    """Return the intervals of amplitudes up to `most` where an equilibrium is stable, and how each of them ends."""
     changes = critical_values(system, state, "amplitude", LEAST, most)
     at_first = floquet_multipliers(system, state, {"amplitude": LEAST}).unstable == 0
     windows = intervals([(c.value, c.above) for c in changes], bool(at_first), most)
@@ -51,7 +51,7 @@ def intervals(changes: Sequence[tuple[float, int]], stable_at_first: bool, most:
 
 
 def first_window(system: ForcedSystem, state: State, most: float) -> Window:
-    """Return the first interval of amplitudes where a rest state is stable; NaN without one."""
+    """Return the first interval of amplitudes where an equilibrium is stable; NaN without one."""
     windows = stable_windows(system, state, most)
     return windows[0][0] if windows else (np.nan, np.nan)
 
@@ -71,7 +71,7 @@ def overlap(windows: Sequence[Window]) -> Window:
 def normal_modes(
     lengths: Sequence[float], masses: Sequence[float], state: State
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lambda of every undamped linear mode about a rest state, and the links' turns from rest in it as columns.
+    """Return lambda of every undamped linear mode about an equilibrium, and the links' deviations in it as columns.
 
     Each mode is a single pendulum of length 1/abs(lambda), hanging if lambda is above 0 and inverted if it is below.
     """
@@ -100,19 +100,19 @@ def windows_of_modes(system: ForcedSystem, state: State, most: float) -> Window:
 
 
 def stability_maps(system: ForcedSystem, states: Mapping[str, State], x: Axis, y: Axis) -> dict[str, StabilityMap]:
-    """Return the map of every rest state over two parameters."""
+    """Return the stability map of every equilibrium over two parameters."""
     return {name: stability_map(system, state, x, y, progress=True) for name, state in states.items()}
 
 
 def draw_maps(figure: Figure, ax: Axes, maps: Mapping[str, StabilityMap], legend: bool = False) -> None:
-    """Draw how many rest states are stable, with the boundary of each on top, paler where a complex pair crosses."""
+    """Draw how many equilibria are stable, with the boundary of each on top, paler where a complex pair crosses."""
     some = next(iter(maps.values()))
     number = sum((m.unstable == 0).astype(int) for m in maps.values())
     shades = ListedColormap([str(1.0 - 0.55 * k / len(maps)) for k in range(len(maps) + 1)])
     norm = BoundaryNorm(np.arange(len(maps) + 2) - 0.5, shades.N)
     picture = ax.pcolormesh(some.x, some.y, number, cmap=shades, norm=norm, rasterized=True)
     if legend:
-        figure.colorbar(picture, ax=ax, label="stable rest states", ticks=range(len(maps) + 1))
+        figure.colorbar(picture, ax=ax, label="stable equilibria", ticks=range(len(maps) + 1))
     for colour, (name, found) in zip(CURVES, maps.items(), strict=False):
         colours = {**dict.fromkeys(Crossing, colour), Crossing.NEIMARK_SACKER: to_rgba(colour, 0.5)}
         plot.stability_map(found, ax=ax, colours=colours, background=False, legend=False)

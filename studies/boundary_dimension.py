@@ -1,10 +1,10 @@
 """Dimension of the pendulum's basin boundary against the amplitude of its pivot.
 
-Rod of 2.72 cm, 50 Hz, viscous damping 10 /s, starts over the circle and |theta'| <= 100 rad/s, as in figure 19 of the
+Rod of 2.72 cm, 50 Hz, viscous damping 10 /s, angles over the circle and |theta'| <= 100 rad/s, as in figure 19 of the
 report, whose amplitudes are 0 to 10 mm; here they go on through the loss of stability of the hanging state (12.210 mm)
 and of the inverted one (12.543 mm).  At each amplitude the boundary between all basins is measured twice: by pairs of
-starts (uncertainty exponent, with binomial errors), and by boxes, on lines where these meet enough of it and else in a
-picture.  Below 2.329 mm only the hanging state is stable, and there is no boundary.
+initial conditions (uncertainty exponent, with binomial errors), and by boxes, on lines where these meet enough of it
+and else in a basin image.  Below 2.329 mm only the hanging state is stable, and there is no boundary.
 
 Must come out: smooth boundaries up to 4 mm; 1.75 to 1.83 at 10 mm.
 """
@@ -99,7 +99,7 @@ def report(result: Result) -> None:
     for verdict in (SMOOTH, FRACTAL):
         found = [r.amplitude for r in result.rows if r.pairs.verdict == verdict]
         if found:
-            print(f"{verdict} by pairs of starts: {min(found):g} to {max(found):g} mm")
+            print(f"{verdict} by pairs of initial conditions: {min(found):g} to {max(found):g} mm")
     for name, values in result.changes.items():
         print(f"{name} state gains or loses stability at {', '.join(f'{v:.6f}' for v in values)} mm")
 
@@ -113,7 +113,7 @@ def draw(result: Result) -> Figure:
     x = np.array([r.amplitude for r in bounded])
     pairs = np.array([(r.pairs.boundary_dimension, 2.0 * r.pairs.standard_error) for r in bounded])
     boxes = np.array([(r.boxes.dimension, 2.0 * r.boxes.standard_error) for r in bounded])
-    main_panel.errorbar(x - 0.015, *pairs.T, fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of starts")
+    main_panel.errorbar(x - 0.015, *pairs.T, fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of points")
     main_panel.errorbar(x + 0.015, *boxes.T, fmt="s", markersize=4, capsize=2, color="#E69F00", label="boxes")
     for (name, values), style in zip(result.changes.items(), ("--", ":"), strict=True):
         for k, value in enumerate(values):

@@ -1,23 +1,22 @@
-"""Period doublings to chaos: what the driven pendulum does beyond the limits of stability of its rest states.
+"""Period doublings to chaos: the driven pendulum beyond the limits of stability of its equilibria.
 
 The report asks for the cascade as future work.  Two pendulums: its rod of 2.72 cm at 50 Hz with damping 10 /s, over the
 amplitude, and one at its principal resonance with weak damping (alpha = 0.25, gamma = 0.05, dimensionless), over beta.
-A rest state that a multiplier leaves through -1 gives way to a swing of twice the period.  Half a round later the swing
-is its own mirror image, and such an orbit cannot double: it first loses its symmetry, in a pitchfork, and what is left
-doubles without end.  Everything is seen twice: bifurcations by continuation, and where orbits are after a long time by
-brute force.
+Where a multiplier of an equilibrium passes -1, a swing of twice the drive's period appears.  After half its period the
+swing is its own mirror image, and such an orbit cannot double: it first loses its symmetry in a pitchfork bifurcation,
+and the asymmetric orbits double without end.  Everything is computed twice: bifurcations by continuation, and the
+long-time behaviour of orbits by brute force.
 
 Must come out: the hanging and the inverted state of the rod double at 12.210173235 and 12.542910208 mm, and at weak
 damping the hanging one at beta = 0.050027335537 (tests/REFERENCES.md); a pitchfork stands between the first and
-the second doubling of a rest state; ratios of gaps tend to Feigenbaum's 4.669201609; at beta = 0.55 the pendulum
+the second doubling of an equilibrium; ratios of gaps tend to Feigenbaum's 4.669201609; at beta = 0.55 the pendulum
 tumbles chaotically.
 
-What comes out besides: with damping 10 /s chaos is a narrow affair.  Beyond its doublings the hanging swing is chaotic
-over 0.0003 mm, and then gone; by that time hardly a start ends on it.  Its basin is lost to rotations, which from there
-on attract all starts but for those of other swings near 31.5 mm.  Tumbling is a transient of some dozens of periods: up
-to 40 mm no chaotic attractor is found.  With weak damping the swings end in the same way at beta = 0.3355.  But there
-rotations double, too, up to 0.4516, and shortly afterwards they are lost in turn to the tumbling that attracts all
-starts.
+Further results: with damping 10 /s chaos is rare.  Beyond its doublings the hanging swing is chaotic over 3e-4 mm, and
+then ends; by that time hardly any orbit converges to it.  Its basin is lost to rotations, which from there on attract
+all initial conditions but those of other swings near 31.5 mm.  Tumbling is a transient of some dozens of periods: up to
+40 mm no chaotic attractor is found.  With weak damping the swings end in the same way at beta = 0.3355.  There
+rotations double, too, up to 0.4516, and shortly afterwards a chaotic (tumbling) attractor attracts all orbits.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ CLASSES = {"rest and swings": "#56B4E9", "rotations": "#E69F00", "tumbling": "#C
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """What happens over one parameter: cascades by the orbit that begins them, followed orbits, shares of starts."""
+    """Results over one parameter: cascades by the orbit that begins them, followed orbits, fractions of basins."""
 
     cascades: dict[str, Cascade]
     diagram: BifurcationDiagram
@@ -60,7 +59,7 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Both routes; the end of the hanging swing; periods that starts take to settle, by amplitude."""
+    """Both routes; the end of the hanging swing; settling times in periods, by amplitude."""
 
     rod: Route
     weak: Route
@@ -69,7 +68,7 @@ class Result:
 
 
 def rod_cascades(doublings: int) -> dict[str, Cascade]:
-    """Return the cascades that begin with the rest states of the report's rod."""
+    """Return the cascades that begin with the equilibria of the report's rod."""
     exact = stroboscopic_map(ROD, **PRECISE)
     return {
         state: period_doubling_cascade(exact, periodic_orbit(exact, [place, 0.0]), "amplitude", 0.02, doublings)
@@ -98,12 +97,12 @@ def end_of_swing(cascade: Cascade, values: int) -> BifurcationDiagram:
 
 
 def sample(fastest: float, initial_conditions: int) -> NDArray[np.float64]:
-    """Return random starts over the circle and all rates up to the fastest."""
+    """Return random initial conditions over the circle and all angular velocities up to the fastest."""
     return np.random.default_rng(0).uniform((-pi, -fastest), (pi, fastest), (initial_conditions, 2))
 
 
 def compute(values: int, initial_conditions: int, doublings: int) -> Result:
-    """Follow all cascades, sample orbits and basins over both parameters, and look how long starts tumble."""
+    """Follow all cascades, sample orbits and basins over both parameters, and measure how long orbits tumble."""
     rod, weak = stroboscopic_map(ROD), stroboscopic_map(WEAK)
     cascades = rod_cascades(doublings)
     amplitude, beta = (np.linspace(*LIMITS[name], values) for name in (ROD.name, WEAK.name))
@@ -126,15 +125,15 @@ def compute(values: int, initial_conditions: int, doublings: int) -> Result:
     return Result(rods, slow, end_of_swing(cascades["hanging"], 2 * values), waits)
 
 
-def shares(basins: BasinContinuation) -> dict[str, NDArray[np.float64]]:
-    """Return which share of the starts rests or swings, rotates, tumbles or is undecided, at each value."""
+def basin_fractions(basins: BasinContinuation) -> dict[str, NDArray[np.float64]]:
+    """Return the fractions of orbits that rest or swing, rotate, tumble or are undecided, at each value."""
     found = {name: np.zeros(len(basins.values)) for name in CLASSES}
     names = {Kind.ROTATING: "rotations", Kind.CHAOTIC: "tumbling"}
     for k, attractors in enumerate(basins.attractors):
-        for label, share in zip(basins.labels, basins.fractions[k], strict=True):
+        for label, fraction in zip(basins.labels, basins.fractions[k], strict=True):
             kind = attractors[label].kind if label in attractors else None
             name = "undecided" if label < 0 else names.get(kind, "rest and swings")  # type: ignore[call-overload]
-            found[name][k] += share
+            found[name][k] += fraction
     return found
 
 
@@ -147,12 +146,12 @@ def chaotic_end(diagram: BifurcationDiagram) -> tuple[float, float, float]:
 
 
 def _swings(diagram: BifurcationDiagram) -> NDArray[np.bool_]:
-    """Tell where all recorded angles are within a quarter of a turn of hanging."""
+    """Return where all recorded angles are within pi/2 of hanging."""
     return np.abs(diagram.points[0, :, :, 0]).max(axis=-1) < 0.5 * pi
 
 
 def report(result: Result) -> None:
-    """Print bifurcations, ratios, exponents, shares and times."""
+    """Print bifurcations, ratios, exponents, fractions and times."""
     for title, route, unit, factor in (
         ("rod of 2.72 cm, 50 Hz, 10 /s", result.rod, " mm", 1e3),
         ("alpha = 0.25, gamma = 0.05", result.weak, "", 1.0),
@@ -164,7 +163,7 @@ def report(result: Result) -> None:
                 print(f"    period {branch.period:3d} to {factor * b.value:.10f}{unit}, {b.kind}")
             print(f"    ratios {', '.join(f'{r:.4f}' for r in cascade.ratios)} (Feigenbaum {FEIGENBAUM})")
             print(f"    they accumulate at {factor * cascade.accumulation:.8f}{unit}")
-        parts = shares(route.basins)
+        parts = basin_fractions(route.basins)
         print(f"  {'':10s}" + "".join(f"{name:>18s}" for name in parts))
         for k in range(0, len(route.basins.values), max(1, len(route.basins.values) // LINES)):
             row = "".join(f"{100 * part[k]:16.2f} %" for part in parts.values())
@@ -182,7 +181,7 @@ def report(result: Result) -> None:
     )
     print(f"with exponents up to {most:.3f} a period")
     for a, times in result.waits.items():
-        print(f"settled at {1e3 * a:g} mm: half of the starts in {np.median(times):g} periods, all in {times.max()}")
+        print(f"settled at {1e3 * a:g} mm: half of the orbits in {np.median(times):g} periods, all in {times.max()}")
     weak = result.weak.diagram
     k = int(np.abs(weak.values - TUMBLING).argmin())
     largest, error = weak.exponents[0, k, 0], weak.standard_errors[0, k, 0]
@@ -191,7 +190,7 @@ def report(result: Result) -> None:
 
 
 def draw(result: Result) -> Figure:
-    """Draw points, exponents and shares of both routes, and the end of the rod's swing beside the ratios."""
+    """Draw points, exponents and fractions of both routes, and the end of the rod's swing beside the ratios."""
     figure, axes = plt.subplots(3, 3, figsize=(15.0, 11.0), layout="constrained", height_ratios=(2.0, 1.0, 1.0))
     columns = (result.rod.diagram, result.end, result.weak.diagram)
     titles = ("Rod, 50 Hz, 10 /s", "The end of its hanging swing", "Weak damping, at resonance")
@@ -210,7 +209,7 @@ def draw(result: Result) -> Figure:
         # What is unstable, and the mirror images, only continuation knows.
         for cascade in route.cascades.values():
             plot.branches(cascade.branches[:4], ax=axes[0, column], colour="0.4", legend=False)
-        _draw_shares(axes[2, column], route)
+        _draw_fractions(axes[2, column], route)
     axes[0, 1].set_ylim(*_around(result.end))
     ratios = axes[2, 1]
     for route, marker in ((result.rod, "o"), (result.weak, "s")):
@@ -222,8 +221,8 @@ def draw(result: Result) -> Figure:
     return figure
 
 
-def _draw_shares(ax: Axes, route: Route) -> None:
-    parts = shares(route.basins)
+def _draw_fractions(ax: Axes, route: Route) -> None:
+    parts = basin_fractions(route.basins)
     ax.stackplot(route.basins.values, list(parts.values()), colors=list(CLASSES.values()), labels=list(parts), lw=0.0)
     low, high = LIMITS[route.diagram.system]
     ax.set(

@@ -1,20 +1,20 @@
 """Cell mappings side by side: simple, generalized, set-oriented and interpolated, on one Duffing oscillator.
 
-x'' + 0.08 x' + x^3 = 0.2 cos t has five attractors; the picture is on [-1, 1] x [-0.5, 1].  Each method labels the same
-starts, and each label is compared with that of exact integration to 1e-13.  Simple and generalized cell mapping look at
-cells of a wider window, which holds all attractors, as large as the pixels; tables of interpolated maps have cells of
-twice that side.  Cells that end outside the wider window count as lost, and as wrong.  Subdivision finds the attractors
-from boxes that are fine only where something stays, and hands them to an interpolated map for the picture (hybrid); the
-last row certifies a picture.
+x'' + 0.08 x' + x^3 = 0.2 cos t has five attractors; basins are computed on [-1, 1] x [-0.5, 1].  Each method labels the
+same initial conditions, and each label is compared with that of exact integration to 1e-13.  Simple and generalized
+cell mapping use cells of a wider window, which holds all attractors, as large as the pixels; interpolation grids have
+cells of twice that side.  Cells that end outside the wider window count as escaped, and as wrong.  Subdivision finds
+the attractors from boxes that are fine only around invariant sets, for the basins of an interpolated map (hybrid); the
+last row certifies a basin image.
 
 What each is best for: simple cell mapping, a first look at an unknown system, every cell once; generalized cell
 mapping, noise, chances and expected times; subdivision, small attractors, saddles, and three or four dimensions;
-interpolated cell mapping, the picture itself, and with certificates a picture to trust; direct integration, the check
-of all.
+interpolated cell mapping, the basin image itself, with certificates for each label; direct integration, the check of
+all.
 
-Must come out, as it does elsewhere on 401 x 401 cells and with a table of 201 x 201: a simple cell mapping mislabels
-some 14 % with one period in a step and some 3 % with several; a generalized one loses small attractors unless it takes
-several; interpolation of order 3 mislabels at most 0.5 %.
+Must come out, as it does elsewhere on 401 x 401 cells and with interpolation on 201 x 201: a simple cell mapping
+mislabels some 14 % with one period in a step and some 3 % with several; a generalized one loses small attractors unless
+it takes several; interpolation of order 3 mislabels at most 0.5 %.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ with noise of the report's RMSE, and everything is measured from that film.
 
 First, which rods have that parabola?  At 1.28 rad a swing is so wide that the profile of dry friction is no line and
 that of viscous damping no exponential: viscous damping alone already comes with 59 % of the curvature that its
-exponential would have, the report's share being 54 %.  So the parabola alone does not tell, and what does is its
+exponential would have, the report's fraction being 54 %.  So the parabola alone does not tell, and what does is its
 scatter and the length of the film: for each length there is one mixture of viscous damping and dry friction.
 
 Must come out: the parabola of the report; the mixture that the film was made with, within the errors; dry friction

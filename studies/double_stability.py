@@ -1,4 +1,4 @@
-"""Stability of the four rest states of the double pendulum, over frequency, amplitude, masses and lengths.
+"""Stability of the four equilibria of the double pendulum, over frequency, amplitude, masses and lengths.
 
 The report's future work asks for this map.  Its links of 3.2 cm carry equal masses, or an outer mass of a quarter; both
 joints are free, or damped as in the reference set (10 /s).  Without damping each state decouples into two single
@@ -27,17 +27,17 @@ from systems import double_pendulum
 from ._chains import (
     Window,
     draw_maps,
+    equilibria,
     first_window,
     normal_modes,
     overlap,
-    rest_states,
     stability_maps,
     stable_windows,
     text_of,
     windows_of_modes,
 )
 
-STATES = rest_states(2)
+STATES = equilibria(2)
 MOST = 0.03  # amplitude up to which windows are sought (m)
 MASS_RATIOS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
 LENGTH_RATIOS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
@@ -170,7 +170,7 @@ def draw(result: Result) -> Figure:
             ax.set(xscale="log", xlabel="$m_2/m_1$")
         else:
             ax.set_xlabel("frequency (Hz)" if name == "frequency" else "length of the outer link (m)")
-    figure.suptitle("Double pendulum, inner link 3.2 cm: rest states that are stable")
+    figure.suptitle("Double pendulum, inner link 3.2 cm: stable equilibria")
     return figure
 
 

@@ -1,19 +1,19 @@
 """Figure 17 of the report: least amplitude that keeps the inverted state, over frequency, for its two rods.
 
 Twice: where the Floquet multipliers of the inverted state come inside the unit circle, and by simulation as in the
-report, where a release at rest 0.05 rad from upright, with the pivot at its highest, has not fallen by a quarter of a
-turn after some cycles.  All frequencies and amplitudes are simulated in one batch, and brackets cut together.
+report, where a release at rest 0.05 rad from upright, with the pivot at its highest, has not fallen by pi/2 after
+some cycles.  All frequencies and amplitudes are simulated in one batch, and brackets cut together.
 
 Damping is 2.5, twice: viscous (1/s), where the two must agree but for the finite angle and the finite time, and dry
-(rad/s^2), which fits the measured decay of the 6.9 cm rod.  Dry friction has no multipliers, for a rod stands still
-within a small angle of upright; there the undamped ones are the reference.  The friction of the 3.1 cm rod is not known
-apart, and taken to be the same angular deceleration.  Below 5 Hz the range of amplitudes that hold the state gets so
+(rad/s^2), which fits the measured decay of the 6.9 cm rod.  With dry friction there are no multipliers, for a rod
+sticks within a small angle of upright; the undamped ones are the reference.  The friction of the 3.1 cm rod is not
+known, and taken to be the same angular deceleration.  Below 5 Hz the range of amplitudes that hold the state gets so
 narrow that a release may miss it, and find none, or a swing about upright at a larger amplitude.
 
 White dots over the curve of the short rod are measured points, 15 to 35 Hz as in the report: of a synthetic experiment,
 in which the drive is raised by 2 % at a time until a release stays up, and its amplitude read off a noisy record of an
 accelerometer.  Where a file figure_17_measured.csv stands beside this one, with a heading frequency_hz,amplitude_mm or
-frequency_hz,amplitude_mm,amplitude_error_mm, its points are drawn as well.  A second picture has the dots over the map
+frequency_hz,amplitude_mm,amplitude_error_mm, its points are drawn as well.  A second figure has the dots over the map
 of stability of the inverted state.
 
 Must come out: sqrt(2 g l)/w at high frequencies, sqrt(6.9/3.1) times as much for the long rod as for the short one;

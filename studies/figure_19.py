@@ -1,9 +1,9 @@
 """Figure 19 of the report: basins of the driven pendulum at five amplitudes of the pivot.
 
-Rod of 2.72 cm, 50 Hz, viscous damping 10 /s, 500 x 500 starts over the circle and |theta'| <= 100 rad/s, and over
-|theta'| <= 500 rad/s where rotations have basins too.  Each picture is made by interpolated cell mapping twice: orbits
-that leave the table are lost (the report's grey), or carried on by the exact map.  Direct integration of the same
-starts tells how many labels are wrong.
+Rod of 2.72 cm, 50 Hz, viscous damping 10 /s, 500 x 500 initial conditions over the circle and |theta'| <= 100 rad/s,
+and over |theta'| <= 500 rad/s where rotations have basins too.  Each basin image is computed by interpolated cell
+mapping twice: orbits that leave the window have escaped (the report's grey), or are continued with the exact map.
+Direct integration of the same initial conditions gives the number of wrong labels.
 
 Must come out (tests/REFERENCES.md): on 200 x 200 cells and |theta'| <= 100, hanging / inverted 40000 / 0 at 2 mm
 and 32896 / 7104 at 3 mm; boundaries are smooth up to 4 mm and fractal at 10 mm.
@@ -41,7 +41,7 @@ class Panel:
 
     @property
     def wrong(self) -> float:
-        """Share of the starts whose label differs from that of direct integration."""
+        """Fraction of the labels that differ from those of direct integration."""
         return float((self.kept.labels != self.direct.labels).mean())
 
 
@@ -78,17 +78,15 @@ def report(panel: Panel) -> None:
         shares = f"{100 * fraction.fraction:8.4f} +- {100 * fraction.standard_error:.4f} %"
         print(f"  {shares}  {repr(kept.attractors[label]) if label >= 0 else kept.label_name(label)}")
     escaped = panel.lost.fractions.get(-1)
+    print(f"  escaped: {100 * escaped.fraction if escaped else 0.0:.3f} % of the orbits, where they are not continued")
     print(
-        f"  left the table: {100 * escaped.fraction if escaped else 0.0:.3f} % of the starts, where orbits are not kept"
-    )
-    print(
-        f"  {panel.tabulation:.3f} s to tabulate and check, {kept.cost.seconds:.3f} s to label; directly "
+        f"  {panel.tabulation:.3f} s to interpolate and check, {kept.cost.seconds:.3f} s to label; directly "
         f"{direct.cost.seconds:.3f} s; {100 * panel.wrong:.4f} % of the labels differ"
     )
 
 
 def draw(panels: Sequence[Panel], window: float) -> Figure:
-    """Draw one window: above with the orbits that leave the table in grey, below with none lost."""
+    """Draw one window: above with the orbits that leave the window in grey, below with all of them continued."""
     row = [p for p in panels if p.window == window]
     figure, axes = plt.subplots(
         2, len(row), figsize=(3.0 * len(row), 6.2), layout="constrained", sharex=True, sharey=True

@@ -32,9 +32,9 @@ from cellmap.bifurcations import FloquetResult, floquet_multipliers
 from cellmap.maps import Trajectory
 from systems import double_pendulum
 
-from ._chains import Window, first_window, normal_modes, rest_states, text_of
+from ._chains import Window, equilibria, first_window, normal_modes, text_of
 
-STATES = rest_states(2)
+STATES = equilibria(2)
 UP_DOWN, DOWN_UP = np.array(STATES["(π, 0)"]), np.array(STATES["(0, π)"])
 SYSTEM = double_pendulum(mass_2=1.0, amplitude=0.007, frequency=24.0, damping=5.0)
 LINKS = {"inner": 2, "outer": 3}  # places of their rates in the state
@@ -56,7 +56,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Windows of the rest states by damping, multipliers, scans by link, a motion that returns and one that flips."""
+    """Windows of the equilibria by damping, multipliers, scans by link, a motion that returns and one that flips."""
 
     windows: dict[float, dict[str, Window]]
     multipliers: dict[str, FloquetResult]
@@ -73,7 +73,7 @@ def pushed(link: str, pushes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest angle by which states differ from a rest state."""
+    """Return the largest angle by which states differ from an equilibrium."""
     turned = points[..., :2] - state[:2]
     return np.abs(np.angle(np.exp(1j * turned))).max(axis=-1)
 
@@ -166,7 +166,7 @@ def draw(result: Result) -> tuple[Figure, Figure]:
         ax.yaxis.set_major_locator(plt.MultipleLocator(1.0))
         ax.grid(axis="y")
         ax.set(ylabel=f"angle of the {link} link (π)", xlim=(0.0, motion.times[-1]))
-    rows[0].set_title("(up, down) is flipped into (down, up): whole turns are down, odd multiples of π up")
+    rows[0].set_title("(up, down) is flipped into (down, up): multiples of 2π are down, odd multiples of π up")
     rows[1].set_xlabel("time (s)")
     colours = ListedColormap(["#E69F00", "#FFFFFF", "#5C4770"])
     for ax, (link, found) in zip(rows[2:], result.scans.items(), strict=True):

@@ -1,7 +1,7 @@
 """Figure 3 of the report: the effective potential, and the critical angle of release that grows with the drive.
 
 For the report's rod of 2.72 cm at 50 Hz, V_eff/(m l^2) = -(g/l) cos theta + (A w sin theta)^2/(4 l^2) by Kapitza, with
-wells at both rest states and barriers at cos theta_c = 2 g l/(A w)^2 from upright.  Averaging knows neither damping nor
+wells at both equilibria and barriers at cos theta_c = 2 g l/(A w)^2 from upright.  Averaging knows neither damping nor
 the moment of release.  Beside it stand the true limits: the angles, on both sides, up to which a release at rest comes
 back upright, by exact integration with damping 10 /s.  They depend on the phase, for the slow motion begins with
 minus the fast velocity of that moment; they are nearest to theta_c where the pivot is at rest, at its top or bottom.
@@ -91,7 +91,7 @@ def report(result: Result) -> None:
         well = find_well(effective_potential(driven_pendulum(amplitude=amplitude)))
         print(f"theta_c at {1e3 * amplitude:g} mm: {well.critical_angle:.9f} rad, and published {published:.9f}")
     phases = result.releases[0].limits.phases
-    print("\nTrue limits of release (rad) by phase of the drive, in turns; 0 is the pivot at its top.")
+    print("\nTrue limits of release (rad) by phase of the drive, in periods; 0 is the pivot at its top.")
     print(
         "  A, mm    theta_c  formula-  "
         + "".join(f"  {p:7.3f}" for p in phases)

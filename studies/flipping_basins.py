@@ -1,11 +1,11 @@
-"""Basins of the double pendulum that has all four rest states stable, and of one whose symmetric states swing.
+"""Basins of the double pendulum with all four equilibria stable, and with swings about the symmetric ones.
 
 Reference set: 50 Hz, links of 3.2 cm, m2 = m1/4, 6 mm, damping 10 /s in both joints.  Three slices of its space of four
-dimensions: over both angles at rest, over both angles with both links turning once a period, and over both rates
-from the flipping state (inner link up, outer link down).  Shares of a box in all four dimensions come from random
-starts, so they have standard errors.  At 9.5 mm (0, 0) and (π, π) have doubled their periods and swing.
+dimensions: over both angles at rest, over both angles with both links rotating once a period, and over both angular
+velocities from the flipping state (inner link up, outer link down).  Fractions of a box in all four dimensions come
+from random initial conditions, so they have standard errors.  At 9.5 mm (0, 0) and (π, π) have doubled their periods.
 
-Must come out (tests/REFERENCES.md): of 60 x 60 starts over both angles at rest 1286 / 596 / 976 / 742 go to (0, 0)
+Must come out (tests/REFERENCES.md): of 60 x 60 initial conditions at rest 1286 / 596 / 976 / 742 go to (0, 0)
 / (0, π) / (π, 0) / (π, π), none is undecided, and at most 5 may differ.
 """
 
@@ -29,8 +29,8 @@ from cellmap.orbits import Kind
 from systems import double_pendulum
 
 REFERENCE = CellGrid((-pi, -pi, -1.0, -1.0), (pi, pi, 1.0, 1.0), (60, 60, 1, 1))
-TURNING = 100.0 * pi  # rate of one turn a period (rad/s)
-FASTEST = 400.0  # rates of the box (rad/s)
+TURNING = 100.0 * pi  # angular velocity of one rotation a period (rad/s)
+FASTEST = 400.0  # angular velocities of the box (rad/s)
 AMPLITUDES = (0.006, 0.0095)
 HALF = 1e-3  # half the width of an axis that a slice cuts
 
@@ -61,13 +61,13 @@ def angle_slice(cells: int, rate: float) -> CellGrid:
 
 
 def rate_slice(cells: int) -> CellGrid:
-    """Return a slice over both rates from the flipping state (π, 0)."""
+    """Return a slice over both angular velocities from the flipping state (π, 0)."""
     near = (pi - HALF, -HALF), (pi + HALF, HALF)
     return CellGrid((*near[0], -FASTEST, -FASTEST), (*near[1], FASTEST, FASTEST), (1, 1, cells, cells))
 
 
 def box(initial_conditions: int) -> np.ndarray:
-    """Return random starts over both circles and all rates up to the fastest."""
+    """Return random initial conditions over both circles and all angular velocities up to the fastest."""
     most = np.array([pi, pi, FASTEST, FASTEST])
     return np.random.default_rng(0).uniform(-most, most, (initial_conditions, 4))
 
@@ -89,12 +89,12 @@ def compute(cells: int, side: int, initial_conditions: int) -> dict[str, Measure
 
 
 def report(title: str, found: Measured) -> None:
-    """Print shares, attractors and cost of one set of starts."""
+    """Print fractions, attractors and cost of one set of initial conditions."""
     basins = found.basins
-    print(f"{title}: {basins.labels.size:,} starts, A = {1e3 * basins.params['amplitude']:g} mm")
-    for label, share in basins.fractions.items():
+    print(f"{title}: {basins.labels.size:,} initial conditions, A =  {1e3 * basins.params['amplitude']:g} mm")
+    for label, part in basins.fractions.items():
         name = repr(basins.attractors[label]) if label >= 0 else basins.label_name(label)
-        print(f"  {share.count:8d}  {100 * share.fraction:8.4f} +- {100 * share.standard_error:.4f} %  {name}")
+        print(f"  {part.count:8d}  {100 * part.fraction:8.4f} +- {100 * part.standard_error:.4f} %  {name}")
     print(
         f"  {found.wall:.1f} s ({found.processor:.1f} s of processors), {basins.cost.steps:,} periods; labels and "
         f"times {basins_memory(basins.labels.size) / 2**20:.1f} MiB, process at most {found.memory / 2**20:.0f} MiB"
@@ -102,7 +102,7 @@ def report(title: str, found: Measured) -> None:
 
 
 def colour(attractor: Attractor) -> str:
-    """Return the colour of an attractor, the same in all pictures."""
+    """Return the colour of an attractor, the same in all images."""
     inner, outer, *_ = attractor.points[0]
     if attractor.kind is Kind.FIXED_POINT:
         return {(1, 1): "#FFFFFF", (1, -1): "#56B4E9", (-1, 1): "#E69F00", (-1, -1): "#000000"}[

@@ -95,12 +95,12 @@ def koch(level: int) -> Points:
 
 
 def turning(angle: float) -> Points:
-    """Return the matrix of a turn."""
+    """Return the matrix of a rotation."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def snowflake_labels(cells: int, level: int, angle: float = 0.0) -> NDArray[np.int16]:
-    """Return the inside of Koch's snowflake, turned, as 1 on a picture of 0."""
+    """Return the inside of Koch's snowflake, rotated, as 1 on an image of 0."""
     side = np.vstack([koch(level), [[1.0, 0.0]]])
     centre = np.array([0.5, -sqrt(3.0) / 6.0])
     outline = np.concatenate([(side - centre) @ turning(-2.0 * pi * k / 3.0).T for k in range(3)])

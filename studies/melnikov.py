@@ -4,7 +4,7 @@ x'' + 0.15 x' - x (1 - x^2)/2 = f cos 0.8333 t.  To first order in damping and f
 and the unstable manifold of the saddle between the wells is Melnikov's integral along the loop x = sqrt(2) sech(t/s) of
 the oscillator without either, with s = sqrt(2).  It changes its sign from f_c = s/(3 pi) d cosh(pi w/s)/w on.  Three
 measurements stand beside it: the force from which on the unstable manifold does enter the other well's basin, and the
-dimension of the boundary between the wells against the force, by pairs of starts and by boxes.  Attractors in the same
+dimension of the boundary between the wells against the force, by pairs of points and by boxes.  Attractors in the same
 well count as one; above f = 0.1 they fill both wells, and the boundary between them is measured.
 
 Must come out: f_c = 0.0881; a smooth boundary below, a fractal one above; dimension 1.776 +- 0.01 at f = 0.10.
@@ -176,12 +176,12 @@ def report(result: Result) -> None:
 
 
 def draw(result: Result) -> Figure:
-    """Draw dimensions against the force, and two pictures of basins, below and above the critical force."""
+    """Draw dimensions against the force, and two basin images, below and above the critical force."""
     figure, (panel, *pictures) = plt.subplots(1, 3, figsize=(15.0, 4.8), layout="constrained", width_ratios=(1.5, 1, 1))
     x = np.array([r.forcing for r in result.rows])
     pairs = np.array([(r.pairs.boundary_dimension, 2.0 * r.pairs.standard_error) for r in result.rows])
     boxes = np.array([(r.boxes.dimension, 2.0 * r.boxes.standard_error) for r in result.rows])
-    panel.errorbar(x - 1e-4, *pairs.T, fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of starts")
+    panel.errorbar(x - 1e-4, *pairs.T, fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of points")
     panel.errorbar(x + 1e-4, *boxes.T, fmt="s", markersize=4, capsize=2, color="#E69F00", label="boxes")
     panel.axvline(result.formula, color="0.4", linestyle="--", label=f"Melnikov: {result.formula:.4f}")
     panel.axvspan(*result.tangency, color="#D55E00", label=f"manifolds touch: {np.mean(result.tangency):.4f}")

@@ -240,7 +240,7 @@ def draw(found: list[Case], spread: dict[str, Array], levels: Array, biased: tup
     ax.plot(fine, np.exp(-0.5 * fine**2) / np.sqrt(2.0 * pi), "k:", lw=1.0, label="normal: 95 %")
     low, high = ax.get_ylim()
     ax.set(
-        title="Errors over seeds, share within 1.96",
+        title="Errors over seeds, fraction within 1.96",
         xlabel="error / error bar",
         ylabel="density",
         ylim=(0.0, 1.1 * high),
@@ -260,7 +260,7 @@ def main(quick: bool, output: Path) -> None:
     """Compute and draw."""
     found = cases()
     report(found)
-    print("\nshare of errors within 1.96 error bars")
+    print("\nfraction of errors within 1.96 error bars")
     spread = coverage(60 if quick else 1000)
     levels = np.array([0.0, 0.02, 0.05, 0.1, 0.2])
     biased = noise_bias(levels, 4 if quick else 20)

@@ -157,7 +157,7 @@ def report(case: Case) -> None:
 
 
 def angle_errors(case: Case) -> np.ndarray:
-    """Return the errors of the angles, whole turns aside (rad)."""
+    """Return the errors of the angles up to full rotations (rad)."""
     apart = case.angles.angles - case.truth
     return apart - 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
 

@@ -1,4 +1,4 @@
-"""Stability of the eight rest states of the triple pendulum, over frequency and amplitude.
+"""Stability of the eight equilibria of the triple pendulum, over frequency and amplitude.
 
 The report asks for the triple pendulum as future work.  Three links of 3.2 cm carry equal masses; the joints are free,
 or damped at 10 /s.  Without damping every state decouples into three single pendulums, which gives its window a second
@@ -20,9 +20,9 @@ from matplotlib.figure import Figure
 from cellmap.bifurcations import StabilityMap
 from systems import triple_pendulum
 
-from ._chains import Window, draw_maps, intervals, overlap, rest_states, stability_maps, text_of, windows_of_modes
+from ._chains import Window, draw_maps, equilibria, intervals, overlap, stability_maps, text_of, windows_of_modes
 
-STATES = rest_states(3)
+STATES = equilibria(3)
 FREQUENCY = 100.0
 LEAST, MOST = 5e-5, 0.006  # amplitudes (m)
 DAMPINGS = (0.0, 10.0)
@@ -76,7 +76,7 @@ def draw(result: Result) -> Figure:
         draw_maps(figure, ax, maps, legend=ax is axes[-1])
         ax.set(title=f"Joint damping {damping:g} /s", xlabel="frequency (Hz)")
         ax.label_outer()
-    figure.suptitle("Triple pendulum, links 3.2 cm, equal masses: rest states that are stable")
+    figure.suptitle("Triple pendulum, links 3.2 cm, equal masses: stable equilibria")
     return figure
 
 

@@ -44,4 +44,4 @@ GALLERY = (
     _explored("standard_map", _TURN, _TURN, cells=200),
     _explored("logistic_map", (0.0, 1.0)),
 )
-"""The first one is shown when the explorer starts."""
+"""The explorer opens with the first one."""

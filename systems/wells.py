@@ -14,7 +14,7 @@ from cellmap.utils import finite_number, finite_points, shown
 
 from .averaging import EffectivePotential
 
-_NODES = 4096  # places a turn where a barrier is sought, closest beside the well
+_NODES = 4096  # places over 2 pi where a barrier is sought, closest beside the well
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,12 @@
-"""README and pages use the words of the field: neither private words for standard things, nor pages without the terms.
+"""README, pages and code use the words of the field: no private words for standard things, no pages without the terms.
 
-Only prose is read: code blocks, inline code, formulas, link targets and comments are left out, and in docstrings the
-examples, the names of arguments and the references. Another source of text is a further function of `SOURCES`.
+Only prose is read: of pages everything but code blocks, inline code, formulas, link targets and comments; of code
+docstrings without examples, names of arguments and references, comments, and strings with a blank. Another source of
+text is a further function of `SOURCES`.
 """
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,22 +16,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 
-ROOMS = (
-    "maps",
-    "orbits",
-    "bifurcations",
-    "attractors",
-    "basins",
-    "sets",
-    "analysis",
-    "analysis/fractal",
-    "analysis/resilience",
-    "analysis/boundary",
-    "plot",
-    "explorer",
-    "_lib",
-)
-"""Rooms of the package whose docstrings are read."""
+PACKAGES = ("cellmap", "systems", "studies")
+"""Packages whose docstrings, comments and messages are read."""
 
 
 class Text(NamedTuple):
@@ -54,46 +40,34 @@ def pages() -> Iterator[Text]:
         yield Text(name, prose_of(path.read_text(encoding="utf-8")))
 
 
-def docstrings() -> Iterator[Text]:
-    """Yield the docstrings of all modules of the rooms, of their public objects, and of the public members of these."""
-    for room in ROOMS:
-        folder = ROOT / "cellmap" / room
-        public = public_names(folder)
-        for path in sorted(folder.rglob("*.py")):
-            name = path.relative_to(ROOT).as_posix()
-            module = ast.parse(path.read_text(encoding="utf-8"))
-            yield from _docstring(module, name)
-            for node in module.body:
-                if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name in public.get(path, ()):
-                    yield from _docstring(node, name)
-                    yield from _members(node, name)
+def code() -> Iterator[Text]:
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            yield Text(path.relative_to(ROOT).as_posix(), prose_of_code(path.read_text(encoding="utf-8")))
 
 
-def public_names(folder: Path) -> dict[Path, set[str]]:
-    """Return the names that a room makes public, by the files that define them."""
-    found: dict[Path, set[str]] = {}
-    stub = folder / "__init__.pyi"
-    for line in ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else ():
-        if isinstance(line, ast.ImportFrom) and line.module:
-            path = folder.joinpath(*line.module.split(".")).with_suffix(".py")
-            found.setdefault(path, set()).update(alias.name for alias in line.names)
-    return found
+PROSE_OF_CODE = re.compile(
+    r'''"""(?P<docstring>.*?)"""|"(?P<message>(?:[^"\\\n]|\\.)*)"|'(?:[^'\\\n]|\\.)*'|\#[ ](?P<comment>[^\n]*)''',
+    re.DOTALL,
+)
 
 
-def _members(node: ast.ClassDef | ast.FunctionDef, name: str) -> Iterator[Text]:
-    for member in node.body[1:] if isinstance(node, ast.ClassDef) else ():
-        if isinstance(member, ast.FunctionDef) and not member.name.startswith("_"):
-            yield from _docstring(member, name)
-        elif isinstance(member, ast.Expr) and isinstance(member.value, ast.Constant):  # of a member of an enum
-            yield Text(name, "\n" * (member.lineno - 1) + prose_of_docstring(str(member.value.value)))
+def prose_of_code(source: str) -> str:
+    """Return docstrings, comments and messages, each on its lines; line numbers stay the same."""
+    parts, end = [], 0
+    for match in PROSE_OF_CODE.finditer(source):
+        if match["docstring"] is not None:
+            prose = prose_of_docstring(match["docstring"])
+        else:
+            prose = prose_of(re.sub(r"{[^{}]*}", "_", match["message"] or match["comment"] or ""))
+        if " " in prose:
+            between = source.count("\n", end, match.start())
+            parts.append("\n" * between + (" " if between else " | ") + prose)
+            end = match.end()
+    return "".join(parts)
 
 
-def _docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef, name: str) -> Iterator[Text]:
-    if text := ast.get_docstring(node, clean=False):
-        yield Text(name, "\n" * (node.body[0].lineno - 1) + prose_of_docstring(text))
-
-
-SOURCES: tuple[Callable[[], Iterator[Text]], ...] = (pages, docstrings)
+SOURCES: tuple[Callable[[], Iterator[Text]], ...] = (pages, code)
 """Functions that yield the texts in which no private word may occur."""
 
 QUOTATIONS: tuple[str, ...] = ()
@@ -209,9 +183,18 @@ TERMS = {
 """Terms for which readers search, and a page that must answer."""
 
 
+def compiled(pattern: str) -> re.Pattern[str]:
+    return re.compile(rf"\b(?:{pattern})\b".replace(" ", r"\s+"), re.IGNORECASE)
+
+
+ANY = compiled("|".join(DIALECT))
+
+
 def findings(text: Text) -> Iterator[Finding]:
+    if not ANY.search(text.prose):  # one look is faster than one for each of them
+        return
     for pattern, instead in DIALECT.items():
-        for match in re.finditer(rf"\b(?:{pattern})\b".replace(" ", r"\s+"), text.prose, re.IGNORECASE):
+        for match in compiled(pattern).finditer(text.prose):
             line = text.prose.count("\n", 0, match.start()) + 1
             yield Finding(text.name, line, " ".join(match.group().split()), instead)
 
@@ -291,9 +274,27 @@ def test_of_a_docstring_neither_names_nor_examples_nor_references_are_read():
     assert (finding.line, finding.found) == (6, "picture")
 
 
-def test_docstrings_of_every_room_are_read():
-    names = {text.name for text in docstrings()}
-    for room in ROOMS:
-        assert {p.relative_to(ROOT).as_posix() for p in public_names(ROOT / "cellmap" / room)} <= names
-        assert f"cellmap/{room}/__init__.py" in names
-    assert len(names) >= 150
+CODE = '''"""A module."""
+
+import this  # a picture
+
+
+def label(starts):
+    """Return one."""
+    raise ValueError(
+        f"starts={starts!r}: {starts} are no "
+        "initial conditions, but starts" if "starts" in starts else "picture"
+    )
+'''
+
+
+def test_of_code_docstrings_comments_and_messages_are_read():
+    found = [(f.line, f.found) for f in findings(Text("a module", prose_of_code(CODE)))]
+    assert found == [(9, "starts"), (10, "starts"), (3, "picture")]
+
+
+def test_all_packages_are_read():
+    names = {text.name for text in code()}
+    for package in PACKAGES:
+        assert f"{package}/__init__.py" in names
+    assert len(names) >= 350

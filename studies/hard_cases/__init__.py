@@ -1,4 +1,4 @@
-"""Hard cases: motions, starts and grids where a plausible picture may be wrong, each with an answer that is known.
+"""Hard cases: motions, initial conditions and grids that may lead to plausible but wrong basins, with known answers.
 
 Every case states why it is hard and what must come out; it computes what does.  Tests assert it, and the page of the
 documentation prints it.

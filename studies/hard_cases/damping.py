@@ -45,14 +45,14 @@ def free_swings() -> Iterator[Finding]:
 @hard_case(
     "Nothing attracts",
     why="Every orbit of an undamped system goes on for ever; something is always close to something.",
-    expected="No attractor; every start undecided.",
+    expected="No attractor; every initial condition undecided.",
 )
 def nothing_attracts() -> Iterator[Finding]:
     for amplitude in (NO_DRIVE, 0.003):
         exact = stroboscopic_map(driven_pendulum(amplitude=amplitude, damping=0.0))
         basins = find_basins(exact, CellGrid((-pi, -60.0), (pi, 60.0), (4, 4)), max_periods=50)
         drive = f"driven by {1e3 * amplitude:g} mm" if amplitude > NO_DRIVE else "not driven"
-        yield is_so(f"{drive}: no attractor, 16 of 16 starts undecided", not basins.attractors and _undecided(basins))
+        yield is_so(f"{drive}: no attractor, 16 of 16 orbits undecided", not basins.attractors and _undecided(basins))
 
 
 def _undecided(basins: Basins) -> bool:
@@ -63,7 +63,7 @@ def _undecided(basins: Basins) -> bool:
     "Volumes in phase space",
     why="An integrator may meet its tolerance and still shrink or swell volumes; over thousands of periods this "
     "decides whether anything attracts.",
-    expected="Liouville's theorem: the determinant of the map's derivative is exp(-damping T) at every start of a "
+    expected="Liouville's theorem: the determinant of the map's derivative is exp(-damping T) at every state of a "
     "single pendulum, and (m1 + m2 sin² D)/(m1 + m2 sin² D') for an undamped double one whose relative angle "
     "goes from D to D'.",
 )
@@ -107,7 +107,7 @@ def tiny_damping() -> Iterator[Finding]:
     sizes = np.abs(np.linalg.eigvals(jacobian(exact, [0.0, 0.0])))
     yield at_most("error of the size of both multipliers", float(np.abs(sizes - exp(-1e-4)).max()), 1e-11)
     basins = find_basins(exact, CellGrid((-pi, -100.0), (pi, 100.0), (8, 8)), max_periods=50)
-    yield is_so("64 of 64 starts undecided after 50 periods", _undecided(basins))
+    yield is_so("64 of 64 orbits undecided after 50 periods", _undecided(basins))
 
 
 @hard_case(
@@ -134,14 +134,14 @@ def huge_damping() -> Iterator[Finding]:
 @hard_case(
     "Huge damping: creeping to rest",
     why="One multiplier of the hanging state all but vanishes, the other is next to 1.",
-    expected="The hanging state attracts all starts; its slow multiplier is that of the linear equation, about exp(-g "
+    expected="The hanging state attracts all orbits; its slow multiplier is that of the linear equation, about exp(-g "
     "T/(l damping)).",
 )
 def creeping() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum(damping=1e3, amplitude=NO_DRIVE))
     basins = find_basins(exact, [[0.3, 0.0], [-1.0, 50.0], [2.5, -50.0]], max_periods=5000)
     yield is_so(
-        "one attractor, and all starts belong to it", len(basins.attractors) == 1 and bool((basins.labels == 0).all())
+        "one attractor, which attracts all orbits", len(basins.attractors) == 1 and bool((basins.labels == 0).all())
     )
     slow = 0.5 * (sqrt(1e6 - 4.0 * FREE_RATE**2) - 1e3)
     yield agrees("slow multiplier", float(basins.attractors[0].multipliers[0].real), exp(slow * 0.02), 1e-11)

@@ -23,9 +23,9 @@ LIMIT = asin(FRICTION / (GRAVITY / ROD + DRIVE))
 
 @hard_case(
     "Sticking that never ends",
-    why="A continuum of rest states: each is a fixed point, none attracts in the usual sense, and an integrator "
+    why="A continuum of equilibria: each is a fixed point, none attracts in the usual sense, and an integrator "
     "that chatters about zero rate creeps.",
-    expected="Every start at rest up to asin(friction/(g/l + A w²/l)) = 0.000889214 rad from hanging or upright stays "
+    expected="A release at rest up to asin(friction/(g/l + A w²/l)) = 0.000889214 rad from hanging or upright stays "
     "there bit for bit; beyond it slips. A little farther out a stick-slip cycle, 0.00182768 rad from "
     "upright.",
 )
@@ -44,7 +44,7 @@ def permanent_sticking() -> Iterator[Finding]:
         )
     outside = np.array([[1.01 * LIMIT, 0.0], [-1.01 * LIMIT, 0.0]])
     slipped = exact(outside) - outside
-    yield is_so("starts beyond it by 1 % slip towards hanging", bool(slipped[0, 0] < 0.0 < slipped[1, 0]))
+    yield is_so("releases beyond it by 1 % slip towards hanging", bool(slipped[0, 0] < 0.0 < slipped[1, 0]))
     cycle = exact.iterate([[-pi + 0.0018, 0.0], [-pi + 0.002, 0.0], [-pi + 0.001, 0.0]], 2000).points
     yield agrees("angle of the stick-slip cycle from upright (rad)", float(cycle[0, 0]) + pi, 0.00182768, 5e-9)
     yield at_most("starts on both sides meet in it, apart by", float(np.ptp(cycle, axis=0).max()), 1e-10)
@@ -91,10 +91,10 @@ def friction_alone() -> Iterator[Finding]:
     ends = exact.iterate(initial_conditions, 501)
     stopped = initial_conditions[:, 0] + initial_conditions[:, 1] * np.abs(initial_conditions[:, 1]) / (2.0 * FRICTION)
     yield at_most(
-        "largest error of the angle at rest, after up to 80 turns (rad)",
+        "largest error of the angle at rest, after up to 80 rotations (rad)",
         float(np.abs(ends.unwrapped[:, 0] - stopped).max()),
         1e-9,
     )
-    yield is_so("all rates are exactly zero", bool((ends.points[:, 1] == 0.0).all()))
+    yield is_so("all angular velocities are exactly zero", bool((ends.points[:, 1] == 0.0).all()))
     later = exact.iterate(ends.points, 1000).points
     yield is_so("1,000 periods later nothing has moved by a bit", bool((later == ends.points).all()))

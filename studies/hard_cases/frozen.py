@@ -1,4 +1,4 @@
-"""Starts whose images are frozen in tests/reference/hard_cases.json, computed with 33 digits by another program."""
+"""Initial conditions with frozen images: tests/reference/hard_cases.json, with 33 digits, by another program."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NO_DRIVE = 1e-30
 
 @dataclass(frozen=True)
 class Problem:
-    """A start of a system, and the number of periods after which its image is known."""
+    """An initial condition of a system, and the number of periods after which its image is known."""
 
     system: ForcedSystem
     start: tuple[float, ...]
@@ -70,7 +70,7 @@ def unequal(mass_2: float, periods: int = 1) -> Problem:
 
 
 def spinning(rate: float) -> Problem:
-    """Return an undriven, undamped pendulum that goes round fast."""
+    """Return an undriven, undamped pendulum in fast rotation."""
     return Problem(driven_pendulum(amplitude=NO_DRIVE, damping=0.0), (0.0, rate), 100)
 
 

@@ -20,7 +20,7 @@ ESCAPED = -1
 @hard_case(
     "A window that all orbits leave",
     why="Nothing can be learned in it: there is no attractor inside, and the table has no images that lead on.",
-    expected='With outside="escape" every start has left; with outside="integrate" the labels are those of direct '
+    expected='With outside="escape" every orbit has escaped; with outside="integrate" the labels are those of direct '
     "integration.",
 )
 def all_leave() -> Iterator[Finding]:
@@ -28,7 +28,7 @@ def all_leave() -> Iterator[Finding]:
     window = CellGrid((0.5, 60.0), (0.9, 70.0), (20, 20))
     lost = find_basins(interpolated_map(exact, window, outside="escape"), window)
     yield is_so(
-        "escape: no attractor, 400 of 400 starts left", not lost.attractors and bool((lost.labels == ESCAPED).all())
+        "escape: no attractor, 400 of 400 orbits escaped", not lost.attractors and bool((lost.labels == ESCAPED).all())
     )
     kept = find_basins(interpolated_map(exact, window, outside="integrate"), window)
     direct = find_basins(exact, window)
@@ -49,17 +49,17 @@ def one_and_two_cells() -> Iterator[Finding]:
     direct = find_basins(exact, initial_conditions)
     for shape in ((2, 1), (1, 2), (2, 2)):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that all cells are left to the exact map
+            warnings.simplefilter("ignore")  # that all cells are fallback cells
             table = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), shape), outside="integrate")
         wrong = int(np.count_nonzero(find_basins(table, initial_conditions).labels != direct.labels))
         yield at_most(f"table of {shape[0]} x {shape[1]} cells: wrong labels of 144", wrong, 0)
     single = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (1, 1)), outside="integrate")
     yield is_so(
-        f"table of 1 x 1 cells: its measured median error is {single.error(1000).median:.2g}",
+        f"interpolation on 1 x 1 cells: its measured median error is {single.error(1000).median:.2g}",
         single.error(1000).median > 1.0,
     )
     one = find_basins(exact, CellGrid((-pi, -100.0), (pi, 100.0), (1, 1)))
-    yield is_so("a picture of one cell, whose centre hangs", one.labels.tolist() == [[0]] and len(one.attractors) == 1)
+    yield is_so("basins on one cell, whose centre hangs", one.labels.tolist() == [[0]] and len(one.attractors) == 1)
 
 
 @hard_case(

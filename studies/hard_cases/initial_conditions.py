@@ -1,4 +1,4 @@
-"""Starts in awkward places."""
+"""Initial conditions in awkward places."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def two_wells(t: float, x: Any, p: Any) -> tuple[float, float]:
 
 
 @hard_case(
-    "A start exactly on a saddle",
+    "An initial condition exactly on a saddle",
     why="It rests there for ever in exact arithmetic, and in rounded arithmetic for hundreds of periods.",
     expected="The saddle between two wells stays put bit for bit; the inverted state at 2 mm is left at the rate of "
     "its multiplier 1.126883285335. Neither is an attractor; the start belongs to no basin.",
@@ -58,7 +58,7 @@ def _rests(point_map: PointMap, start: list[float], periods: int) -> bool:
 
 
 @hard_case(
-    "A start on the stable manifold of a saddle",
+    "An initial condition on the stable manifold of a saddle",
     why="It takes for ever to arrive, and any error grows e-fold in every unit of time once it is near.",
     expected="x = sqrt(2) sech t, the homoclinic orbit of the undamped two-well oscillator, until errors of 1e-12 have"
     " grown.",
@@ -75,7 +75,7 @@ def _worst(orbit: np.ndarray, t: np.ndarray) -> float:
 
 
 @hard_case(
-    "A start on a basin boundary",
+    "An initial condition on a basin boundary",
     why="Two numbers next to each other in double precision belong to different basins.",
     expected="Bisection between hanging and inverted (3 mm, at rest) ends on two neighbouring numbers of different "
     "label; both orbits first come to an unstable orbit on the boundary, with one multiplier inside and one "
@@ -109,7 +109,7 @@ def boundary() -> Iterator[Finding]:
 
 
 @hard_case(
-    "A start on the seam",
+    "An initial condition on the branch cut",
     why="Upright is where the angle jumps from pi to -pi: what is attracted there lies on both sides.",
     expected="The same image, bit for bit, of pi, -pi and 3 pi; one inverted attractor, whose basin is its own mirror "
     "image; 7104 of 40,000 starts at 3 mm.",
@@ -124,13 +124,16 @@ def seam() -> Iterator[Finding]:
     basins = find_basins(table, CellGrid((-pi, -100.0), (pi, 100.0), (200, 200)))
     yield is_so("two attractors", len(basins.attractors) == 2)
     inverted = basins.labels == 1
-    yield is_so(f"{np.count_nonzero(inverted)} starts are inverted", abs(np.count_nonzero(inverted) - 7104) <= 5)
+    yield is_so(
+        f"{np.count_nonzero(inverted)} orbits converge to the inverted state",
+        abs(np.count_nonzero(inverted) - 7104) <= 5,
+    )
     yield at_most("of them without mirror image", int(np.count_nonzero(inverted != inverted[::-1, ::-1])), 4)
 
 
 @hard_case(
     "Numbers that are not finite in a right-hand side",
-    why="Starts are integrated side by side; one that is not a number must not touch its neighbours.",
+    why="Orbits are integrated side by side; one that is not a number must not touch its neighbours.",
     expected="Where x leaves the domain of a square root the status DIVERGED and NaN; all others as without them, bit "
     "for bit.",
 )
@@ -152,7 +155,7 @@ def not_finite() -> Iterator[Finding]:
     yield is_so("995 keep every bit", bool((alone.points[good] == among.points[good]).all()))
     labels = find_basins(exact, mixed[:10]).labels
     yield is_so(
-        "basins: -2 for two of the first ten starts, 0 for eight",
+        "basins: -2 for two of the first ten orbits, 0 for eight",
         np.flatnonzero(labels).tolist() == [3, 4] and bool((labels[3:5] == DIVERGED).all()),
     )
 
@@ -160,7 +163,7 @@ def not_finite() -> Iterator[Finding]:
 @hard_case(
     "Numbers beyond all bounds",
     why="An angle that turns by 1e200 rad a period has no digits left.",
-    expected="A label of its own for starts of 1e20 to 1e308 rad/s, and the right one for their neighbours; starts "
+    expected="A label of its own for 1e20 to 1e308 rad/s, and the right one for their neighbours; initial conditions "
     "that are not finite are refused by name.",
 )
 def beyond_bounds() -> Iterator[Finding]:
@@ -178,7 +181,7 @@ def beyond_bounds() -> Iterator[Finding]:
     "Double pendulum near its singular configurations",
     why="With the inner mass a thousandth of the outer one, the equations divide by m1 + m2 sin² D, which all but"
     " vanishes where the rods lie in one line; there the angles turn a thousand times as fast.",
-    expected="Liouville's determinant (m1 + m2 sin² D)/(m1 + m2 sin² D') and the energy, undriven, for starts in and "
+    expected="Liouville's determinant (m1 + m2 sin² D)/(m1 + m2 sin² D') and the energy, undriven, for states in and "
     "next to stretched and folded positions.",
 )
 def double_pendulum_in_line() -> Iterator[Finding]:
@@ -195,7 +198,7 @@ def double_pendulum_in_line() -> Iterator[Finding]:
         ends = exact.iterate(initial_conditions, 1)
     good = ends.status == Status.OK
     yield is_so(
-        f"{np.count_nonzero(good)} of 24 starts have the status OK",
+        f"{np.count_nonzero(good)} of 24 orbits have the status OK",
         bool(good.all()),
     )
     energies = [system.output("energy", 0.0, x).sum(axis=-1) for x in (initial_conditions[good], ends.points[good])]

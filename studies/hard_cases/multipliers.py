@@ -25,7 +25,7 @@ LOSES_STABILITY = 0.050027335537
     "A multiplier within 1e-6 of 1",
     why="A distance shrinks by a tenth in 100,000 periods: nothing settles, and everything near looks settled.",
     expected="The multiplier to 1e-9, on both sides of 1, where the amplitude is 1.6 nm from its critical value; "
-    "stable above and unstable below, starts next to it undecided, none assigned to what is merely near. (A "
+    "stable above and unstable below, orbits next to it undecided, none assigned to what is merely near. (A "
     "neighbourhood that contracts by a millionth can only be verified on a map whose tolerance is tighter "
     "than the default.)",
 )
@@ -44,7 +44,7 @@ def next_to_one() -> Iterator[Finding]:
         upright = any(abs(abs(a.points[0, 0]) - pi) < 1e-6 for a in found)
         yield is_so("it attracts" if stable else "it is no attractor", upright == stable)
         labels = find_basins(exact, [[pi - 0.01, 0.0]], max_periods=500).labels.tolist()
-        yield is_so("a start 0.01 rad away is undecided after 500 periods", labels == [-3])
+        yield is_so("an orbit from 0.01 rad away is undecided after 500 periods", labels == [-3])
 
 
 @hard_case(
@@ -80,8 +80,8 @@ def next_to_minus_one() -> Iterator[Finding]:
     "Chaotic transients of 10,000 periods",
     why="Orbits are chaotic for 10,000 periods on the average before they find the only attractor; an exponent "
     "measured on the way is that of chaos.",
-    expected="No chaotic attractor. Of starts spread evenly over a stretched tent map of slope 2.0002 the exact share "
-    "1.0001^-n is still under way after n periods.",
+    expected="No chaotic attractor. Of initial conditions spread evenly over a stretched tent map of slope 2.0002 the "
+    "exact fraction 1.0001^-n has not escaped after n periods.",
 )
 def long_transients() -> Iterator[Finding]:
     def tent(x, p):
@@ -92,11 +92,11 @@ def long_transients() -> Iterator[Finding]:
     initial_conditions = now = np.random.default_rng(0).uniform(0.0, 1.0, (5_000, 1))
     for before, periods in ((0, 2_000), (2_000, 10_000)):
         now = exact.iterate(now, periods - before).points
-        share = float((now >= 0.0).mean())
+        fraction = float((now >= 0.0).mean())
         expected = 1.0001**-periods
         yield agrees(
-            f"share under way after {periods:,} periods",
-            share,
+            f"fraction not escaped after {periods:,} periods",
+            fraction,
             expected,
             4.0 * sqrt(expected * (1 - expected) / len(initial_conditions)),
         )
@@ -106,12 +106,12 @@ def long_transients() -> Iterator[Finding]:
         [a.kind for a in basins.attractors] == [Kind.FIXED_POINT],
     )
     undecided = float((basins.labels == -3).mean())
-    yield agrees("undecided share of 500 starts after 2,000 periods", undecided, 1.0001**-2000, 0.07)
+    yield agrees("undecided fraction of 500 orbits after 2,000 periods", undecided, 1.0001**-2000, 0.07)
 
 
 @hard_case(
     "A chaotic attractor",
-    why="It has no period that could be polished; only averages along it are known.",
+    why="It has no periodic point for Newton's method; only averages along it are known.",
     expected="One attractor, called chaotic (alpha 0.25, beta 0.55, gamma 0.05); by Liouville's theorem its exponents "
     "add up to -0.05 times 2 pi.",
 )

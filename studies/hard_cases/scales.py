@@ -36,7 +36,7 @@ def large_drive() -> Iterator[Finding]:
         bool((exact(initial_conditions) == -exact(-initial_conditions)).all()),
     )
     ends = stroboscopic_map(driven_pendulum(amplitude=1e10)).iterate(initial_conditions, 1)
-    yield is_so("1e10 m: all 100 starts have the status DIVERGED", bool((ends.status == Status.DIVERGED).all()))
+    yield is_so("1e10 m: all 100 orbits have the status DIVERGED", bool((ends.status == Status.DIVERGED).all()))
 
 
 @hard_case(
@@ -192,17 +192,17 @@ def parameters() -> Iterator[Finding]:
 
 @hard_case(
     "Fast rotation",
-    why="3,183 turns a period: an angle that is not wrapped loses a digit for every power of ten, and a lost turn"
-    " is not seen in a wrapped one.",
-    expected="After 100 periods the frozen number of turns, 318,310, exactly, and the angle to the rounding of the "
-    "rate; a free rotor of 1,000.25 turns a period returns after 50,000 periods with every turn counted.",
+    why="3,183 rotations a period: an unwrapped angle loses a digit for every power of ten, and a missed rotation"
+    " does not show in a wrapped one.",
+    expected="After 100 periods the frozen number of rotations, 318,310, exactly, and the angle to the rounding of the "
+    "angular velocity; a free rotor of 1,000.25 rotations a period returns after 50,000 periods with each counted.",
 )
 def fast_rotation() -> Iterator[Finding]:
     name = "rate 1e6 rad/s"
     found, exact = image(name, **TIGHT), frozen_image(name)
     rotations = round((exact[0] - found.points[0]) / (2.0 * pi))
-    yield is_so(f"{int(found.rotations[0]):,} turns, as frozen", int(found.rotations[0]) == rotations)
-    yield at_most("error of the angle after 318,310 turns (rad)", abs(found.unwrapped[0] - exact[0]), 1e-7)
+    yield is_so(f"{int(found.rotations[0]):,} rotations, as frozen", int(found.rotations[0]) == rotations)
+    yield at_most("error of the angle after 318,310 rotations (rad)", abs(found.unwrapped[0] - exact[0]), 1e-7)
 
     def rotor(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], 0.0 * sin(x[0])

@@ -1,8 +1,8 @@
 """What accuracy costs in time: the same work by several methods, seconds against error.
 
-Exact maps against images in 80 bits, next to other programs where these are installed; tables of order 1, 3 and 5
-against their size; pictures of basins, wrong labels against seconds; plans and what they led to; exponents and
-dimensions of known value.
+Exact maps against images in 80 bits, next to other programs where these are installed; interpolated maps of order 1, 3
+and 5 against their size; basin images, wrong labels against seconds; plans and their outcome; exponents and dimensions
+of known value.
 Everything is measured in one run on one machine, which the page describes.
 """
 
@@ -18,17 +18,17 @@ import matplotlib.pyplot as plt
 
 import cellmap
 
-from . import maps, measures, pictures, plans
+from . import basin_images, maps, measures, plans
 from .chart import Chart, draw_all
 
 PARTS: dict[str, tuple[str, Callable[[bool], list[Chart]]]] = {
     "exact_maps": ("Exact maps", maps.exact_maps),
     "tables": ("Tables", maps.tables),
-    "pictures": ("Pictures of basins", pictures.compare),
+    "basins": ("Basin images", basin_images.compare),
     "plans": ("Plans and what became of them", plans.outcomes),
     "measures": ("Exponents and dimensions", measures.compare),
 }
-"""Name of its picture, title and work of each part."""
+"""Name of its figure, title and work of each part."""
 
 
 def machine() -> str:
@@ -43,7 +43,7 @@ def machine() -> str:
 
 
 def main(quick: bool, output: Path) -> None:
-    """Measure everything, print and write tables, draw pictures."""
+    """Measure everything, print and write tables, draw figures."""
     lines = [f"Measured on: {machine()}.", ""]
     print(lines[0])
     for name, (title, work) in PARTS.items():

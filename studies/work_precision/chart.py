@@ -1,4 +1,4 @@
-"""Time against error: the records that every part returns, their pictures and their tables."""
+"""Time against error: the records that every part returns, their figures and their tables."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from .peers import PEERS, installed
 from .problems import PROBLEMS, Problem
 
 LOOKUPS = 50  # periods that a table is iterated for
-_ANY = 1e9  # no cell is left to the exact map: the table's own error is what is measured
+_ANY = 1e9  # without fallback cells: the error of interpolation is measured
 FULL_SIZES = {2: (32, 64, 128, 256, 512, 1024), 4: (16, 24, 32)}
 QUICK_SIZES = {2: (32, 64, 128), 4: (12,)}
 
@@ -63,7 +63,7 @@ def _peers(problem: Problem, tolerances: tuple[float, ...], quick: bool) -> Iter
 
 
 def tables(quick: bool) -> list[Chart]:
-    """Return for each problem the seconds for table and iteration of its starts, against the error of a period."""
+    """Return for each problem the seconds of interpolation and iteration, against the error of a period."""
     charts = []
     for problem in PROBLEMS[: 2 if quick else None]:
         exact = stroboscopic_map(problem.system, rtol=1e-12, atol=1e-12)
@@ -75,20 +75,22 @@ def tables(quick: bool) -> list[Chart]:
         runs = [
             _table(problem, exact, initial_conditions, order, leap, cells) for order, leap in kinds for cells in sizes
         ]
-        periods = f"{len(initial_conditions):,} starts, {LOOKUPS} periods"
-        charts.append(Chart(f"tables, {problem.name}", f"s with tabulation, {periods}", "median error", tuple(runs)))
+        periods = f"{len(initial_conditions):,} orbits, {LOOKUPS} periods"
+        charts.append(
+            Chart(f"interpolated maps, {problem.name}", f"s with interpolation, {periods}", "median error", tuple(runs))
+        )
     return charts
 
 
 def _table(problem: Problem, exact: PointMap, initial_conditions: np.ndarray, order: int, leap: int, cells: int) -> Run:
-    """Measure one table; leaps of several periods are taken where they are as accurate as their default asks."""
+    """Measure one interpolated map; multi-period steps are taken where they are as accurate as their default asks."""
     settings: dict[str, Any] = {"tolerance": _ANY} if leap == 1 else {"max_step": leap}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of coarse tables, which are what is measured
+        warnings.simplefilter("ignore", UserWarning)  # of coarse grids, which are what is measured
         table = interpolated_map(exact, problem.table(cells), order=order, outside="integrate", **settings)
     assert table.table is not None
     errors = np.abs(table.iterate(problem.initial_conditions, 1).unwrapped - problem.images).max(axis=1)
     seconds = best_seconds(lambda: table.iterate(initial_conditions, LOOKUPS), 2)
-    more = f"tabulated in {table.cost.seconds:.2g} s, largest error {errors.max():.1e}"
-    name = f"order {order}" + (f", leaps of {leap}" if leap > 1 else "")
+    more = f"interpolated in {table.cost.seconds:.2g} s, largest error {errors.max():.1e}"
+    name = f"order {order}" + (f", steps of {leap} periods" if leap > 1 else "")
     return Run(name, f"{cells} cells a side", table.cost.seconds + seconds, float(np.median(errors)), more)

@@ -1,4 +1,4 @@
-"""The same map by other programs, those that are installed: functions from starts (n, d) to unwrapped images (n, d).
+"""The same map by other programs, those that are installed: functions from points (n, d) to unwrapped images (n, d).
 
 All of them run on one thread.  What they compile is compiled when the function is returned.
 """
@@ -19,7 +19,7 @@ Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def scipy_each(system: ForcedSystem, tolerance: float) -> Map:
-    """Return SciPy's DOP853, one start at a time."""
+    """Return SciPy's DOP853, one initial condition at a time."""
     from scipy.integrate import solve_ivp
 
     p = system.parameters
@@ -39,7 +39,7 @@ def scipy_each(system: ForcedSystem, tolerance: float) -> Map:
 
 
 def scipy_stacked(system: ForcedSystem, tolerance: float) -> Map:
-    """Return SciPy's DOP853 with all starts stacked into one system."""
+    """Return SciPy's DOP853 with all initial conditions stacked into one system."""
     from scipy.integrate import solve_ivp
 
     rhs: Any = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
@@ -60,7 +60,7 @@ def scipy_stacked(system: ForcedSystem, tolerance: float) -> Map:
 
 
 def numbalsoda(system: ForcedSystem, tolerance: float) -> Map:
-    """Return numbalsoda's dop853, one start at a time."""
+    """Return numbalsoda's dop853, one initial condition at a time."""
     import numba
     from numbalsoda import dop853, lsoda_sig
 
@@ -136,13 +136,13 @@ def diffrax(system: ForcedSystem, tolerance: float) -> Map:
 
 
 PEERS: dict[str, tuple[Callable[[ForcedSystem, float], Map], str, int]] = {
-    "SciPy DOP853, each start": (scipy_each, "scipy", 16),
+    "SciPy DOP853, one by one": (scipy_each, "scipy", 16),
     "SciPy DOP853, stacked": (scipy_stacked, "scipy", 4096),
     "numbalsoda dop853": (numbalsoda, "numbalsoda", 1024),
     "diffrax Dopri8": (diffrax, "diffrax", 4096),
     "heyoka, batches": (heyoka, "heyoka", 4096),
 }
-"""Programs by name: the function that returns their map, the package, and the starts that are timed."""
+"""Programs by name: the function that returns their map, the package, and the number of initial conditions."""
 
 
 def installed() -> list[str]:

@@ -9,7 +9,7 @@ from .problems import PROBLEMS
 
 
 def outcomes(quick: bool) -> list[Chart]:
-    """Return the pictures that plans have led to, with the time and the error that were expected."""
+    """Return the outcomes of plans, with the time and the error that were expected."""
     side = 120 if quick else 500
     runs = []
     for problem in PROBLEMS[: 2 if quick else 4]:
@@ -22,4 +22,4 @@ def outcomes(quick: bool) -> list[Chart]:
                 f"took) and an error of {outcome.predicted_error:.1e}"
             )
             runs.append(Run(problem.name, f"accuracy {accuracy:.0e}", outcome.seconds, outcome.error, more))
-    return [Chart(f"planned pictures, {side} x {side}", "s", "error of a period, 99 %", tuple(runs))]
+    return [Chart(f"planned maps, {side} x {side}", "s", "error of a period, 99 %", tuple(runs))]

@@ -1,4 +1,4 @@
-"""Systems whose maps are measured, and starts whose images are frozen in references.json, computed in 80 bits."""
+"""Systems whose maps are measured, and points whose images are frozen in references.json, computed in 80 bits."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from systems import dimensionless_pendulum, double_pendulum, duffing_oscillator,
 TABLE = Path(__file__).with_name("references.json")
 """Images by another program in a longer arithmetic; ``python -m studies.work_precision.references`` makes it again."""
 
-STARTS = 200
+POINTS = 200
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A system, the window of its starts, and the window that orbits from there stay in or nearly."""
+    """A system, the window of initial conditions, and a window that orbits from there hardly leave."""
 
     name: str
     system: ForcedSystem
@@ -31,13 +31,13 @@ class Problem:
 
     @property
     def initial_conditions(self) -> NDArray[np.float64]:
-        """Random starts in the window, shape (STARTS, dimension), with few enough digits to be written exactly."""
+        """Random points in the window, shape (POINTS, dimension), with few enough digits to be written exactly."""
         span = np.array(self.window)
-        return np.random.default_rng(1).uniform(-span, span, (STARTS, len(span))).round(6)
+        return np.random.default_rng(1).uniform(-span, span, (POINTS, len(span))).round(6)
 
     @property
     def images(self) -> NDArray[np.float64]:
-        """Frozen images of the starts after one period, angles unwrapped."""
+        """Frozen images of these points after one period, angles unwrapped."""
         return np.array(_frozen()[self.name]["images"])
 
     def grid(self, cells: int) -> CellGrid:

@@ -18,7 +18,7 @@ from .problems import PROBLEMS, TABLE, Problem
 
 
 def precise_images(problem: Problem) -> NDArray[np.float64]:
-    """Return the unwrapped images of all starts of a problem."""
+    """Return the unwrapped images of all initial conditions of a problem."""
     import heyoka as hy
 
     system, number = problem.system, np.longdouble

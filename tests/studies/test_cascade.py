@@ -58,7 +58,7 @@ def test_orbits_have_the_periods_that_branches_say(rod: dict[str, Cascade]) -> N
 def test_what_shares_count() -> None:
     rod = stroboscopic_map(cascade.ROD)
     initial_conditions = [[0.01, 0.0], [pi - 0.01, 0.0], [3.0, 350.0], [-3.0, -350.0], [-3.0, -350.1]]
-    parts = cascade.shares(cascade.continue_basins(rod, "amplitude", [0.010, 0.012], initial_conditions))
+    parts = cascade.basin_fractions(cascade.continue_basins(rod, "amplitude", [0.010, 0.012], initial_conditions))
     np.testing.assert_allclose(parts["rest and swings"], [0.4, 0.4])
     np.testing.assert_allclose(parts["rotations"], [0.6, 0.6])
     assert not parts["tumbling"].any()
@@ -96,10 +96,10 @@ def test_it_runs_quickly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "is chaotic from" in capsys.readouterr().out
     # Beyond the swings all starts rotate; with weak damping they tumble in the end.
     for route, last in ((result.rod, "rotations"), (result.weak, "tumbling")):
-        parts = cascade.shares(route.basins)
+        parts = cascade.basin_fractions(route.basins)
         np.testing.assert_allclose(sum(parts.values()), 1.0, rtol=1e-12)
         assert parts[last][-1] == 1.0
-    assert not cascade.shares(result.rod.basins)["tumbling"].any()
+    assert not cascade.basin_fractions(result.rod.basins)["tumbling"].any()
     first, gone, most = cascade.chaotic_end(result.end)
     assert result.rod.cascades["hanging"].accumulation < first < gone < result.end.values[-1]
     assert most > 0.0

@@ -26,7 +26,7 @@ def test_modes_of_equal_links(ratio: float) -> None:
         "(π, 0)": [-sqrt(r) / length, sqrt(r) / length],
         "(π, π)": [-(r + sqrt(r * r - r)) / length, -(r - sqrt(r * r - r)) / length],
     }
-    for name, state in _chains.rest_states(2).items():
+    for name, state in _chains.equilibria(2).items():
         values, shapes = _chains.normal_modes((length, length), (1.0, ratio), state)
         assert values == pytest.approx(expected[name], rel=1e-12)
         # Both links move in every mode: the states do not separate.

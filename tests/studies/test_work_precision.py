@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cellmap import stroboscopic_map
-from studies.work_precision import measures, pictures
+from studies.work_precision import basin_images, measures
 from studies.work_precision.chart import Chart, Run
 from studies.work_precision.peers import PEERS, installed
 from studies.work_precision.problems import PROBLEMS, TABLE
@@ -40,16 +40,16 @@ def test_other_programs_compute_the_same_map(name):
 def test_labels_are_compared_by_attractors():
     from cellmap import find_basins
 
-    scene = pictures.scenes(12)[1]
+    scene = basin_images.scenes(12)[1]
     exact = stroboscopic_map(scene.system)
     reference = find_basins(exact, scene.grid)
     turned = replace(reference, attractors=reference.attractors[::-1], labels=_exchanged(reference.labels))
-    same = pictures._run("direct", "", 1.0, turned, reference)
+    same = basin_images._run("direct", "", 1.0, turned, reference)
     assert same.error == 0.0
     assert "2 of 2 attractors" in same.more
     wrong = turned.labels.copy()
     wrong.flat[[0, 50, 100]] = _exchanged(wrong.flat[[0, 50, 100]])
-    assert pictures._run("direct", "", 1.0, replace(turned, labels=wrong), reference).error == 3 / wrong.size
+    assert basin_images._run("direct", "", 1.0, replace(turned, labels=wrong), reference).error == 3 / wrong.size
 
 
 def _exchanged(labels):

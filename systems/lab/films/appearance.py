@@ -21,7 +21,7 @@ class Look:
     rod_width : float, optional
         Width of the rods.
     shade : float, optional
-        Share of the light that is missing in the darkest corner, below 1.
+        Fraction of the light that is missing in the darkest corner, below 1.
     blur : float, optional
         Standard deviation of the Gaussian point spread of the optics.
     full_well : float, optional
@@ -54,7 +54,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Bar:
-    """Rectangle in front of everything, fixed in the picture: columns left to right, rows top to bottom (pixels).
+    """Rectangle in front of everything, fixed in the image: columns left to right, rows top to bottom (pixels).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Spot:
-    """Disc behind everything, fixed in the picture: a bright object that is no marker.
+    """Disc behind everything, fixed in the image: a bright object that is no marker.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Bright blobs in a picture: threshold, labels, centres to a small part of a pixel."""
+"""Bright blobs in an image: threshold, labels, centres to a small part of a pixel."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Box = tuple[int, int, int, int]  # first row, row past the last, first column, c
 
 _EIGHT = np.ones((3, 3), bool)
 _RIM = 4  # pixels around a labelled blob in which its blurred edge ends
-_EDGE = (0.2, 0.8)  # shares of the contrast between which a pixel counts as covered in part
-_BLUR = 1.683  # standard deviations of a blurred edge between these shares
+_EDGE = (0.2, 0.8)  # fractions of the contrast between which a pixel counts as partly covered
+_BLUR = 1.683  # standard deviations of a blurred edge between these fractions
 _TURNS = 3  # times that the light across a blob is looked at, each about the centre that the one before gave
 # Measured: a disc's centre errs by this over its radius, from where its edge falls on the pixels, where the optics
 # spread it by 0.8 pixels (tests/systems/lab/test_tracking.py),
@@ -37,7 +37,7 @@ class Blob:
     column, row : float
         Centre (pixels).
     area : float
-        Area (pixels), by the shares to which pixels are covered.
+        Area (pixels), by the fractions to which pixels are covered.
     column_error, row_error : float
         Standard errors of the centre (pixels).
     plateau, background : float
@@ -45,7 +45,7 @@ class Blob:
     stretch : float
         Length over width, by its second moments: 1 for a disc.
     clipped : bool
-        Whether it touches the border of the picture.
+        Whether it touches the border of the image.
     cut : bool
         Whether it touches another border of the box that was searched, so that it may go on beyond it.
     """
@@ -71,7 +71,7 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
     """Return the grey value that parts dark from bright pixels best, and how well it does.
 
     Of the 255 limits between 256 classes of grey values it is the one for which the variance between the two groups is
-    the largest share of the whole variance; with several equal ones, the middle of them.
+    the largest fraction of the whole variance; with several equal ones, the middle of them.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
     threshold : float
         Bright pixels are above it.
     share : float
-        Share of the variance that lies between the groups: 1 for two grey values, 0.64 for normal noise alone, 0.75 for
-        an even slope.
+        Fraction of the variance that lies between the groups: 1 for two grey values, 0.64 for normal noise alone, 0.75
+        for an even slope.
 
     Raises
     ------
@@ -103,14 +103,14 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
     >>> otsu_threshold([7, 7, 7])
     Traceback (most recent call last):
     ...
-    ValueError: all grey values are 7: there is no threshold in a constant picture
+    ValueError: all grey values are 7: there is no threshold in a constant image
     """
     grey = np.asarray(values)
     low, high = float(grey.min()), float(grey.max())
     if not np.isfinite(low + high):
         raise ValueError("grey values are not all finite: leave such frames out")
     if low == high:
-        raise ValueError(f"all grey values are {low:g}: there is no threshold in a constant picture")
+        raise ValueError(f"all grey values are {low:g}: there is no threshold in a constant image")
     width = 1.0 if grey.dtype == np.uint8 else (high - low) / 256.0
     edges = np.arange(257.0) - 0.5 if grey.dtype == np.uint8 else np.linspace(low, high, 257)
     counts = np.histogram(grey, edges)[0].astype(float)
@@ -131,7 +131,7 @@ def find_blobs(
 ) -> list[Blob]:
     """Return the blobs above a threshold in a box whose count of pixels is between two areas.
 
-    Centres are weighted by the share to which each pixel is covered: its grey value between that of the blob there and
+    Centres are weighted by the covered fraction of each pixel: its grey value between that of the blob there and
     that beyond its edge in the same direction, cut off below 0.2 and above 0.8, so that pixels come in with the weight
     0 and neither a rod nor uneven light pulls much.  Without weights a centre is the mean of the pixels above the
     threshold, and has no standard error.

@@ -113,7 +113,7 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
 
 
 def _spread(angles: NDArray[np.float64]) -> float:
-    """Return the angle that holds all, a whole turn less the widest gap."""
+    """Return the angle that spans all, 2 pi less the widest gap."""
     rotations = np.sort(np.mod(angles, 2.0 * pi))
     gaps = np.diff(rotations, append=rotations[0] + 2.0 * pi)
     return float(2.0 * pi - gaps.max())

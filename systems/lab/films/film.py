@@ -1,6 +1,6 @@
 """Films of an experiment, and the camera that stands between its metres and their pixels.
 
-A place in a picture is (column, row), in pixels.  Rows go down.  The centre of a pixel has whole numbers: the upper
+A place in an image is (column, row), in pixels.  Rows go down.  The centre of a pixel has whole numbers: the upper
 left pixel reaches from -0.5 to 0.5 in both directions.
 """
 
@@ -90,7 +90,7 @@ class Film:
 
     @property
     def missing(self) -> NDArray[np.bool_]:
-        """Frames without a picture, shape (n,): dropped ones, and those that hold numbers that are not finite."""
+        """Frames without an image, shape (n,): dropped ones, and those that hold numbers that are not finite."""
         if self.frames.dtype.kind != "f":
             return self.dropped.copy()
         return self.dropped | np.array([not np.isfinite(frame).all() for frame in self.frames])
@@ -173,7 +173,7 @@ class Camera:
     origin : tuple of float
         Pixel (column, row) of the world's origin.
     shape : tuple of int
-        Height and width of the picture (pixels).
+        Height and width of the image (pixels).
 
     Raises
     ------

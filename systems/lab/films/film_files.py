@@ -24,7 +24,7 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> Film:
-    """Read a film from a file, or from a folder of pictures in the order of their names.
+    """Read a film from a file, or from a folder of images in the order of their names.
 
     Numbers in names count by their value, so that frame_2 comes before frame_10.  Colours become grey by their
     luminance (ITU-R BT.601).
@@ -32,7 +32,7 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
     Parameters
     ----------
     path : path-like
-        A GIF, a TIFF stack, a video, or a folder of pictures.
+        A GIF, a TIFF stack, a video, or a folder of images.
     frame_rate : float, optional
         Frames a second, where the file does not say, or says wrongly: a GIF counts in hundredths of a second, and
         cameras of high speed write files that play slowly.  A frame that a GIF shows for several times as long as the
@@ -48,7 +48,7 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
     FileNotFoundError
         Where there is no such file.
     StoreError
-        For a truncated or foreign file, and pictures of different sizes.
+        For a truncated or foreign file, and images of different sizes.
     ValueError
         For another suffix, and where neither the file nor `frame_rate` gives the times.
     ModuleNotFoundError
@@ -62,7 +62,7 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
     rate = None if frame_rate is None else finite_number("frame_rate", frame_rate, above=0.0)
     imageio = _imageio()
     try:
-        frames, durations = _pictures(imageio, place) if place.is_dir() else _file(imageio, place)
+        frames, durations = _images(imageio, place) if place.is_dir() else _file(imageio, place)
     except (ModuleNotFoundError, MemoryError, StoreError, ValueError):
         raise
     except Exception as error:
@@ -80,7 +80,7 @@ def read_film(path: str | os.PathLike[str], frame_rate: float | None = None) -> 
 
 
 def write_film(film: Film, path: str | os.PathLike[str], frame_rate: float | None = None) -> None:
-    """Write a film to a file, or to a new folder of PNG pictures; whole, or not at all.
+    """Write a film to a file, or to a new folder of PNG images; whole, or not at all.
 
     Times are not kept but for the frame rate: a GIF rounds it to hundredths of a second for each frame, and joins equal
     frames; a video rounds it to a whole number, loses an odd last row or column, and alters grey values, by tens at
@@ -158,7 +158,7 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
     """Return the frames of a file, and for how long each is shown (s)."""
     suffix = path.suffix.lower()
     if suffix not in (*_STACKS, *_VIDEOS):
-        raise ValueError(f"path={str(path)!r}: choose a .gif, .tif, .tiff or .mp4, or a folder of pictures")
+        raise ValueError(f"path={str(path)!r}: choose a .gif, .tif, .tiff or .mp4, or a folder of images")
     if suffix in _VIDEOS:
         _needs_video()
         rate = float(imageio.immeta(path, plugin="pyav").get("fps", 0.0))
@@ -175,17 +175,17 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
     return _stack(grey, path), shown if suffix == ".gif" else None
 
 
-def _pictures(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
+def _images(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
     found = [p for p in folder.iterdir() if p.suffix.lower() in _PICTURES and not p.name.startswith(".")]
     names = sorted(found, key=_by_number)
     if not names:
-        raise StoreError(f"{str(folder)!r} holds no pictures: give a folder of {', '.join(_PICTURES)}")
+        raise StoreError(f"{str(folder)!r} holds no images: give a folder of {', '.join(_PICTURES)}")
     grey = []
     for name in names:
         try:
             grey.append(_grey(imageio.imread(name)))
         except Exception as error:
-            raise StoreError(f"{str(name)!r} is truncated or no picture: {error}") from error
+            raise StoreError(f"{str(name)!r} is truncated or no image: {error}") from error
         if len(grey) == 1:
             claim_memory(f"{len(names):,} frames", len(names) * grey[0].nbytes, "take fewer or smaller frames")
     return _stack(grey, folder), None
@@ -197,9 +197,9 @@ def _by_number(path: Path) -> tuple[list[tuple[str, int]], str]:
     return [(text, int(digits)) for text, digits in zip(parts[::2], [*parts[1::2], "0"], strict=True)], path.name
 
 
-def _grey(picture: NDArray[Any]) -> NDArray[Any]:
-    """Return a picture in grey, in the kind of number it has."""
-    values = np.asarray(picture)
+def _grey(image: NDArray[Any]) -> NDArray[Any]:
+    """Return an image in grey, with numbers of the same type."""
+    values = np.asarray(image)
     if values.ndim == 3 and values.shape[-1] in (3, 4):
         mixed = values[..., :3] @ _LUMA
         values = np.rint(mixed).astype(values.dtype) if values.dtype.kind == "u" else mixed
@@ -208,7 +208,7 @@ def _grey(picture: NDArray[Any]) -> NDArray[Any]:
     if values.dtype == bool:
         values = values.astype(np.uint8) * np.uint8(255)
     if values.ndim != 2:
-        raise StoreError(f"a frame has the shape {values.shape}, which is no picture in grey or colours")
+        raise StoreError(f"a frame has the shape {values.shape}, which is no image in grey or colours")
     return values
 
 

@@ -59,7 +59,7 @@ def read_first_frame(
     for k, (column, row) in enumerate(places):
         if not (-0.5 <= column < shape[1] - 0.5 and -0.5 <= row < shape[0] - 0.5):
             raise ValueError(
-                f"initial_positions[{k}]=({column:g}, {row:g}): give a pixel (column, row) in the picture of "
+                f"initial_positions[{k}]=({column:g}, {row:g}): give a pixel (column, row) in the image of "
                 f"{shape[1]} x {shape[0]} pixels"
             )
     reach = max(12.0, 0.1 * min(shape)) if window is None else finite_number("search_radius", window, at_least=2.0)
@@ -98,9 +98,11 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
         return limit
     limit = finite_number("threshold", given)
     if limit >= high:
-        raise ValueError(f"threshold={given!r}: no pixel at the starts exceeds it; give one below {high:g}")
+        raise ValueError(f"threshold={given!r}: no pixel at the initial positions exceeds it; give one below {high:g}")
     if limit < low:
-        raise ValueError(f"threshold={given!r}: all pixels at the starts exceed it; give one of at least {low:g}")
+        raise ValueError(
+            f"threshold={given!r}: all pixels at the initial positions exceed it; give one of at least {low:g}"
+        )
     return limit
 
 
@@ -114,14 +116,14 @@ def _blob_at(
     noise: PixelNoise,
     weighted: bool,
 ) -> Blob:
-    """Return the blob nearest to a start, which must be whole."""
+    """Return the blob nearest to an initial position, which must be whole."""
     place = float(start[0]), float(start[1])
     blobs = find_blobs(picture, box, threshold, (3.0, np.inf), noise, weighted)
     near = sorted((apart(blob, place), k) for k, blob in enumerate(blobs))
     name = f"initial_positions[{number}]=({place[0]:g}, {place[1]:g})"
     if not near or near[0][0] > max(0.5 * reach, blobs[near[0][1]].radius):
         raise ValueError(
-            f"{name}: no marker is above the grey value {threshold:g} within {0.5 * reach:g} pixels; give a start "
+            f"{name}: no marker is above the grey value {threshold:g} within {0.5 * reach:g} pixels; give a place "
             "at one, or another threshold; of dark markers, the negative of the film"
         )
     blob = blobs[near[0][1]]
@@ -129,10 +131,10 @@ def _blob_at(
     if (blob.clipped or blob.cut) and here <= threshold < blob.plateau:
         raise ValueError(
             f"{name}: it is dark there, {here:g}, and what is above the grey value {threshold:g} around it goes beyond "
-            "the window; give a start at a bright marker, or of dark markers the negative of the film"
+            "the window; give a place at a bright marker, or of dark markers the negative of the film"
         )
     if blob.clipped:
-        raise ValueError(f"{name}: the marker touches the border of the picture; begin with a frame that shows it")
+        raise ValueError(f"{name}: the marker touches the border of the image; begin with a frame that shows it")
     if blob.cut:
         raise ValueError(f"{name}: the marker is cut off {reach:g} pixels away; give a larger search_radius=")
     if blob.stretch > _ROUND:

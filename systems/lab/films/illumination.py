@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from .pixel_noise import PixelNoise
 
-_SECTORS = 24  # directions in which the surroundings of a blob are told apart
+_SECTORS = 24  # directions that are distinguished in the surroundings of a blob
 _LEFT, _RIGHT = np.roll(np.arange(_SECTORS), 1), np.roll(np.arange(_SECTORS), -1)  # directions beside each of them
-_ROD = 0.1  # share of the contrast by which something beyond the edge stands out
+_ROD = 0.1  # fraction of the contrast by which something beyond the edge stands out
 _FEW = 16  # inner pixels of a blob; with fewer, those that touch its outside at a corner count as well
 _FEWEST = 7  # inner pixels that tell of a slope
 _CHANCE = 12.0  # square of a slope over its standard error, which chance exceeds once in 400 times

@@ -70,7 +70,7 @@ class Search:
         return sights
 
     def _foreseen(self, marker: int, time: float, pivot: Place | None) -> Place:
-        """Return where a marker will be; one that is free and lost is still looked for within the picture."""
+        """Return the expected place of a marker; one that is free and lost is sought in the whole image."""
         memory = self.memories[marker]
         place = memory.ahead(time, pivot, self.rods.get(marker))
         if memory.steps == 0 or pivot is not None:

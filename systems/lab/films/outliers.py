@@ -1,4 +1,4 @@
-"""Second thoughts about a whole track: repeated frames, areas that stand out, things found again that stand still."""
+"""Outliers of a whole track: repeated frames, areas that stand out, and objects at rest taken for a lost marker."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Memory:
 def box_around(
     place: Place, reach: float, margin: float, shape: tuple[int, int], circle: tuple[Place, float] | None
 ) -> Box | None:
-    """Return the part of the picture within `reach` of a place, and of a circle's surroundings; None for none.
+    """Return the part of the image within `reach` of a place, and of a circle's surroundings; None for none.
 
     The margin holds blobs whole whose centres are within.
     """

@@ -32,7 +32,7 @@ class Recording:
     truth : ndarray, shape (n, markers, 2)
         Pixels (column, row) of the markers' centres in the middle of each exposure.
     visible : ndarray, shape (n, markers)
-        Share of each marker's disc, there, that is in the picture and not behind a bar.
+        Fraction of each marker's disc, there, that is in the image and not behind a bar.
     """
 
     film: Film
@@ -66,7 +66,8 @@ def render_film(
     Parameters
     ----------
     motion : Trajectory
-        Motion of one start of a scene with the output "positions", sampled at least as densely as it is filmed.
+        Motion of a scene from one initial condition, with the output "positions", sampled at least as densely as it is
+        filmed.
     camera : Camera
         Where it is filmed from.
     times : array_like, shape (n,)
@@ -94,7 +95,8 @@ def render_film(
     Raises
     ------
     TypeError, ValueError
-        For a motion of several starts, one without positions, one that ended or does not cover the exposures.
+        For motions from several initial conditions, and one without positions, that ended or does not cover the
+        exposures.
     MemoryError
         Where the frames need more memory than is free.
 
@@ -153,7 +155,7 @@ def _places_of(motion: Trajectory, moments: NDArray[np.float64], exposure: float
     if not isinstance(motion, Trajectory):
         raise TypeError(f"motion={motion!r}: give a Trajectory, as cellmap.trajectory returns it")
     if motion.states.ndim != 2:
-        raise ValueError(f"motion has the starts {motion.states.shape[1:-1]}: give the trajectory of one start")
+        raise ValueError(f"motion has the initial conditions {motion.states.shape[1:-1]}: give the trajectory of one")
     positions = motion.output("positions")
     if not np.isfinite(positions).all():
         raise ValueError("motion ends before its last sample: give one that stays finite")
@@ -190,7 +192,7 @@ def _scene(still: Picture, joints: NDArray[np.float64], radii: NDArray[np.float6
 
 
 def _around(shape: tuple[int, ...], low: NDArray[Any], high: NDArray[Any]) -> tuple[slice, slice] | None:
-    """Rows and columns from `low` to `high`, both (column, row); None where they are outside the picture."""
+    """Rows and columns from `low` to `high`, both (column, row); None where they are outside the image."""
     c0, r0 = np.maximum(np.floor(low).astype(int), 0)
     c1, r1 = np.minimum(np.ceil(high).astype(int) + 1, [shape[1], shape[0]])
     return (slice(r0, r1), slice(c0, c1)) if r1 > r0 and c1 > c0 else None
@@ -242,7 +244,7 @@ def _visible(
     bars: Sequence[Bar],
     shape: tuple[int, int],
 ) -> NDArray[np.float64]:
-    """Share of each disc that is in the picture and behind no bar, by 812 points in it."""
+    """Return the fraction of each disc that is in the image and behind no bar, by 812 points in it."""
     grid = np.stack(np.meshgrid(*[(np.arange(32) - 15.5) / 16.0] * 2), axis=-1).reshape(-1, 2)
     points = grid[(grid**2).sum(axis=1) < 1.0]
     shares = np.empty(centres.shape[:2])

@@ -17,7 +17,7 @@ from .tracks import Tracks
 
 Pivot = int | tuple[float, float] | None
 
-_LOOSE = 0.005  # share by which the length of a rigid rod may vary, and
+_LOOSE = 0.005  # fraction by which the length of a rigid rod may vary, and
 _LOOSE_ERRORS = 5.0  # standard errors
 _STANDS_OUT = 2.0  # standard deviations by which a polynomial misses more than errors make of it
 
@@ -40,8 +40,8 @@ class JointAngles:
         Their standard errors (rad/s): from those of the angles, and from what a polynomial cannot follow, where two
         degrees more, in a window of `degree` + 3 frames or more, change the rates by more than these errors do.
     stretches : ndarray of int, shape (n, joints)
-        Number of the stretch, from 0, over which whole turns are counted; -1 in gaps.  A new one begins where a gap is
-        so long that turns may have been missed: between stretches, angles are known up to whole turns.
+        Number of the stretch, from 0, over which full rotations are counted; -1 in gaps.  A new one begins where a gap
+        is so long that rotations may have been missed: between stretches, angles are known up to full rotations.
     """
 
     times: NDArray[np.float64]
@@ -157,7 +157,7 @@ def joint_angles(
 def _directions(
     tracks: Tracks, marker: int, pivot: Pivot
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the angles of a rod within a turn, their standard errors, and its lengths (pixels)."""
+    """Return the wrapped angles of a rod, their standard errors, and its lengths (pixels)."""
     end, spread = tracks.positions[:, marker], tracks.errors[:, marker] ** 2
     if isinstance(pivot, tuple):
         base = np.array([finite_number(f"pivots[{marker}][{k}]", v) for k, v in enumerate(pivot)])

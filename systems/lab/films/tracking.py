@@ -74,7 +74,7 @@ def track_markers(
         Grey value above which pixels belong to markers; by default from the windows of the first frame, by Otsu's
         method.
     search_radius : float, optional
-        How far from its foreseen place a marker may be (pixels); by default a tenth of the smaller side of the picture,
+        How far from its foreseen place a marker may be (pixels); by default a tenth of the smaller side of the image,
         12 at least.  It is doubled as long as the velocity is not known, and grows while the marker is lost.
     tolerance : float, optional
         How far a marker may be from the circle of its rod or from its rail (pixels).
@@ -92,9 +92,9 @@ def track_markers(
     Raises
     ------
     TypeError, ValueError
-        For arguments that do not fit, a film without frames, a constant picture, a threshold that nothing or everything
-        exceeds, a start where no marker is, or the same as another's, and a marker that is not on its rod or rail in
-        the first frame.
+        For arguments that do not fit, a film without frames, a constant image, a threshold that nothing or everything
+        exceeds, an initial position where no marker is, or the same as another's, and a marker that is not on its rod
+        or rail in the first frame.
 
     References
     ----------

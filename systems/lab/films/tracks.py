@@ -21,7 +21,7 @@ class MarkerStatus(IntEnum):
     CONSTRAINED = 1
     """Not seen; its place follows from rods and rails."""
     PARTIAL = 2
-    """Seen in part: its blob is too small, or touches the border of the picture."""
+    """Seen in part: its blob is too small, or touches the border of the image."""
     MERGED = 3
     """In one blob with something else."""
     LOST = 4
@@ -174,8 +174,8 @@ def pivot_on_rail(
     """Return the pivot that moves only vertically, from the other end of its rod.
 
     Two points of the column are at this distance from each end.  From frame to frame the point nearest to the one
-    before is taken.  Where the rod lies so flat that the two are within a tenth of its length they cannot be told
-    apart; over each run of frames between such ones, and between gaps, the points that stay nearest to the row `near`
+    before is taken.  Where the rod lies so flat that the two are within a tenth of its length they are ambiguous;
+    over each run of frames between such ones, and between gaps, the points that stay nearest to the row `near`
     are taken, if the others go at least twice as far from it.
 
     Parameters
@@ -193,7 +193,7 @@ def pivot_on_rail(
     -------
     pivots : ndarray, shape (n, 2)
         Pixels of the pivot; NaN where the end is not known, is farther than `length` from the column, the rod lies
-        too flat, or for so short a time otherwise that the two points are not told apart.
+        too flat, or for so short a time otherwise that the two points cannot be distinguished.
     slopes : ndarray, shape (n,)
         Change of the pivot's row for each pixel by which the end moves to the right, by which errors grow.
 

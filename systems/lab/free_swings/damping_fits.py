@@ -27,7 +27,7 @@ EFFECTS: Mapping[str, Callable[[float], Effect]] = {
 }
 """Effects by the name of their parameter."""
 
-_LEAST = 0.02  # share of a coefficient alone with which it enters a mixture
+_LEAST = 0.02  # fraction of a coefficient alone with which it enters a mixture
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Kinds of damping told apart by the decay profile of a free swing, at any amplitude below a half turn.
+"""Kinds of damping, identified by the decay profile of a free swing at any amplitude below pi.
 
 Averaged over a swing of amplitude A, a pendulum theta'' = -damping theta' - friction sign(theta') - drag theta'
 abs(theta') - w^2 sin theta loses amplitude at the rate

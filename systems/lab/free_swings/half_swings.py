@@ -10,7 +10,7 @@ _TRIED = 400  # times that are tried, at most
 SURE = 0.35  # of a half swing, by which an interval may miss its count; the next one of its kind is two away
 _TAIL = 0.25  # of the extremes, at most, that are no more than noise after the swing has died
 _SILENT = 3  # times as many half swings without an extreme as ever before are too many,
-_WATCHED = 0.25  # if no gap among them is longer than this share of one
+_WATCHED = 0.25  # if no gap among them is longer than this fraction of one
 
 
 def counted(lasted: NDArray[np.float64], odd: NDArray[np.bool_]) -> NDArray[np.int64]:

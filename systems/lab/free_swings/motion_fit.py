@@ -20,8 +20,8 @@ from .simulation import Simulation, clear_of_noise
 Bounds = Mapping[str, tuple[float, float]]
 
 _NEAR = 1e-4  # of the size of a parameter, from its bound
-_DOUBLINGS = 8  # of the part that is fitted, from the first swing to the whole series, so that no phase slips by a turn
-_BEFORE = (0.95, 0.85, 0.7)  # shares of the time until a motion stops
+_DOUBLINGS = 8  # of the part that is fitted, from the first swing to the whole series, so that no phase slips
+_BEFORE = (0.95, 0.85, 0.7)  # fractions of the time until a motion stops
 _UNTOLD = 1e-6  # of the largest singular value, what is nothing
 _FOLLOWING = 0.5  # correlation of neighbouring residuals from which on a fit says that they follow each other
 
@@ -110,7 +110,7 @@ def fit_motion(
 
     Simulations with all changed parameters run side by side in the lanes of one integrator, for a parameter that
     changes is a further state that rests.  The beginning of the series is fitted first, then longer and longer parts,
-    so that the phase of the simulated motion never slips by a turn.
+    so that the phase of the simulated motion never slips by a period.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def fit_motion(
     zero : bool, optional
         Fit the zero of each scale too: measured = true + zero.
     bounds : mapping of str to tuple of float, optional
-        Least and largest value of parameters.  By default a parameter that starts above 0 stays there.
+        Least and largest value of parameters.  By default a positive parameter remains positive.
     tolerance : float, optional
         Tolerance of a period of the simulation.
 
@@ -140,8 +140,8 @@ def fit_motion(
     Raises
     ------
     TypeError, ValueError
-        For unknown parameters, series that are none or too short, a right-hand side that cannot be traced, and a start
-        whose motion ends in a failure of the integration.
+        For unknown parameters, series that are none or too short, a right-hand side that cannot be traced, and an
+        initial condition whose motion ends in a failure of the integration.
 
     Examples
     --------

@@ -17,8 +17,8 @@ from .swing_extremes import GAUSS, Envelope, check_rhythm, slowing, swing_envelo
 
 _WIDEST = 3.14159
 _BESIDE = 4  # extremes to both sides over which the loss of amplitude is taken
-# A half swing that loses the share s of its amplitude is longer than the mean over the amplitudes by c s^2: measured,
-# the middle of c for viscous damping, dry friction and quadratic drag, and how far these are from it.
+# A half swing that loses the fraction s of its amplitude is longer than the mean over the amplitudes by c s^2:
+# measured, the middle of c for viscous damping, dry friction and quadratic drag, and how far these are from it.
 _AMPLITUDES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.25, 2.5, 2.7, 2.9)
 _LONGER = (0.051, 0.059, 0.087, 0.143, 0.301, 0.467, 0.806, 1.445, 3.486)
 _UNSURE = (0.051, 0.044, 0.024, 0.020, 0.076, 0.128, 0.219, 0.386, 1.020)
@@ -161,7 +161,7 @@ def natural_frequency(envelope: Envelope) -> Estimate:
     """Return the angular frequency of small swings (rad/s) from all half swings, each at its own amplitude.
 
     Half a period at the amplitude A takes 2 K(sin(A/2))/w with the complete elliptic integral K.  Damping makes it
-    longer, in the square of the share of its amplitude that a half swing loses; by how much depends a little on the
+    longer, in the square of the fraction of its amplitude lost in a half swing; by how much depends a little on the
     kind of damping.  The middle of viscous damping, dry friction and quadratic drag is corrected for, and how far they
     are from it is part of the standard error.
 

@@ -50,7 +50,7 @@ class QuadraticDecay:
 
     @property
     def curvature(self) -> float:
-        """Curvature as a share of that of the exponential with the same value and slope at t = 0, a / (b^2 / 2c).
+        """Curvature relative to that of the exponential with the same value and slope at t = 0, a / (b^2 / 2c).
 
         It is 1 for viscous damping and 0 for dry friction, in either case for small swings.
         """

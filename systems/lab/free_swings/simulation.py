@@ -92,9 +92,9 @@ class Simulation:
             [*(abs(self.system.params[n]) or 1.0 for n in self.names), *states, *(wide if self.zero else ())]
         )
 
-    def until(self, share: float) -> Simulation:
-        """Return the simulation of a first share of the measurement."""
-        end = self.times[0] + share * (self.times[-1] - self.times[0])
+    def until(self, part: float) -> Simulation:
+        """Return the simulation of the first part of the measurement."""
+        end = self.times[0] + part * (self.times[-1] - self.times[0])
         stop = int(np.searchsorted(self.times, end, side="right"))
         return replace(self, times=self.times[:stop], measured=self.measured[:stop])
 
@@ -150,7 +150,7 @@ class Simulation:
         return np.nan_to_num(((values[: q.size] - values[q.size :]) / np.diag(up - down)[:, None]).T)
 
     def _swept_system(self) -> ForcedSystem:
-        """Return the system with the varied parameters as states, made once for all shares of the measurement."""
+        """Return the system with the varied parameters as states, built once for all parts of the measurement."""
         if not self._swept:
             self._swept["made"] = swept_system(self.system, *self.names)
         return self._swept["made"]

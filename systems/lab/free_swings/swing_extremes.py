@@ -17,11 +17,11 @@ from ..time_series import measured_series, noise_level
 from .half_swings import SURE, counted, half_period, in_step
 
 _CLEAR = 4.0  # standard deviations of the noise beyond rest that tell a swing from it
-_CAP = 0.75  # samples of a half swing above this share of its height go into the fit of its extreme
+_CAP = 0.75  # samples of a half swing above this fraction of its height go into the fit of its extreme
 _FEWEST_EXTREMES = 4
 _FEWEST_SAMPLES = 4  # of a cap
 _QUARTIC = 7  # samples of a cap from which on a polynomial of degree 4 is fitted
-_WIDEST = 0.45  # share of a cap without a sample that may not hide an extreme
+_WIDEST = 0.45  # fraction of a cap without a sample that may not hide an extreme
 _BESIDE = 0.15  # of the width of a cap, that the series goes on beyond it at least: else the cap itself may be cut
 _STEEP = 0.6  # of its height, the bend of a cap over its half width squared; that of a cosine is 0.52
 _ROUNDS = 4
@@ -81,7 +81,7 @@ class Envelope:
 
     @property
     def misfits(self) -> NDArray[np.float64]:
-        """By how much each interval differs from its `half_swings`, as a share of one, shape (n - 1,); at most 1.
+        """By how much each interval differs from its `half_swings`, as a fraction of one, shape (n - 1,); at most 1.
 
         The count is a guess where it is large: beyond :data:`SURE` the nearest counts may be as good.
         """
@@ -106,7 +106,7 @@ class Envelope:
 def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = None) -> Envelope:
     """Find the extremes of a free swing: one for each half swing that is clear of the noise.
 
-    A half swing is what lies between two passages through rest, told apart with a hysteresis of four standard
+    A half swing is what lies between two passages through rest, detected with a hysteresis of four standard
     deviations of the noise, so that noise makes no extremes.  A polynomial of degree 4 through the samples near the
     extreme, or of degree 2 where there are few, gives its time and height with their errors.  Half swings that the
     series begins or ends with, or whose extreme falls into a gap, are left out, and so are the last extremes, up to a
@@ -130,7 +130,7 @@ def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = Non
     Raises
     ------
     TypeError, ValueError
-        For a series that is not one, angles that jump by half a turn, swings over the top, too few samples in a swing,
+        For a series that is not one, angles that jump by pi, swings over the top, too few samples in a swing,
         and fewer than four extremes.
 
     Examples

@@ -67,7 +67,7 @@ def recover_drive(
         Frequency of the drive (Hz) where it is known, by the generator say: the nearest line within 2 %, or one period
         more or less in the record, is fitted, or the strongest line near its harmonics where there is none.  A record
         of hum and drive needs it, or a drive without fundamental.  Hum nearer to the drive than about a period in the
-        record is not told apart: `autocorrelation` far from 0 is the sign of it.
+        record cannot be distinguished: `autocorrelation` far from 0 is the sign of it.
     harmonics : int, optional
         Number of harmonics, from the first on; by default chosen by the criterion.
     drift : bool, optional

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 ORDINATES = 40  # of the periodogram, from which the noise at one frequency is estimated
 _CHUNK = 8192  # samples whose terms fit into the cache
-_ALIKE = 1e-3  # share of a term that those before it do not explain
+_ALIKE = 1e-3  # fraction of a term that those before it do not explain
 _ROUNDS = 25
 _LARGEST_GRID = 2**25
 
@@ -69,7 +69,7 @@ class Record:
         return 2 if self.drift else 1
 
     def most_harmonics(self, frequency: float) -> int:
-        """Return how many harmonics are below the limit of Nyquist, and fewer than the samples tell apart."""
+        """Return how many harmonics are below the limit of Nyquist, and can be distinguished with these samples."""
         below = int((self.nyquist - 0.5 / self.span) / frequency)
         return max(0, min(below, (len(self.times) - 6) // 4))
 
@@ -113,7 +113,7 @@ def solved(record: Record, rate: float, harmonics: int) -> Fit:
 
 
 def refined(record: Record, rate: float, harmonics: int) -> Fit:
-    """Fit the rate as well, from a start within about a quarter of a turn over the record."""
+    """Fit the frequency as well, from a guess whose phase errs by at most a quarter of a period over the record."""
     half, began, last = 0.5 * record.span, rate, np.inf
     for _ in range(_ROUNDS):
         fit, step = _fit(record, rate, harmonics)
@@ -206,8 +206,8 @@ class Spectrum:
 def periodogram(record: Record, values: Array) -> Spectrum:
     """Return the periodogram of values at the times of a record, up to the limit of Nyquist.
 
-    Uneven times are shared out between the nearest two places of a grid twice as fine, and what that takes from high
-    frequencies is given back.
+    Samples at uneven times are divided between the nearest two nodes of a grid twice as fine, and the loss at high
+    frequencies is corrected for.
     """
     places = (record.times - record.times[0]) / record.spacing
     index = np.rint(places)

@@ -43,7 +43,7 @@ def stays_up(
     release : float, optional
         Angle of the release from upright (rad).
     fallen : float, optional
-        Angle from upright that counts as fallen (rad), at most a turn in a cycle; whole turns are falls.
+        Angle from upright that counts as fallen (rad), at most 2 pi in a cycle; full rotations are falls.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def stays_up(
     states = np.stack(drives, axis=-1).reshape(-1, 4)
     rows = np.arange(len(states))
     for _ in range(cycles):
-        # From the tilt before: whole turns that the seam at pi gives and takes do not add up.
+        # From the tilt before: full rotations at the branch cut pi do not add up.
         tilt = np.remainder(states[:, 0], 2.0 * pi) - pi
         images = strobe.iterate(states, 1)
         up = np.abs(tilt + images.unwrapped[:, 0] - states[:, 0]) < fallen

@@ -107,7 +107,7 @@ def record_acceleration(
     bits : int, optional
         Bits of the converter, 1 to 32, over the full scale.
     missing : float, optional
-        Share of samples lost at random, which become NaN; at least 0 and at most 1.
+        Fraction of samples lost at random, which become NaN; at least 0 and at most 1.
     volts_per_g, standard_gravity : float, optional
         Calibration, as for :func:`systems.lab.shaker.voltage_conversion.displacement_amplitude`.
     rng : int, numpy.random.Generator or None, optional

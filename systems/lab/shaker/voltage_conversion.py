@@ -118,7 +118,7 @@ def displacement_error(
 
     To first order, with A in proportion to V / (s f^2): the square of the error is (A dV/V)^2 + (2 A df/f)^2 +
     (A ds/s)^2.  The error of the calibration is common to all points of one accelerometer: it moves a curve as a
-    whole, and belongs into comparisons once, not with every point.
+    whole, and enters a comparison once, not with every point.
 
     Parameters
     ----------

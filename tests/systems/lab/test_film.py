@@ -167,7 +167,7 @@ def test_motions_that_cannot_be_filmed() -> None:
     with pytest.raises(TypeError, match="give a Trajectory"):
         render_film(3, CAMERA, [0.1])  # type: ignore[arg-type]
     oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("x", "v"))
-    with pytest.raises(ValueError, match="give the trajectory of one start"):
+    with pytest.raises(ValueError, match="give the trajectory of one"):
         render_film(trajectory(oscillator, [[0.0, 1.0]], 1), CAMERA, [0.1])
     with pytest.raises(ValueError, match="strictly increase"):
         render_film(motion, CAMERA, [0.2, 0.1])
@@ -191,7 +191,7 @@ def test_there_and_back(tmp_path: Path, name: str) -> None:
 
 
 def test_pictures_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    """Many cameras number without leading zeros; the grey value of each picture is its number."""
+    """Many cameras number without leading zeros; the grey value of each image is its number."""
     imageio = pytest.importorskip("imageio.v3")
     (tmp_path / "film").mkdir()
     for k in range(12):
@@ -245,14 +245,14 @@ def test_files_that_are_no_films(tmp_path: Path) -> None:
         (tmp_path / "film.txt").write_text("x", encoding="utf-8")
         read_film(tmp_path / "film.txt")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(StoreError, match="holds no pictures"):
+    with pytest.raises(StoreError, match="holds no images"):
         read_film(tmp_path / "empty", 25.0)
     imageio.imwrite(tmp_path / "empty" / "a.png", FRAMES[0])
     imageio.imwrite(tmp_path / "empty" / "b.png", FRAMES[0, :8])
     with pytest.raises(StoreError, match="different sizes"):
         read_film(tmp_path / "empty", 25.0)
     (tmp_path / "empty" / "b.png").write_bytes(b"\x89PNG\r\n")
-    with pytest.raises(StoreError, match=r"b\.png' is truncated or no picture"):
+    with pytest.raises(StoreError, match=r"b\.png' is truncated or no image"):
         read_film(tmp_path / "empty", 25.0)
 
 

@@ -35,7 +35,7 @@ TIMES = np.arange(200) / 200.0
 
 
 def test_angles_from_below_counter_clockwise() -> None:
-    """Down, right, up and left in a picture whose rows go down: 0, pi/2, pi, 3 pi/2, and on."""
+    """Down, right, up and left in an image whose rows go down: 0, pi/2, pi, 3 pi/2, and on."""
     turn = np.arange(9) * pi / 4
     found = joint_angles(tracks_of(np.arange(9.0), turn), [PIVOT], window_length=5)
     assert found.angles[:, 0] == pytest.approx(turn)

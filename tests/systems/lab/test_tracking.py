@@ -126,7 +126,7 @@ def test_otsu() -> None:
     assert share == pytest.approx(best / grey.size**2 / grey.var(), rel=1e-9)
     noise = otsu_threshold(rng.normal(size=200_000))[1]
     assert noise == pytest.approx(2.0 / pi, abs=0.01)
-    with pytest.raises(ValueError, match="constant picture"):
+    with pytest.raises(ValueError, match="constant image"):
         otsu_threshold(np.full((3, 3), 5.0))
     with pytest.raises(ValueError, match="not all finite"):
         otsu_threshold([1.0, np.nan])
@@ -186,7 +186,7 @@ def test_a_bar_a_bright_object_and_dropped_frames() -> None:
 
 
 def test_a_long_absence() -> None:
-    """Three quarters of a second behind a bar, more than a turn, with a bright object on the picture."""
+    """Three quarters of a second behind a bar, more than a full rotation, with a bright object in the image."""
     bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.1, end=0.85)]
     recording = render_film(
         turning((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars, spots=[Spot(30.0, 20.0, 5.0)]
@@ -219,7 +219,7 @@ def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
 
 
 def test_a_free_marker_is_found_after_a_long_time() -> None:
-    """Without a rod, straight on it would be far outside of the picture by then."""
+    """Without a rod, straight on it would be far outside of the image by then."""
     bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.2, end=0.7)]
     recording = render_film(turning((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
     found = track_markers(recording.film, recording.truth[0])
@@ -335,19 +335,19 @@ def filmed(*frames: Any) -> Film:
     ("starts", "options", "error"),
     [
         ([(70, 60)], {}, "nothing bright stands out"),
-        ([(70, 60)], {"threshold": 35.0}, "all pixels at the starts exceed it"),
-        ([(30, 30)], {"threshold": 250.0}, "no pixel at the starts exceeds it"),
+        ([(70, 60)], {"threshold": 35.0}, "all pixels at the initial positions exceed it"),
+        ([(30, 30)], {"threshold": 250.0}, "no pixel at the initial positions exceeds it"),
         ([(41, 30)], {}, "no marker is above the grey value"),
         (
             [(30, 300)],
             {},
-            r"positions\[0\]=\(30, 300\): give a pixel \(column, row\) in the picture of 100 x 80",
+            r"positions\[0\]=\(30, 300\): give a pixel \(column, row\) in the image of 100 x 80",
         ),
         ([(np.nan, 30)], {}, "give a pixel"),
         ([30, 30], {}, "give a pixel .* for each marker"),
         ([(30, 30), (31, 30)], {}, "are at the same marker"),
         ([(30, 30)], {"search_radius": 4.0}, "cut off 4 pixels away"),
-        ([(98, 30)], {}, "touches the border of the picture"),
+        ([(98, 30)], {}, "touches the border of the image"),
         ([(30, 30)], {"search_radius": np.inf}, "search_radius=inf: give a finite number"),
         ([(30, 30)], {"rods": [Rod(1, CENTRE, 5.0)]}, "rod.marker=1: give a whole number of at most 0"),
         ([(30, 30)], {"rods": [Rod(0, CENTRE, 5.0), Rod(0, CENTRE, 6.0)]}, "hangs on two of them"),

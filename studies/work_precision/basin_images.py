@@ -1,4 +1,4 @@
-"""Pictures of basins: wrongly labelled shares against seconds, by direct integration and by tables."""
+"""Basin images: fractions of wrong labels against seconds, by direct integration and interpolated maps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FINEST = 1e-13  # tolerance of the map whose labels are the reference
 
 @dataclass(frozen=True)
 class Scene:
-    """A picture: its system, its window, the window of its tables, and the sizes of these."""
+    """A basin image: its system, its window, the window of interpolation, and the sizes of its grids."""
 
     title: str
     system: ForcedSystem
@@ -35,7 +35,7 @@ class Scene:
 
 
 def scenes(cells: int) -> tuple[Scene, ...]:
-    """Return all pictures, with so many cells a side."""
+    """Return all basin images, with `cells` cells a side."""
 
     def over(*window: float) -> CellGrid:
         return CellGrid(tuple(-w for w in window), window, (cells, cells))
@@ -52,7 +52,7 @@ def scenes(cells: int) -> tuple[Scene, ...]:
 
 
 def compare(quick: bool) -> list[Chart]:
-    """Return a chart for each picture."""
+    """Return a chart for each basin image."""
     chosen = scenes(60 if quick else 200)
     return [_chart(scene, quick) for scene in (chosen[:3] if quick else chosen)]
 
@@ -70,14 +70,14 @@ def _chart(scene: Scene, quick: bool) -> Chart:
     for order in (1, 3, 5):
         for cells in scene.sizes[:2] if quick else scene.sizes:
             runs += _by_table(scene, exact, order, cells, reference)
-    total = f"{reference.labels.size:,} starts"
-    return Chart(scene.title, f"s, {total}", "share of wrong labels", tuple(runs), 0.5 / reference.labels.size)
+    total = f"{reference.labels.size:,} orbits"
+    return Chart(scene.title, f"s, {total}", "fraction of wrong labels", tuple(runs), 0.5 / reference.labels.size)
 
 
 def _by_table(scene: Scene, exact: object, order: int, cells: int, reference: Basins) -> list[Run]:
     began = time.perf_counter()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of coarse tables, which are what is measured
+        warnings.simplefilter("ignore", UserWarning)  # of coarse grids, which are what is measured
         table = interpolated_map(exact, scene.at(cells), order=order, outside="integrate")  # type: ignore[arg-type]
     basins = find_basins(table, scene.grid)
     seconds = time.perf_counter() - began
@@ -97,9 +97,9 @@ def _by_table(scene: Scene, exact: object, order: int, cells: int, reference: Ba
 
 def _run(series: str, setting: str, seconds: float, basins: Basins, reference: Basins) -> Run:
     wrong = float((_numbers(basins, reference) != reference.labels).mean())
-    shares = [np.mean(_numbers(basins, reference) == k) - f.fraction for k, f in reference.fractions.items()]
+    errors = [np.mean(_numbers(basins, reference) == k) - f.fraction for k, f in reference.fractions.items()]
     found = f"{len(basins.attractors)} of {len(reference.attractors)} attractors"
-    return Run(series, setting, seconds, wrong, f"{found}, fractions off by {100 * np.abs(shares).max():.2g} points")
+    return Run(series, setting, seconds, wrong, f"{found}, fractions off by {100 * np.abs(errors).max():.2g} points")
 
 
 def _numbers(basins: Basins, reference: Basins) -> np.ndarray:
