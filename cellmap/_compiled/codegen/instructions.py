@@ -244,7 +244,7 @@ class Instructions:
         self.label(f"{name}.done")
 
     @contextmanager
-    def loop_over_lanes(self, lanes: int, name: str = "lane") -> Iterator[str]:
+    def loop_over_lanes(self, lanes: str | int, name: str = "lane") -> Iterator[str]:
         """Repeat what is written inside for each vector of lanes, given the number of its first lane."""
         lines, self.lines, self._before = self.lines, [], []
         with self.loop(name, lanes, self.width) as lane:

@@ -2,11 +2,12 @@
 
 The generated function is
 
-    advance(context, x, steps, start, period, p, error, blocks)
+    advance(context, x, steps, start, period, p, error, orbits)
 
 with addresses of arrays: blocks ``x`` of shape (blocks, dimension, LANES), the number of steps of each block, the time
 at which the period begins, its length, the parameters, and ``error`` of the shape of x, which receives the sum of the
-estimated local errors of each component.  The loop over lanes is innermost and its body is one whole step,
+estimated local errors of each component; and the number of orbits in the blocks.  Lanes of the last block beyond these
+hold copies, which may be moved on or not.  The loop over lanes is innermost and its body is one whole step,
 straight-line code on scalars.  What does not depend on the state stands before that loop.
 
 A method supplies the code of a step; see :mod:`runge_kutta` and :mod:`taylor`.
@@ -51,7 +52,8 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
     components = range(dimension)
     lines = [
         "@cfunc(PERIOD, **LOOP)",
-        "def advance(context, states, steps, start, period, p, errors, blocks):",
+        "def advance(context, states, steps, start, period, p, errors, orbits):",
+        f"    blocks = (orbits + {LANES - 1}) // {LANES}",
         f"    x = carray(states, (blocks, {dimension}, {LANES}))",
         f"    error = carray(errors, (blocks, {dimension}, {LANES}))",
         *indent(1, (f"p{i} = p[{i}]" for i in range(parameters))),

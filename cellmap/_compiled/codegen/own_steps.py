@@ -16,7 +16,7 @@ import functools
 from ..kernels.blocks import LANES
 from ..machine_code import machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number
-from .period import ARGUMENTS, CompiledPeriod, parameter_scope
+from .period import ARGUMENTS, CompiledPeriod, blocks_of_orbits, lanes_in_use, parameter_scope
 from .rosenbrock import OwnStepCode
 from .statements import Scope, translate
 
@@ -45,19 +45,22 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
     once |= {"period": Value("%period"), "end": out.binary("fadd", Value("%start"), Value("%period"))}
     translate(out, [f"first = period * {_FIRST!r}", f"least = period * {_SHORTEST!r}", *code.once], once)
     limit = out.result(f"fptosi double {once['limit'].text} to i64").text
-    with out.loop("block", "%blocks") as block:
+    with out.loop("block", blocks_of_orbits(out)) as block:
+        used = lanes_in_use(out, block)
         share = out.result(f"sitofp i64 {out.load_whole(out.address('%steps', block))} to double")
         first = out.whole("mul", block, dimension * LANES)
         x, error = out.address("%x", first), out.address("%error", first)
         with out.loop("cleared", dimension * LANES, out.width) as place:
             out.store(out.as_vector(number(0.0)), out.address(error, place))
-        with out.loop("begun", LANES, out.width) as place:
+        with out.loop("ended", LANES, out.width) as place:
+            out.store(out.as_vector(once["end"]), out.address(times, place))
+        with out.loop("begun", used, out.width) as place:
             out.store(out.as_vector(Value("%start")), out.address(times, place))
             out.store(out.as_vector(once["first"]), out.address(lengths, place))
         taken = out.address("%steps", block)
         with out.loop("step", limit) as step:
             out.store_whole(out.whole("add", step, 1), taken)
-            with out.loop_over_lanes(LANES) as lane:
+            with out.loop_over_lanes(used) as lane:
                 rows = [out.whole("add", lane, j * LANES) for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
                 here, length = out.address(times, lane), out.address(lengths, lane)

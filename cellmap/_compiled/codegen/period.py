@@ -2,9 +2,9 @@
 
 The function is
 
-    advance(context, x, steps, start, period, p, error, blocks)
+    advance(context, x, steps, start, period, p, error, orbits)
 
-with the arrays that :mod:`cellmap._compiled.codegen.lanes` describes, by address, and the number of blocks.  The
+with the arrays that :mod:`cellmap._compiled.codegen.lanes` describes, by address, and the number of orbits.  The
 context is for functions that serve several systems, see :mod:`cellmap._compiled.codegen.switching`, and not used here.
 Blocks are the outer loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is
 one whole step.
@@ -28,7 +28,7 @@ from .statements import Scope, translate
 
 ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
-    "ptr noalias %error, i64 %blocks"
+    "ptr noalias %error, i64 %orbits"
 )
 _PROTOTYPE = ctypes.CFUNCTYPE(
     None, *[ctypes.c_void_p] * 3, *[ctypes.c_double] * 2, *[ctypes.c_void_p] * 2, ctypes.c_int64
@@ -52,11 +52,13 @@ class CompiledPeriod:
         period: float,
         p: NDArray[np.float64],
         error: NDArray[np.float64],
+        orbits: int | None = None,
     ) -> None:
-        """Move blocks of lanes on in place; see :mod:`cellmap._compiled.codegen.lanes`."""
+        """Move blocks of lanes on in place, full ones by default; see :mod:`cellmap._compiled.codegen.lanes`."""
+        count = len(x) * LANES if orbits is None else orbits
         arrays = (self.context, x, steps, p, error)
         context, states, numbers, parameters, errors = (array.ctypes.data for array in arrays)
-        _PROTOTYPE(self.address)(context, states, numbers, start, period, parameters, errors, len(x))
+        _PROTOTYPE(self.address)(context, states, numbers, start, period, parameters, errors, count)
 
 
 @functools.lru_cache(maxsize=256)
@@ -71,7 +73,8 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
     out, components = Instructions(width), range(dimension)
     once = parameter_scope(out, parameters)
     translate(out, code.once, once)
-    with out.loop("block", "%blocks") as block:
+    with out.loop("block", blocks_of_orbits(out)) as block:
+        used = lanes_in_use(out, block)
         steps = out.result(f"load i64, ptr {out.address('%steps', block)}, align 8").text
         first = out.result(f"mul i64 {block}, {dimension * LANES}").text
         x, error = out.address("%x", first), out.address("%error", first)
@@ -82,7 +85,7 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
             elapsed = out.binary("fmul", out.result(f"sitofp i64 {step} to double"), h)
             per_step = {**once, "h": h, "t": out.binary("fadd", Value("%start"), elapsed)}
             translate(out, code.per_step, per_step)
-            with out.loop_over_lanes(LANES) as lane:
+            with out.loop_over_lanes(used) as lane:
                 rows = [out.result(f"add i64 {lane}, {j * LANES}").text for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
                 per_lane = {**per_step, **{f"x{j}": out.load(states[j], vector=True) for j in components}}
@@ -91,7 +94,7 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
                     out.store(out.as_vector(per_lane[f"y{j}"]), states[j])
                     size = out.intrinsic("fabs", out.as_vector(per_lane[f"e{j}"]))
                     out.store(out.binary("fadd", out.load(errors[j], vector=True), size), errors[j])
-            _leave_if_nothing_is_finite(out, x, step, dimension)
+            _leave_if_nothing_is_finite(out, x, step, dimension, used)
     return module_text(out.function("advance", ARGUMENTS), out)
 
 
@@ -114,12 +117,24 @@ def compiled_rows(code: StepCode, dimension: int, parameters: int) -> MachineCod
     return machine_code(module_text(out.function("step", "ptr noalias %rows, i64 %count, ptr noalias %p"), out))
 
 
+def blocks_of_orbits(out: Instructions) -> str:
+    """Return the number of blocks that the orbits fill."""
+    return out.whole("sdiv", out.whole("add", "%orbits", LANES - 1), LANES)
+
+
+def lanes_in_use(out: Instructions, block: str) -> str:
+    """Return the number of orbits in a block."""
+    left = out.whole("sub", "%orbits", out.whole("mul", block, LANES))
+    fewer = out.result(f"icmp slt i64 {left}, {LANES}").text
+    return out.result(f"select i1 {fewer}, i64 {left}, i64 {LANES}").text
+
+
 def parameter_scope(out: Instructions, parameters: int) -> Scope:
     """Load the parameters from the array p; their names are p0, p1, ...."""
     return {f"p{i}": out.load(out.address("%p", i)) for i in range(parameters)}
 
 
-def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension: int) -> None:
+def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension: int, used: str) -> None:
     """Look now and then whether a lane is finite: many steps are taken where few have failed, and there it is worth it.
 
     The flag of a vector of lanes is set where all components are finite.
@@ -136,6 +151,8 @@ def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension:
             finite = out.compare("olt", size, number(float("inf")))
             whole = finite if whole is None else out.logical("and", whole, finite)
         assert whole is not None, "a system has components"
+        among = out.as_vector(Value(out.result(f"icmp slt i64 {lane}, {used}").text, flag=True))
+        whole = out.logical("and", whole, among)
         found = whole if found is None else out.logical("or", found, whole)
     assert found is not None
     out.write(f"br i1 {out.over_lanes('or', found)}, label %step.end, label %block.end")

@@ -2,14 +2,15 @@
 
 They belong to one system, and :mod:`cellmap._compiled.kernels.switching_period` calls them by address:
 
-    free_step(lanes, series, p, end, rate)      one step of the lanes in which nothing slides
-    general_step(lanes, series, p, end, rate)   one step of the others
+    free_step(lanes, series, p, end, rate, used)      one step of the lanes in which nothing slides
+    general_step(lanes, series, p, end, rate, used)   one step of the others
     begin(lanes, series, p, start)              the mode in which each lane begins
     surfaces(t, x, p, signs, values, rates, gains, jumps, normals)      all that decides about its mode
     impacts(t, x, v, p, signs, landed, turned, stuck, held)     states and deviations after impacts, surface by surface
 
 A step is a Taylor step that also expands the event functions, and sets a flag where a bound from their coefficients
-leaves room for an event.
+leaves room for an event.  Lanes that have come to the end stay as they are, and vectors without a lane to move are
+passed over.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from .statements import Scope, translate
 from .taylor import Series
 from .trace import CONSTANT, STATEFUL
 
-_STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate"
+_STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 _STRUCK = ("landed", "turned", "stuck", "held")
 
@@ -183,20 +184,22 @@ def _write_step(
     translate(out, series.at_order(CONSTANT, 0, of_lanes=False), once)
     rows = [*(f"s{j}_0" for j in range(size)), "t0", *(f"g{e}" for e in range(count)), *(f"u{e}" for e in range(count))]
     rows += [*(f"sum{j}" for j in range(size)), *(f"begun{e}" for e in range(count))]
-    with out.loop_over_lanes(LANES) as lane:
+    with out.loop_over_lanes("%used") as lane:
         address = functools.partial(_place, out, lane)
         scope: Scope = {**once}
         scope |= {name: out.load(address("%lanes", row), vector=True) for row, name in enumerate(rows)}
-        mine = ">" if sliding else "=="
+        mine = "t0 < end"
         if sliding is not None:
-            translate(out, [f"mine = {' + '.join(f'u{e}' for e in range(count))} {mine} 0.0"], scope)
+            mine += f" and {' + '.join(f'u{e}' for e in range(count))} {'>' if sliding else '=='} 0.0"
+        translate(out, [f"mine = {mine}"], scope)
+        out.write(f"br i1 {out.over_lanes('or', scope['mine'])}, label %moving, label %lane.end")
+        out.label("moving")
         translate(out, _lane_step(series, size, counts), scope)
 
         def store(base: str, row: int, name: str) -> None:
-            place, value = address(base, row), out.as_vector(scope[name])
-            if sliding is not None:
-                value = out.select(scope["mine"], value, out.load(place, vector=True))
-            out.store(value, place)
+            place = address(base, row)
+            kept = out.load(place, vector=True)
+            out.store(out.select(scope["mine"], out.as_vector(scope[name]), kept), place)
 
         for j in range(size):
             store("%lanes", j, f"y{j}")

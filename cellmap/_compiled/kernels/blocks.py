@@ -7,8 +7,8 @@ import numpy as np
 from ..loops import inlined, loop
 
 LANES = 32
-"""Initial conditions that step together.  A block is always full (the last one is repeated), so each of them passes
-through the same machine code wherever it stands, and its image has the same bits."""
+"""Initial conditions that step together, in vectors.  A vector is always full (the last one is repeated), so each of
+them passes through the same machine code wherever it stands, and its image has the same bits."""
 
 MOST_TURNS = 1e15
 """Full rotations from which on an angle has no phase: floating-point numbers of that size lie a tenth of a period

@@ -6,15 +6,15 @@ from ..loops import by_address
 from ..translation.marks import ArrayAt
 
 PERIOD = "int64* float64* int64* float64 float64 float64* float64* int64"
-"""Arguments of a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
+"""Arguments of a period: ``advance(context, x, steps, start, period, p, error, orbits)``."""
 
 array_at = ArrayAt()
 """``array_at(address, shape)`` is the array of a shape whose elements are at an address."""
 
 
 @by_address
-def call_step(address, lanes, series, p, end, rate):
-    """Take a step with all lanes of a block: ``step(lanes, series, p, end, rate)``."""
+def call_step(address, lanes, series, p, end, rate, used):
+    """Take a step with the lanes of a block that are in use: ``step(lanes, series, p, end, rate, used)``."""
 
 
 @by_address
@@ -38,8 +38,8 @@ def call_rows(address, rows, count, p):
 
 
 @by_address
-def call_period(address, context, x, steps, start, period, p, error, blocks):
-    """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, blocks)``."""
+def call_period(address, context, x, steps, start, period, p, error, orbits):
+    """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, orbits)``."""
 
 
 @by_address

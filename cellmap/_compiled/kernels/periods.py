@@ -153,7 +153,7 @@ def iterate(function, context, parameters, bound, points, rotations, status, low
         members = living[begin : min(begin + LANES, alive)]
         pack(points, members, block)
         for _ in range(periods):
-            call_period(function, context, block, once, 0.0, 1.0, parameters, error, 1)
+            call_period(function, context, block, once, 0.0, 1.0, parameters, error, members.size)
             moving = 0
             for i in range(members.size):
                 k = members[i]
@@ -196,7 +196,9 @@ def _images(motion, starts, members, steps, length, blocks, errors, numbers, ima
     blocks, errors = blocks[:used], errors[:used]
     numbers[:used] = steps
     pack(starts, members, blocks)
-    call_period(motion.function, motion.context, blocks, numbers, motion.begin, length, motion.parameters, errors, used)
+    call_period(
+        motion.function, motion.context, blocks, numbers, motion.begin, length, motion.parameters, errors, members.size
+    )  # fmt: skip
     unpack(blocks, errors, members, images, ratios, motion.largest, motion.rtol, motion.atol)
 
 

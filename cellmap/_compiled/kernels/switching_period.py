@@ -37,21 +37,23 @@ def _piece(whole, begin, size):
 
 
 @inlined
-def _step(addresses, lanes, series, p, end, rate, size, count):
+def _step(addresses, lanes, series, p, end, rate, used, size, count, flag):
     """Take a step; which one a lane takes is its own affair: an image must not depend on its neighbours."""
+    for i in range(used):
+        series[flag + i] = 0.0
     if addresses[FREE] == 0:
-        call_step(addresses[GENERAL], lanes, series, p, end, rate)
+        call_step(addresses[GENERAL], lanes, series, p, end, rate, used)
         return
     sliding = 0
-    for i in range(LANES):
+    for i in range(used):
         slides = 0.0
         for e in range(count):
             slides += lanes[(size + 1 + count + e) * LANES + i]
         sliding += slides > 0.0
-    if sliding < LANES:
-        call_step(addresses[FREE], lanes, series, p, end, rate)
+    if sliding < used:
+        call_step(addresses[FREE], lanes, series, p, end, rate, used)
     if sliding > 0:
-        call_step(addresses[GENERAL], lanes, series, p, end, rate)
+        call_step(addresses[GENERAL], lanes, series, p, end, rate, used)
 
 
 @inlined
@@ -100,7 +102,7 @@ def period(single):
     """Return the function ``advance`` for one switching function, whose loops over surfaces vanish, or for several."""
 
     @loop_by_address(PERIOD)
-    def advance(context, blocks_of_states, steps, start, period, p, blocks_of_errors, blocks):
+    def advance(context, blocks_of_states, steps, start, period, p, blocks_of_errors, orbits):
         """Move blocks of states on by a period; no steps at all stand for a trial step, in which events do not count.
 
         The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
@@ -112,6 +114,7 @@ def period(single):
         coupled, impacts = addresses[9], addresses[10]
         count = 1 if single else addresses[6]
         counts = array_at(context, CONTEXT + count)[CONTEXT:]
+        blocks = -(-orbits // LANES)
         x, error = array_at(blocks_of_states, (blocks, size, LANES)), array_at(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
         local = (size + count) * length
@@ -142,13 +145,14 @@ def period(single):
         stuck, place = _piece(whole, place, count * dimension)
         bent, place = _piece(whole, place, count * dimension)
         for b in range(blocks):
+            used = min(orbits - b * LANES, LANES)
             lanes[errors_row * LANES :] = 0.0
             rate = max(steps[b], 1) / period
             for j in range(size):
                 for i in range(LANES):
                     lanes[j * LANES + i] = x[b, j, i]
             call_begin(addresses[BEGIN], lanes, series, p, start)
-            for i in range(LANES):
+            for i in range(used):
                 if series[flag + i] > 0.0:
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
                     call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
@@ -166,12 +170,12 @@ def period(single):
             moving = 1
             while moving and rounds:
                 rounds -= 1
-                _step(addresses, lanes, series, p, end, rate, size, count)
+                _step(addresses, lanes, series, p, end, rate, used, size, count, flag)
                 # No steps at all: one is tried, for its error alone, and no event is looked for.
                 if steps[b] == 0:
                     break
                 moving = 0
-                for i in range(LANES):
+                for i in range(used):
                     if series[flag + i] > 0.0:
                         t = _load(lanes, i, state, signs, slides, errors, fresh)
                         landed = land(
@@ -199,7 +203,7 @@ def period(single):
                     moving += lanes[size * LANES + i] < end
             if project_at_end:
                 # Lanes that slide are brought back onto their surfaces, where rounding has led away.
-                for i in range(LANES):
+                for i in range(used):
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
                     sliding = 0.0
                     for e in range(count):
@@ -211,7 +215,7 @@ def period(single):
                         for j in range(size):
                             lanes[j * LANES + i] = state[j]
             for j in range(size):
-                for i in range(LANES):
+                for i in range(used):
                     through = lanes[size * LANES + i] >= end
                     x[b, j, i] = lanes[j * LANES + i]
                     error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300

@@ -17,6 +17,7 @@ from cellmap._compiled.codegen.kernel import PeriodKernel, flow_kernel
 from cellmap._compiled.codegen.runge_kutta import Tableau
 from cellmap._compiled.codegen.tableaus import dop853, rk45
 from cellmap._compiled.kernels.blocks import LANES
+from cellmap._compiled.machine_code import vector_width
 
 
 def images(
@@ -33,6 +34,19 @@ def images(
     parameters = np.array([float(v) for v in system.params.values()])
     kernel.advance(block, np.array([steps]), 0.0, system.length if length is None else length, parameters, errors)
     return block[0, :, : len(initial_conditions)].T, errors[0, :, : len(initial_conditions)].T
+
+
+def test_vectors_without_an_orbit_are_left_alone(problems: Mapping[str, ForcedSystem]) -> None:
+    """And the vector that holds the last orbit gives the same bits as in a full block."""
+    system = problems["Duffing"]
+    kernel = flow_kernel(system.rhs, 2, tuple(system.params), "DOP853", 1e-9)
+    full = np.random.default_rng(0).normal(size=(2, 2, LANES))
+    few, errors = full.copy(), np.empty_like(full)
+    parameters, width = np.array([float(v) for v in system.params.values()]), vector_width()
+    kernel.advance(full, np.array([8, 8]), 0.0, system.length, parameters, errors)
+    kernel.advance(few, np.array([8, 8]), 0.0, system.length, parameters, errors, orbits=LANES + width + 1)
+    moved = few == full
+    assert moved[0].all() and moved[1, :, : 2 * width].all() and not moved[1, :, 2 * width :].any()
 
 
 def branching(t: float, x: Any, p: Any) -> tuple[float, float]:

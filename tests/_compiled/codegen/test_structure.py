@@ -31,13 +31,14 @@ class Loop:
 
 
 def innermost_loops(assembly: str) -> list[Loop]:
-    """Count the instructions of every loop that holds no other loop."""
+    """Count the instructions of every loop that holds no other loop; all jumps back to a label are of one loop."""
     lines = assembly.splitlines()
     labels = {m[1]: i for i, line in enumerate(lines) if (m := LABEL.match(line))}
     jumps = {i: labels.get(m[1]) for i, line in enumerate(lines) if (m := JUMP.match(line))}
-    spans = [(begin, end) for end, begin in jumps.items() if begin is not None and begin < end]
+    spans = {(begin, end) for end, begin in jumps.items() if begin is not None and begin < end}
+    spans = {(begin, max(e for b, e in spans if b == begin)) for begin, _ in spans}
     loops = []
-    for begin, end in spans:
+    for begin, end in sorted(spans):
         if not any(begin <= b and e <= end and (b, e) != (begin, end) for b, e in spans):
             body = lines[begin:end]
             loops.append(Loop(*(sum(bool(p.search(line)) for line in body) for p in (PACKED, SCALAR, CALL))))
