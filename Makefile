@@ -104,6 +104,6 @@ docs: $(INSTALLED)docs
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 
 clean:
-	rm -rf .venv-newest .venv-pins build dist *.egg-info docs/_build docs/generated studies/output
+	rm -rf .venv-newest .venv-pins build dist *.egg-info docs/_build docs/auto docs/generated studies/output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find cellmap systems studies tests docs -name __pycache__ -type d -exec rm -rf {} +

@@ -86,11 +86,11 @@ def fit_line(
     x, y : array_like, shape (n,)
         Points in the order of x, at least 3; those that are not finite are outside every window.
     fit_range : tuple of int, optional
-        Numbers of the first and of the last point.  By default that of :func:`scaling_window`.
+        Numbers of the first and of the last point.  By default the longest window in which the points are on a line.
     errors : array_like, shape (n,), optional
         Standard errors of y, which weigh the points.
     tolerance : float, optional
-        See :func:`scaling_window`.
+        Largest difference between neighbouring slopes in the window and that of the line, relative where above 1.
     labels : tuple of str, optional
         What x and y are.
 

@@ -181,7 +181,7 @@ def escape_rate(
     fit_range : tuple of int, optional
         First and last step of the fit.
     tolerance : float, optional
-        See :func:`scaling_window`.
+        Largest difference between neighbouring slopes in the window and that of the line, relative where above 1.
 
     Returns
     -------

@@ -45,11 +45,12 @@ def boundary_dimension(
     A size is usable if at least 10 boxes contain boundary, there are at least four along each axis, no more than 95 %
     of them contain boundary (unless this is so at all sizes), and the cells miss at most 10 % of the boxes.  The missed
     boxes are estimated from those that every other cell along each axis would miss, and the counts are corrected for
-    them before the fit.  Among the usable sizes the scaling window is that of :func:`~cellmap._lib.fit.steady_window`.
+    them before the fit.  Among the usable sizes the scaling window is the one in which the slope
+    scatters and drifts least.
 
     Isolated labels, in groups of at most four cells, result from structure below the size of a cell, or are wrong.  The
     former lie next to other boundary, so that the larger the boxes, the fewer contain nothing else;
-    :attr:`BoxCount.isolated` is their fraction.  Where it grows with the size of boxes and exceeds 5 %, the isolated
+    ``BoxCount.isolated`` is their fraction.  Where it grows with the size of boxes and exceeds 5 %, the isolated
     labels are noise and are ignored.  This works for up to some percent of wrong labels, as long as there is other
     boundary.
 

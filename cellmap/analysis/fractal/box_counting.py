@@ -135,8 +135,8 @@ def box_dimension(
 
     All dyadic sizes are counted with one sort of the points, and each other size with a sort of its own.  A size is
     usable if the set intersects at least 10 boxes, and if the points miss at most 2 % of the boxes, by Chao's estimate
-    from those that contain one and two points.  Among the usable sizes the scaling window is that of
-    :func:`~cellmap._lib.fit.steady_window`.
+    from those that contain one and two points.  Among the usable sizes the scaling window is the one in
+    which scatter and drift of the slope are least.
 
     Parameters
     ----------

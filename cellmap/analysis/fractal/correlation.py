@@ -86,7 +86,8 @@ def correlation_dimension(
     """Compute the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
 
     Pairs are counted with a tree of the points; those that are close because they are close in time are excluded
-    (Theiler 1986).  The window among usable distances is that of :func:`~cellmap._lib.fit.steady_window`.
+    (Theiler 1986).  The window among usable distances is the one in which scatter and drift of the slope are
+    least.
 
     Parameters
     ----------

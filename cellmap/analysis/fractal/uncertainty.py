@@ -85,8 +85,8 @@ def uncertainty_exponent(
     max_periods : int, optional
         Number of periods after which an initial condition is undecided.
     fit_range : tuple of int, optional
-        Numbers of the first and last distance of the fit; by default see
-        :func:`~cellmap.analysis.fractal.uncertainty_fits.fit_range`.
+        Numbers of the first and last distance of the fit; by default those down to the
+        smallest usable one, without the largest ones, at which the fraction saturates.
     rng : int, numpy.random.Generator or None, optional
         Seed or generator of the pairs: with a seed, the default included, each call draws the same.
     progress : bool, optional

@@ -48,7 +48,7 @@ def plan(
     accuracy : float, optional
         Largest error of one period that is allowed at 99 % of the points in the window of interpolation: the largest
         component of the difference to the true image, in the units of the coordinates, as
-        :attr:`MapError.percentile_99`.
+        ``MapError.percentile_99``.
     periods : int, optional
         Periods for which each initial condition is iterated; by default until :func:`find_basins` has labelled it.
     phase : float, optional

@@ -53,7 +53,7 @@ class Outcome:
     predicted_seconds, seconds : float
         Predicted and measured time.
     predicted_error, error : float
-        Predicted and measured error, as :attr:`Option.error`.
+        Predicted and measured error, as ``error`` of :class:`Option`.
     accuracy : float
         Accuracy wanted.
     """

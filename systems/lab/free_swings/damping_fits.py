@@ -86,7 +86,7 @@ def fit_damping(
     angles : array_like, shape (n,)
         Angles from the downward vertical (rad), continuous; NaN marks a gap.
     kinds : sequence of str, optional
-        Names among :data:`systems.lab.free_swings.decay_models.KINDS`.
+        Names of the laws of friction that are tried; by default all.
     length : float, optional
         Effective length (m), where it is known; by default it is fitted.
     gravity : float, optional

@@ -83,7 +83,7 @@ class Envelope:
     def misfits(self) -> NDArray[np.float64]:
         """By how much each interval differs from its `half_swings`, as a fraction of one, shape (n - 1,); at most 1.
 
-        The count is a guess where it is large: beyond :data:`SURE` the nearest counts may be as good.
+        The count is a guess where it is large: beyond ``SURE`` the nearest counts may be as good.
         """
         lasted, odd = self._lasted()
         return np.abs(lasted - counted(lasted, odd))
@@ -95,7 +95,7 @@ class Envelope:
 
     @property
     def slowings(self) -> NDArray[np.float64]:
-        """Mean of :func:`slowing` from each extreme to the next, shape (n - 1,), along a smooth decay."""
+        """Mean ratio of the period to that of small swings from each extreme to the next, shape (n - 1,)."""
         nodes, weights = GAUSS
         late = self.times[:-1, None] + 0.5 * np.diff(self.times)[:, None] * (nodes + 1.0)
         amplitudes = np.exp(PchipInterpolator(self.times, np.log(self.amplitudes))(late))

@@ -1,0 +1,79 @@
+"""Figures of the programs on pages: ``<!-- figure: alternative text -->`` after a program becomes what it draws.
+
+The programs of a page run once, from top to bottom as one program, and again only where the page or the library has
+changed. Builds that only check the pages (``CELLMAP_STUDIES=skip``) leave the figures out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from contextlib import chdir, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib.pyplot as plt
+from sphinx.application import Sphinx
+from study_pages import GENERATED, ROOT, computes
+
+STATED = re.compile(r"^<!-- figure: (.+?) -->$", re.MULTILINE)
+PROGRAM = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def fill(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put the figures of a page where it asks for them."""
+    if not STATED.search(source[0]):
+        return
+    if not computes():
+        source[0] = STATED.sub("", source[0])
+        return
+    folder = drawn(docname, source[0])
+    numbers = iter(sorted(folder.glob("*.png")))
+
+    def figure(found: re.Match[str]) -> str:
+        place = next(numbers).relative_to(GENERATED.parent).as_posix()
+        alternative = " ".join(found[1].split())
+        return f"```{{image}} {'../' * docname.count('/')}{place}\n:alt: {alternative}\n:class: program-figure\n```"
+
+    source[0] = STATED.sub(figure, source[0])
+
+
+def drawn(docname: str, text: str) -> Path:
+    """Return the folder with the figures of a page, in their order."""
+    sources = [p for room in ("cellmap", "systems") for p in sorted((ROOT / room).rglob("*.py"))]
+    code = hashlib.sha256(text.encode() + b"".join(p.read_bytes() for p in sources)).hexdigest()
+    kept = GENERATED / f"{docname.replace('/', '_')}.{code[:16]}"
+    if kept.exists():
+        return kept
+    for old in GENERATED.glob(f"{docname.replace('/', '_')}.*"):
+        shutil.rmtree(old)
+    unfinished = kept.with_name(f"{kept.name}.unfinished")
+    unfinished.mkdir(parents=True)
+    draw_all(text, unfinished)
+    unfinished.rename(kept)
+    return kept
+
+
+def draw_all(text: str, folder: Path) -> None:
+    """Run the programs of a text, and save the figures that each draws."""
+    names: dict[str, object] = {"__name__": "__main__"}
+    count = 0
+    pieces = PROGRAM.split(text)
+    for program, after in zip(pieces[1::2], pieces[2::2], strict=True):
+        with TemporaryDirectory() as elsewhere, chdir(elsewhere), redirect_stdout(StringIO()):
+            exec(compile(program, "program", "exec"), names)
+        asked = len(STATED.findall(after))
+        if asked != len(plt.get_fignums()):
+            message = f"{len(plt.get_fignums())} figures, {asked} alternative texts after this program:\n{program}"
+            raise ValueError(message)
+        for number in plt.get_fignums():
+            plt.figure(number).savefig(folder / f"{count:03d}.png", dpi=100)
+            count += 1
+        plt.close("all")
+
+
+def setup(app: Sphinx) -> None:
+    """Register the hook, before that of the studies."""
+    app.connect("source-read", fill, priority=400)

@@ -1,0 +1,58 @@
+"""The build of the site compares what its executed pages print; here that comparison is tested, and what it needs."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+PROGRAMS = sorted(p for folder in ("tutorials", "examples") for p in (DOCS / folder).glob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    pytest.importorskip("sphinx")
+    place = DOCS / "_extensions" / "printed_output.py"
+    module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("printed_output", place))
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("expected", "found", "equal"),
+    [
+        ("fraction 0.502 +- 0.001", "fraction 0.503 +- 0.001", True),
+        ("fraction 0.502 +- 0.001", "fraction 0.504 +- 0.001", False),
+        ("error 1e-09", "error 2e-09", True),
+        ("error 1e-09", "error 1e-08", False),
+        ("90,000 initial conditions", "90,002 initial conditions", False),
+        ("[0.99428583 1.12092841]", "[0.99428583 1.12092841 0.1]", False),
+        ("saddle, period 1", "node, period 1", False),
+    ],
+)
+def test_numbers_may_differ_by_one_in_their_last_digit(comparison, expected, found, equal):
+    assert comparison.same(expected, found) is equal
+
+
+def test_output_is_read_from_an_executed_page(comparison, tmp_path):
+    page = tmp_path / "page.rst"
+    page.write_text(".. rst-class:: sphx-glr-script-out\n\n .. code-block:: none\n\n    a 1\n      b 2\n\n\nText.\n")
+    assert comparison.printed(page) == "a 1\n  b 2\n"
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.stem)
+def test_each_program_has_figures_with_alternative_text_and_expected_output(program):
+    text = program.read_text(encoding="utf-8")
+    alternatives = re.findall(r'^# sphinx_gallery_alt = "(.*)"$', text, re.MULTILINE)
+    assert alternatives and all(20 <= len(a) <= 160 for a in alternatives)
+    assert "print(" not in text or (DOCS / "_printed" / program.parent.name / f"{program.stem}.txt").exists()
+
+
+def test_examples_are_short():
+    """20 to 40 lines, so that a reader takes in a whole program at once."""
+    for program in PROGRAMS:
+        if program.parent.name == "examples":
+            assert len(program.read_text(encoding="utf-8").splitlines()) <= 45, program.name
