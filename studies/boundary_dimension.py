@@ -113,8 +113,12 @@ def draw(result: Result) -> Figure:
     x = np.array([r.amplitude for r in bounded])
     pairs = np.array([(r.pairs.boundary_dimension, 2.0 * r.pairs.standard_error) for r in bounded])
     boxes = np.array([(r.boxes.dimension, 2.0 * r.boxes.standard_error) for r in bounded])
-    main_panel.errorbar(x - 0.015, *pairs.T, fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of points")
-    main_panel.errorbar(x + 0.015, *boxes.T, fmt="s", markersize=4, capsize=2, color="#E69F00", label="boxes")
+    main_panel.errorbar(
+        x - 0.015, pairs[:, 0], pairs[:, 1], fmt="o", markersize=4, capsize=2, color="#0072B2", label="pairs of points"
+    )
+    main_panel.errorbar(
+        x + 0.015, boxes[:, 0], boxes[:, 1], fmt="s", markersize=4, capsize=2, color="#E69F00", label="boxes"
+    )
     for (name, values), style in zip(result.changes.items(), ("--", ":"), strict=True):
         for k, value in enumerate(values):
             label = f"{name} state gains or loses stability" if k == 0 else None
@@ -124,7 +128,7 @@ def draw(result: Result) -> Figure:
     main_panel.set_title("Driven pendulum, 50 Hz: bars are two standard errors")
     main_panel.legend(fontsize="small", loc="upper left")
     for key, amplitude in zip("bcd", DRAWN, strict=True):
-        row = min(result.rows, key=lambda r, a=amplitude: abs(r.amplitude - a))
+        row = result.rows[int(np.argmin([abs(r.amplitude - amplitude) for r in result.rows]))]
         plot.basins(row.basins, ax=panels[key], legend=False)
         panels[key].set_title(f"A = {row.amplitude:g} mm")
     return figure

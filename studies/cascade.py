@@ -24,6 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -38,7 +39,7 @@ from cellmap.orbits import Kind
 from systems import dimensionless_pendulum, driven_pendulum
 
 FEIGENBAUM = 4.669201609
-PRECISE = {"rtol": 1e-12, "atol": 1e-12}
+PRECISE: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-12}
 ROD = driven_pendulum(amplitude=0.012)
 WEAK = dimensionless_pendulum(alpha=0.25, beta=0.04, gamma=0.05)
 TUMBLING = 0.55
@@ -92,8 +93,10 @@ def end_of_swing(cascade: Cascade, values: int) -> BifurcationDiagram:
     over = np.linspace(begin, 2.0 * last - begin, values)
     born = next(branch for branch in cascade.branches if branch.period == cascade.periods[3])
     start = born.orbits_at(float(begin))[0].points[0]
-    settled = {"transient": 200 + values, "periods": 200 + values}
-    return bifurcation_diagram(stroboscopic_map(ROD), cascade.parameter, over, start, follow="up", **settled)
+    periods = 200 + values
+    return bifurcation_diagram(
+        stroboscopic_map(ROD), cascade.parameter, over, start, follow="up", transient=periods, periods=periods
+    )
 
 
 def sample(fastest: float, initial_conditions: int) -> NDArray[np.float64]:
@@ -106,7 +109,7 @@ def compute(values: int, initial_conditions: int, doublings: int) -> Result:
     rod, weak = stroboscopic_map(ROD), stroboscopic_map(WEAK)
     cascades = rod_cascades(doublings)
     amplitude, beta = (np.linspace(*LIMITS[name], values) for name in (ROD.name, WEAK.name))
-    settled = {"follow": "up", "transient": 4 * values + 100, "periods": values + 64}
+    settled: dict[str, Any] = {"follow": "up", "transient": 4 * values + 100, "periods": values + 64}
     states = np.array([[0.05, 0.0], [pi - 0.05, 0.0]])
     few = max(8, values // 8)
     wide = np.append(np.linspace(*LIMITS[ROD.name], few), np.linspace(17e-3, LARGEST, few))
@@ -132,7 +135,7 @@ def basin_fractions(basins: BasinContinuation) -> dict[str, NDArray[np.float64]]
     for k, attractors in enumerate(basins.attractors):
         for label, fraction in zip(basins.labels, basins.fractions[k], strict=True):
             kind = attractors[label].kind if label in attractors else None
-            name = "undecided" if label < 0 else names.get(kind, "rest and swings")  # type: ignore[call-overload]
+            name = "undecided" if label < 0 else names.get(kind, "rest and swings") if kind else "rest and swings"
             found[name][k] += fraction
     return found
 

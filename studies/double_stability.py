@@ -150,9 +150,9 @@ def report(result: Result) -> None:
         print(f"all four stable together, m2/m1 = {ratio:g}, undamped: above {frequency:.6f} Hz")
     for what, table in (("m2/m1", result.by_mass), ("l2/l1", result.by_length)):
         print(f"first stable amplitudes (mm) at 50 Hz, undamped\n  {what:>6}  " + "  ".join(f"{n:>18}" for n in STATES))
-        for ratio, windows in table.items():
-            row = "  ".join(f"{text_of(window, 4):>18}" for window in windows.values())
-            print(f"  {ratio:6g}  {row}  together {text_of(overlap(list(windows.values())), 4)}")
+        for ratio, first in table.items():
+            row = "  ".join(f"{text_of(window, 4):>18}" for window in first.values())
+            print(f"  {ratio:6g}  {row}  together {text_of(overlap(list(first.values())), 4)}")
     for name, state in STATES.items():
         values, _ = normal_modes((0.032, 0.032), (1.0, 1.0), state)
         lengths = ", ".join(f"{'hanging' if v > 0 else 'inverted'} {100 / abs(v):.4f} cm" for v in values)
@@ -165,7 +165,7 @@ def draw(result: Result) -> Figure:
     for k, (ax, (title, maps)) in enumerate(zip(axes.T.flat, result.maps.items(), strict=True)):
         draw_maps(figure, ax, maps, legend=k == 0)
         ax.set_title(title)
-        name = next(iter(maps.values())).names[0]
+        name = next(iter(maps.values())).parameters[0]
         if name == "mass_2":
             ax.set(xscale="log", xlabel="$m_2/m_1$")
         else:

@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, pi
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -198,8 +199,9 @@ def report(result: Result) -> None:
 def draw(result: Result) -> Figure:
     """Draw the portraits, and the swings against the frequency."""
     figure = plt.figure(figsize=(14.0, 7.0), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(1.3, 1.0))
-    panels = left.subplots(2, 2, sharex=True, sharey=True)
+    halves: NDArray[Any] = np.asarray(figure.subfigures(1, 2, width_ratios=(1.3, 1.0)))
+    left, right = halves
+    panels: NDArray[Any] = left.subplots(2, 2, sharex=True, sharey=True)
     for ax, frequency in zip(panels.flat, PORTRAITS, strict=True):
         for (name, motions), colour in zip(result.portraits.items(), ("#009E73", "#0072B2"), strict=True):
             angles, rates = motions[frequency].states[:, 0] - pi, motions[frequency].states[:, 1]

@@ -25,6 +25,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from cellmap import PointMap, stroboscopic_map, trajectory
@@ -136,14 +137,14 @@ def report(result: Result) -> None:
                 f"  undamped mode of {name}: as a pendulum of {100 / abs(value):.4f} cm, {kind}; outer link / inner "
                 f"link {shape[1] / shape[0]:+.4f}"
             )
-    for link, found in result.scans.items():
-        flips, back, lost = (np.count_nonzero(found.ends == k) for k in (1, 0, -1))
+    for link, scan in result.scans.items():
+        flips, back, lost = (np.count_nonzero(scan.ends == k) for k in (1, 0, -1))
         print(
             f"pushes of the {link} link from 0 to {STRONGEST:g} rad/s: {flips} flip, {back} return, {lost} do neither "
-            f"in {SETTLED} periods; least that does not return {found.least[1]:.7f} rad/s"
+            f"in {SETTLED} periods; least that does not return {scan.least[1]:.7f} rad/s"
         )
         print(
-            f"  quickest flip on the scan: {found.quickest:g} rad/s, there within 0.1 rad after {found.periods} periods"
+            f"  quickest flip on the scan: {scan.quickest:g} rad/s, there within 0.1 rad after {scan.periods} periods"
         )
 
 
@@ -163,7 +164,7 @@ def draw(result: Result) -> tuple[Figure, Figure]:
         half_turns = motion.states[:, j] / pi
         ax.plot(motion.times, half_turns, lw=0.8, color="0.4")
         ax.plot(motion.times[:: motion.samples], half_turns[:: motion.samples], "o", ms=3, color="#0072B2")
-        ax.yaxis.set_major_locator(plt.MultipleLocator(1.0))
+        ax.yaxis.set_major_locator(MultipleLocator(1.0))
         ax.grid(axis="y")
         ax.set(ylabel=f"angle of the {link} link (π)", xlim=(0.0, motion.times[-1]))
     rows[0].set_title("(up, down) is flipped into (down, up): multiples of 2π are down, odd multiples of π up")

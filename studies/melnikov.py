@@ -77,8 +77,8 @@ def critical_forcing_by_quadrature(damping: float = DAMPING, frequency: float = 
 def wells(basins: Basins) -> Callable[[np.ndarray], np.ndarray] | None:
     """Return a rule for the well in which points stay for ever; None where attractors are not each in one well."""
     sides = [np.unique(np.sign(a.points[:, 0])) for a in basins.attractors]
-    regions = [a.neighbourhood for a in basins.attractors]
-    if len(sides) <= 2 or any(len(s) > 1 for s in sides) or any(r is None for r in regions):
+    regions = [a.neighbourhood for a in basins.attractors if a.neighbourhood is not None]
+    if len(sides) <= 2 or any(len(s) > 1 for s in sides) or len(regions) < len(sides):
         return None
 
     def well(points: np.ndarray) -> np.ndarray:

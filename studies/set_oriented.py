@@ -8,8 +8,10 @@ theta'' + 0.2 theta' + sin theta = 2 cos t both attracting fixed points, each in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, pi, sin
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -30,7 +32,7 @@ from systems import forced_pendulum, henon_map
 FIXED_POINTS = [(-0.4728, 2.0371), (-0.4782, -0.6082)]
 
 
-def cyclic(x, p):
+def cyclic(x: Sequence[float], p: Any) -> tuple[float, float]:
     u, v = x
     grown = u * u + v * v - 1.7
     a, b = grown * u + 0.5 * (u * u - v * v), grown * v - u * v

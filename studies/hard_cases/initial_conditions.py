@@ -8,6 +8,7 @@ from math import cos, pi, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cellmap import (
     CellGrid,
@@ -123,10 +124,10 @@ def seam() -> Iterator[Finding]:
     table = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate")
     basins = find_basins(table, CellGrid((-pi, -100.0), (pi, 100.0), (200, 200)))
     yield is_so("two attractors", len(basins.attractors) == 2)
-    inverted = basins.labels == 1
+    inverted: NDArray[np.bool_] = basins.labels == 1
     yield is_so(
         f"{np.count_nonzero(inverted)} orbits converge to the inverted state",
-        abs(np.count_nonzero(inverted) - 7104) <= 5,
+        abs(int(np.count_nonzero(inverted)) - 7104) <= 5,
     )
     yield at_most("of them without mirror image", int(np.count_nonzero(inverted != inverted[::-1, ::-1])), 4)
 

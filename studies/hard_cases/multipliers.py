@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def next_to_minus_one() -> Iterator[Finding]:
     "exact fraction 1.0001^-n has not escaped after n periods.",
 )
 def long_transients() -> Iterator[Finding]:
-    def tent(x, p):
+    def tent(x: Sequence[float], p: Any) -> tuple[float]:
         up = 1.0 - abs(2.0 * x[0] - 1.0)
         return ((1.0 + p.gap) * up if x[0] >= 0.0 and x[0] <= 1.0 else -0.5 + 0.5 * x[0] / (1.0 + abs(x[0])),)
 

@@ -5,6 +5,7 @@ All of them run on one thread.  What they compile is compiled when the function 
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
@@ -61,12 +62,12 @@ def scipy_stacked(system: ForcedSystem, tolerance: float) -> Map:
 
 def numbalsoda(system: ForcedSystem, tolerance: float) -> Map:
     """Return numbalsoda's dop853, one initial condition at a time."""
-    import numba
     from numbalsoda import dop853, lsoda_sig
+
+    numba: Any = importlib.import_module("numba")  # whose types know less than it does
 
     d, p, rhs = system.dimension, system.parameters, numba.njit(rebind(system.rhs, {}, numba.njit))
 
-    @numba.cfunc(lsoda_sig)
     def field(t: float, u: Any, du: Any, _: Any) -> None:
         y = numba.carray(u, (d,))
         state = (y[0], y[1]) if d == 2 else (y[0], y[1], y[2], y[3])
@@ -74,17 +75,17 @@ def numbalsoda(system: ForcedSystem, tolerance: float) -> Map:
         for j in range(d):
             du[j] = slope[j]
 
-    address, times, nothing = field.address, np.array([0.0, system.length]), np.zeros(1)
+    address, times, nothing = numba.cfunc(lsoda_sig)(field).address, np.array([0.0, system.length]), np.zeros(1)
 
-    @numba.njit
     def every(initial_conditions: NDArray[np.float64]) -> NDArray[np.float64]:
         images = np.empty_like(initial_conditions)
         for i in range(len(initial_conditions)):
             images[i] = dop853(address, initial_conditions[i], times, nothing, rtol=tolerance, atol=tolerance)[0][-1]
         return images
 
-    every(np.zeros((1, d)))
-    return every
+    mapped: Map = numba.njit(every)
+    mapped(np.zeros((1, d)))
+    return mapped
 
 
 def heyoka(system: ForcedSystem, tolerance: float, periods: int = 1) -> Map:

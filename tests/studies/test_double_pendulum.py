@@ -42,6 +42,29 @@ def test_intervals() -> None:
     assert _chains.text_of((nan, nan)) == _chains.text_of((2.0, 1.0)) == "none"
 
 
+def test_the_hanging_double_pendulum() -> None:
+    """Its limit at 24 Hz to all digits of tests/REFERENCES.md, and the axes on which it is drawn."""
+    system, state = double_stability.pendulum(1.0, 24.0), double_stability.STATES["(0, 0)"]
+    ((window, lost),) = double_stability.stable_windows(system, state, 0.004)
+    assert window == (0.0, pytest.approx(3.523140841e-3, abs=5e-13))
+    assert lost == "MINUS_ONE"
+    amplitude = ("amplitude", np.linspace(1e-4, 0.006, 3))
+    maps = {
+        name: _chains.stability_maps(system, {"(0, 0)": state}, (name, np.array(x)), amplitude)
+        for name, x in (
+            ("frequency", [20.0, 24.0, 28.0]),
+            ("mass_2", [0.1, 0.5, 1.0]),
+            ("length_2", [0.01, 0.02, 0.03]),
+        )
+    }
+    found = maps["frequency"]["(0, 0)"]
+    assert (found.unstable[:, 1] == 0).tolist() == [True, True, False]
+    titles = dict(zip("abcdef", [*maps.values(), *maps.values()], strict=True))
+    figure = double_stability.draw(double_stability.Result({}, {}, {}, {}, {}, titles))
+    assert [ax.get_title() for ax in figure.axes[:6]] == ["a", "c", "e", "b", "d", "f"]
+    assert [ax.get_xscale() for ax in figure.axes[:6]] == ["linear", "linear", "log", "log", "linear", "linear"]
+
+
 def test_pushes_and_distances() -> None:
     initial_conditions = figure_20.pushed("outer", np.array([0.0, 3.0]))
     assert initial_conditions.tolist() == [[pi, 0.0, 0.0, 0.0], [pi, 0.0, 0.0, 3.0]]
