@@ -111,20 +111,10 @@ def double_pendulum(
         Lengths of the inner and of the outer rod (m), above 0.
     mass_1, mass_2 : float, optional
         Masses at their ends (kg), above 0.
-    amplitude : float, optional
-        Amplitude A of the pivot's height (m), at least 0.
-    frequency : float, optional
-        Frequency of the drive (Hz), above 0.
-    damping : float or sequence of float, optional
-        Viscous damping of both joints (1/s), or of each, at least 0: its torque is `damping` m_1 l_1^2 times the
-        relative angular velocity.
-    gravity : float, optional
-        Acceleration g of free fall (m/s^2).
-    phase : float, optional
-        Phase of the drive (rad).
-    friction : float or sequence of float, optional
-        Dry friction of both joints (rad/s^2), or of each, at least 0: its torque is `friction` m_1 l_1^2 against the
-        relative angular velocity.
+    amplitude, frequency, phase, gravity : float, optional
+        Drive (m, Hz, rad) and acceleration of free fall (m/s^2), as of :func:`chain_pendulum`.
+    damping, friction : float or sequence of float, optional
+        Viscous damping (1/s) and dry friction (rad/s^2) of every joint, or of each, as of :func:`chain_pendulum`.
 
     Returns
     -------
@@ -148,13 +138,13 @@ def double_pendulum(
     return chain_pendulum(
         (length_1, length_2),
         (mass_1, mass_2),
-        amplitude=amplitude,
-        frequency=frequency,
-        damping=damping,
-        gravity=gravity,
-        phase=phase,
-        friction=friction,
-        name="double pendulum",
+        amplitude,
+        frequency,
+        damping,
+        gravity,
+        phase,
+        friction,
+        "double pendulum",
     )
 
 
@@ -183,20 +173,10 @@ def triple_pendulum(
         Lengths of the rods (m), above 0, from the pivot outwards.
     mass_1, mass_2, mass_3 : float, optional
         Masses at their ends (kg), above 0.
-    amplitude : float, optional
-        Amplitude A of the pivot's height (m), at least 0.
-    frequency : float, optional
-        Frequency of the drive (Hz), above 0.
-    damping : float or sequence of float, optional
-        Viscous damping of every joint (1/s), or of each, at least 0: its torque is `damping` m_1 l_1^2 times the
-        relative angular velocity.
-    gravity : float, optional
-        Acceleration g of free fall (m/s^2).
-    phase : float, optional
-        Phase of the drive (rad).
-    friction : float or sequence of float, optional
-        Dry friction of every joint (rad/s^2), or of each, at least 0: its torque is `friction` m_1 l_1^2 against the
-        relative angular velocity.
+    amplitude, frequency, phase, gravity : float, optional
+        Drive (m, Hz, rad) and acceleration of free fall (m/s^2), as of :func:`chain_pendulum`.
+    damping, friction : float or sequence of float, optional
+        Viscous damping (1/s) and dry friction (rad/s^2) of every joint, or of each, as of :func:`chain_pendulum`.
 
     Returns
     -------
@@ -220,11 +200,11 @@ def triple_pendulum(
     return chain_pendulum(
         (length_1, length_2, length_3),
         (mass_1, mass_2, mass_3),
-        amplitude=amplitude,
-        frequency=frequency,
-        damping=damping,
-        gravity=gravity,
-        phase=phase,
-        friction=friction,
-        name="triple pendulum",
+        amplitude,
+        frequency,
+        damping,
+        gravity,
+        phase,
+        friction,
+        "triple pendulum",
     )

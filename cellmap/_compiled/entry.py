@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .translation.failures import Failure
+
 if TYPE_CHECKING:
     from .translation.functions import Callee
 
@@ -43,6 +45,7 @@ declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 """
+_FAILURES = f"i32 {Failure.NO_MEMORY:d}, label %full  i32 {Failure.NEGATIVE_LENGTH:d}, label %negative"
 _RESULTS = {
     "int64": "call ptr @PyLong_FromLongLong(i64 %value)",
     "bool": "call ptr @PyBool_FromLong(i64 %wide)",
@@ -108,7 +111,7 @@ begin:
   {"%value = " if boxed else ""}{call}
   call void @PyEval_RestoreThread(ptr %thread)
   %code = load i32, ptr %place
-  switch i32 %code, label %outside [i32 0, label %success  i32 1, label %full  i32 3, label %negative]
+  switch i32 %code, label %outside [i32 0, label %success  {_FAILURES}]
 success:
   {widened}
   {end}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .failures import Failure
 from .numbers import Arithmetic, literal
 from .values import CONTIGUOUS, FLOAT, IN_ROWS, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, Value
 from .writer import Writer
@@ -22,9 +23,9 @@ _STORED = {
 
 
 class Arrays:
-    """Instructions for arrays.  ``refuse(code)`` returns the block that ends the function with a code."""
+    """Instructions for arrays.  ``refuse(failure)`` returns the block that ends the function with its code."""
 
-    def __init__(self, writer: Writer, numbers: Arithmetic, refuse: Callable[[int], str], checked: bool) -> None:
+    def __init__(self, writer: Writer, numbers: Arithmetic, refuse: Callable[[Failure], str], checked: bool) -> None:
         self.writer, self.numbers, self._refuse, self._checked = writer, numbers, refuse, checked
 
     def shape(self, array: Value) -> tuple[str, ...]:
@@ -124,16 +125,16 @@ class Arrays:
         lengths = [self.numbers.converted(length, WHOLE).register for length in shape]
         size = str(kind.itemsize)
         for length in lengths:
-            self._require(f"icmp sge i64 {length}, 0", 3)
+            self._require(f"icmp sge i64 {length}, 0", Failure.NEGATIVE_LENGTH)
             both = value(f"call {{i64, i1}} @llvm.umul.with.overflow.i64(i64 {size}, i64 {length})")
             size = value(f"extractvalue {{i64, i1}} {both}, 0")
-            self._require(f"icmp eq i1 {value(f'extractvalue {{i64, i1}} {both}, 1')}, false", 1)
+            self._require(f"icmp eq i1 {value(f'extractvalue {{i64, i1}} {both}, 1')}, false", Failure.NO_MEMORY)
         w.write(f"call void @free(ptr {value(f'load ptr, ptr {kept}')})")
         room = value(f"add i64 {size}, {2 * ALIGNMENT}")
         call = f"@calloc(i64 {room}, i64 1)" if zero else f"@malloc(i64 {room})"
         block = value(f"call ptr {call}")
         w.write(f"store ptr {block}, ptr {kept}")
-        self._require(f"icmp ne ptr {block}, null", 1)
+        self._require(f"icmp ne ptr {block}, null", Failure.NO_MEMORY)
         behind = value(f"add i64 {value(f'ptrtoint ptr {block} to i64')}, {ALIGNMENT}")
         begin = value(f"and i64 {behind}, {-ALIGNMENT}")
         return Value(kind, (value(f"inttoptr i64 {begin} to ptr"), *lengths))
@@ -182,7 +183,7 @@ class Arrays:
                 raise TypeError("an index has to be a whole number")
             found = self.numbers.converted(index, WHOLE).register
         if self._checked:
-            self._require(f"icmp ult i64 {found}, {length}", 2)
+            self._require(f"icmp ult i64 {found}, {length}", Failure.OUTSIDE)
         return found
 
     def _ends(self, ends: tuple[Any, Any], length: str) -> tuple[str, str]:
@@ -217,10 +218,10 @@ class Arrays:
             register = self.writer.value(f"trunc i64 {register} to {stored}")
         self.writer.write(f"store {stored} {register}, ptr {address}")
 
-    def _require(self, condition: str, code: int) -> None:
-        """Go on where a condition is met; else the function ends with a code."""
+    def _require(self, condition: str, failure: Failure) -> None:
+        """Go on where a condition is met; else the function ends."""
         met = self.writer.label()
-        self.writer.branch(self.writer.value(condition), met, self._refuse(code))
+        self.writer.branch(self.writer.value(condition), met, self._refuse(failure))
         self.writer.begin(met)
 
     def _moved(self, address: str, place: str, stride: str) -> str:

@@ -49,8 +49,7 @@ class LanguageError(TypeError):
 class Module:
     """Functions that call one another, each for the kinds of arguments that it is called with.
 
-    With `checked` an index outside of an array ends the outermost function with the code 2; 1 stands for no memory, 3
-    for an array of negative length.
+    A :class:`Failure` ends the outermost function; an index outside of an array is one with `checked` alone.
     """
 
     def __init__(self, checked: bool = False) -> None:
