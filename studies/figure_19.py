@@ -89,7 +89,7 @@ def draw(panels: Sequence[Panel], window: float) -> Figure:
     """Draw one window: above with the orbits that leave the window in grey, below with all of them continued."""
     row = [p for p in panels if p.window == window]
     figure, axes = plt.subplots(
-        2, len(row), figsize=(3.0 * len(row), 6.2), layout="constrained", sharex=True, sharey=True
+        2, len(row), figsize=(3.0 * len(row), 6.2), layout="constrained", sharex=True, sharey=True, squeeze=False
     )
     for column, panel in enumerate(row):
         for ax, basins in zip(axes[:, column], (panel.lost, panel.kept), strict=True):

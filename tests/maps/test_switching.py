@@ -27,6 +27,7 @@ from cellmap._compiled.kernels.blocks import LANES
 from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
 from cellmap.maps.orbit_batch import CHUNK, Status
+from cellmap.orbits import lyapunov_spectrum
 from systems import (
     DryFriction,
     Gravity,
@@ -413,6 +414,20 @@ def table(**params: float) -> ForcedSystem:
     """A mass on a table: x'' = -stiffness x - friction sign(x') + force cos(frequency t + phase)."""
     values = {"stiffness": 1.0, "friction": 0.1, "force": 0.0, "frequency": 1.0, "phase": 0.0, **params}
     return ForcedSystem(rubbed, values, lambda p: 2.0 * pi / p.frequency, ("x", "v"), switches=speed)
+
+
+def test_a_trajectory_rests_between_samples() -> None:
+    """From speed 1, x'' = -sign x': at x = 1/2 from t = 1 on."""
+    motion = trajectory(table(stiffness=0.0, friction=1.0), [0.0, 1.0], 1)
+    t = np.minimum(motion.times, 1.0)
+    assert motion.states == pytest.approx(np.transpose([t - 0.5 * t * t, 1.0 - t]), abs=1e-9)
+
+
+def test_states_that_stick_at_one_place_have_lost_a_direction() -> None:
+    """All that sticks has the velocity 0: the derivative of a period is singular from then on."""
+    sticking = dimensionless_pendulum(0.5, 0.3, 0.03, 0.5)
+    found = lyapunov_spectrum(stroboscopic_map(sticking), [[0.3, 0.1]], 20, 1)
+    assert found.exponents[0, 1] == -np.inf
 
 
 def swings(x: float, friction: float, time: float) -> tuple[float, float]:

@@ -298,7 +298,6 @@ def test_the_picture() -> None:
     plt.close("all")
 
 
-@pytest.mark.slow
 def test_a_map_without_derivatives_is_differenced() -> None:
     """A branch that is never taken keeps the function from being traced."""
     plain = discrete_map(lambda x, p: (1.2 * sin(x[0]) + 0.3 * x[1], 0.4 * x[0]), {}, ("x", "y"))
