@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import affordable_number, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
-from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
+from ..maps.coordinates import difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
-from ..orbits.newton import newton, resolution, stable_orbit
+from ..orbits.newton import stable_orbit
 from .chaos import chaotic_attractors
 from .equilibria import sets_of_equilibria
+from .examined import Examined
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle
 from .trapping import trapping_neighbourhood
@@ -196,7 +197,7 @@ def new_attractors(
     """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
     for guesses, periods in _guesses(point_map, states, max_period, extent):
         found: list[Attractor] = []
-        solutions, settled = examined.polished(point_map, guesses, periods)
+        solutions, settled = examined.refined(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
             # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
             if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
@@ -237,49 +238,6 @@ def curves_and_cycles(
         else:
             attractors.append(replace(orbit, neighbourhood=neighbourhood))
     return attractors
-
-
-@dataclass(eq=False)
-class Examined:
-    """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
-
-    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period.
-    """
-
-    coordinates: tuple[Coordinate, ...]
-    extent: NDArray[np.float64]
-    points: NDArray[np.float64]
-    ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
-
-    @classmethod
-    def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
-        """Begin a search in a region of some extent."""
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
-
-    def __contains__(self, point: NDArray[np.float64]) -> bool:
-        apart = np.abs(difference(self.points, point, self.coordinates))
-        return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
-
-    def refuse(self, points: NDArray[np.float64]) -> None:
-        """Remember the points of an orbit that is no attractor."""
-        self.points = np.concatenate([self.points, points])
-
-    def polished(
-        self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
-        keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
-        new = [i for i, key in enumerate(keys) if key not in self.ends]
-        if new:
-            solutions, settled = newton(point_map, guesses[new], periods[new], self.extent, attracting=True)
-            for i, solution, success in zip(new, solutions, settled, strict=True):
-                self.ends[keys[i]] = solution if success else None
-        known = [self.ends[key] for key in keys]
-        failed = np.full(point_map.dimension, np.nan)
-        return (
-            np.array([failed if solution is None else solution for solution in known]),
-            np.array([solution is not None for solution in known]),
-        )
 
 
 def neighbourhood_of(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .._lib.sealed import array_of, get_number, within
 from .._lib.threads import slices
+from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.search import Examined
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import Tally
 from ..orbits.attractor import Attractor

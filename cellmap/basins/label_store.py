@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.threads import slices
+from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
-from ..attractors.search import Examined
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import NOTHING
 from .initial_conditions import BLOCK, Rows

@@ -16,8 +16,9 @@ from .._lib.stopping import Stop, Stopped
 from .._lib.threads import slices
 from .._lib.tiles import completed
 from ..attractors.chaos import chaotic_attractors, examine
+from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
-from ..attractors.search import Examined, region_extent, search, sort_out
+from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Reason
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.threads import slices
-from ..attractors.search import Examined
+from ..attractors.examined import Examined
 from ..maps.orbit_batch import CHUNK, NOTHING, Tally
 from ..orbits.attractor import Attractor
 from .initial_conditions import Rows

@@ -20,7 +20,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .cell_images import DIVERGED, LEFT
 from .markov import Components, Sparse, invariant_measure, periods_of, solve_transient
-from .recurrent_sets import adjacent_sets, basins_from_cells, polished_sets
+from .recurrent_sets import adjacent_sets, basins_from_cells, refined_sets
 
 _POSSIBLE = 1e-9
 """Probability above which a cell counts as one from which a class can be reached."""
@@ -193,7 +193,7 @@ class CellChain:
             refine = not self.noisy
         if refine:
             limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
-            found, labels = polished_sets(self.point_map, self.grid, cells, owners, limits)
+            found, labels = refined_sets(self.point_map, self.grid, cells, owners, limits)
         else:
             weights = np.concatenate([np.empty(0), *self.measures])
             periods = np.array([one.period for one in self.closed], np.int64)

@@ -24,7 +24,7 @@ _LATEST = 2**31 - 1
 _FOLLOWED = 1024  # steps of a mapping for which orbits of sets go on without being rounded, at most
 
 
-def polished_sets(
+def refined_sets(
     point_map: PointMap,
     grid: CellGrid,
     cells: NDArray[np.int64],

@@ -20,7 +20,7 @@ from ..maps.orbit_batch import CHUNK, Cost, Orbits, Status
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
-from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, polished_sets
+from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, refined_sets
 from .windows import overlap, places_in
 
 _UNKNOWN = -3
@@ -118,7 +118,7 @@ class CellMapping:
         owners = self.groups.ravel()[cells].astype(np.int64)
         if refine:
             given = {**limits, "attractors": attractors}
-            found, labels = polished_sets(self.point_map, self.grid, cells, owners, given)
+            found, labels = refined_sets(self.point_map, self.grid, cells, owners, given)
         else:
             images = self.images.ravel()
             hits = np.bincount(images[images >= 0], minlength=self.grid.size)[cells].astype(float)

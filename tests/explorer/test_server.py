@@ -4,128 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import threading
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from math import cos, pi
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
-from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from served_pages import DUFFING, WELLS, WINDOW, Page, assert_same_image, connected, upright
 
-from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, interpolated_map, load_basins, stroboscopic_map
+from cellmap import CellGrid, find_basins, interpolated_map, load_basins, stroboscopic_map
 from cellmap.analysis.fractal import basin_entropy, boundary_dimension
-from cellmap.explorer import Explored, Explorer, explore
-from cellmap.explorer.protocol import LOWEST, unpacked
-from cellmap.explorer.server import MOST_SESSIONS, same_origin
-from cellmap.explorer.serving import serve
-
-WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (64, 48))
-
-
-def step(x, p):
-    """Damped motion in a double well: fixed points (-1, 0) and (1, 0) of two basins that wind around each other."""
-    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3)
-    return x[0] + speed, speed
-
-
-def forced(t, x, p):
-    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
-
-
-WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
-DUFFING = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v"), "Duffing")
-GALLERY = (
-    Explored("wells", lambda: WELLS, WINDOW),
-    Explored("duffing", lambda: DUFFING, CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 50)), nodes=128),
-    Explored("line", lambda: discrete_map(lambda x, p: (x[0] * x[0] + p.c,), {"c": 0.0}, ("x",))),
-)
-
-
-@pytest.fixture(scope="module")
-def explorer() -> Iterator[Explorer]:
-    with serve(GALLERY, open_page=False) as running:
-        yield running
-
-
-class Page:
-    """A page without a browser."""
-
-    def __init__(self, socket: ClientConnection) -> None:
-        self.socket = socket
-        self.number = 0
-        self.hello = json.loads(socket.recv(10))
-
-    def send(self, kind: str, **fields: Any) -> int:
-        self.number += 1
-        self.socket.send(json.dumps({"type": kind, "request": self.number, **fields}))
-        return self.number
-
-    def receive(self, timeout: float = 20.0) -> dict[str, Any]:
-        message = self.socket.recv(timeout)
-        if isinstance(message, str):
-            return dict(json.loads(message))
-        facts, data = unpacked(message)
-        return {**facts, "data": data}
-
-    def ask(self, kind: str, **fields: Any) -> dict[str, Any]:
-        request = self.send(kind, **fields)
-        while True:
-            answer = self.receive()
-            if answer["type"] == "frame":
-                self.socket.send(json.dumps({"type": "drawn", "frame": answer["frame"]}))
-            elif answer["request"] == request:
-                return answer
-
-    def image(self, **view: Any) -> tuple[dict[str, Any], NDArray[np.int64]]:
-        """Ask for a view and return its complete frame, with the numbers of its pixels."""
-        request = self.send("view", view=view)
-        while True:
-            frame = self.receive()
-            assert frame["type"] == "frame", frame
-            self.socket.send(json.dumps({"type": "drawn", "frame": frame["frame"]}))
-            if frame["request"] == request and frame["complete"]:
-                return frame, numbers_of(frame)
-
-
-def numbers_of(frame: dict[str, Any]) -> NDArray[np.int64]:
-    codes = np.frombuffer(frame["data"], np.dtype(frame["pixels"]).newbyteorder("<"))
-    return codes.reshape(frame["height"], frame["width"]).astype(int) + LOWEST
-
-
-@contextlib.contextmanager
-def connected(explorer: Explorer, **options: Any) -> Iterator[Page]:
-    origin = explorer.address.split("/", 3)[0] + "//" + explorer.address.split("/", 3)[2]
-    options = {"origin": origin, "compression": None, "max_size": None, **options}
-    with connect(explorer.address.replace("http", "ws") + "connection", **options) as socket:
-        yield Page(socket)
-
-
-@pytest.fixture
-def page(explorer: Explorer) -> Iterator[Page]:
-    with connected(explorer) as there:
-        yield there
-
-
-def assert_same_image(frame: dict[str, Any], numbers: NDArray[np.int64], basins: Any, raster: Any) -> None:
-    """Pixel by pixel the attractors that the library finds, whatever the numbers of these are."""
-    places = {a["identity"]: np.array(a["points"]) for a in frame["attractors"]}
-    found = np.array([
-        next(k for k, p in places.items() if p.shape == a.points.shape and np.abs(p - a.points).max() < 1e-6)
-        for a in basins.attractors
-    ])  # fmt: skip
-    assert np.array_equal(numbers, raster(np.where(basins.labels < 0, basins.labels, found[basins.labels])))
-
-
-def upright(labels: NDArray[Any]) -> NDArray[Any]:
-    return labels.T[::-1]
+from cellmap.explorer import Explorer, explore
+from cellmap.explorer.protocol import LOWEST
 
 
 def test_images_are_those_of_the_library(page: Page) -> None:
@@ -252,89 +143,6 @@ def test_a_server_with_a_page_that_rests_costs_nothing(page: Page) -> None:
     began = time.process_time()
     time.sleep(1.0)
     assert time.process_time() - began < 0.02
-
-
-# --- who is served, and what is understood
-
-
-def test_nothing_is_served_without_the_token(explorer: Explorer) -> None:
-    base = explorer.address.rsplit("/", 2)[0]
-    with urllib.request.urlopen(explorer.address) as answer:
-        assert b"cellmap explorer" in answer.read()
-        assert answer.headers["Referrer-Policy"] == "no-referrer"
-        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
-    for address in (f"{base}/", f"{base}/main.js", f"{base}/{'x' * 32}/", f"{explorer.address}../server.py"):
-        with pytest.raises(urllib.error.HTTPError, match="404"):
-            urllib.request.urlopen(address)
-    with pytest.raises(InvalidStatus):
-        connect(f"{base.replace('http', 'ws')}/connection")
-
-
-def test_no_other_page_is_served(explorer: Explorer) -> None:
-    for origin in ("http://example.org", "null", None, "http://127.0.0.1", "https://" + explorer.address.split("/")[2]):
-        with pytest.raises((InvalidStatus, ConnectionClosed)), connected(explorer, origin=origin):
-            pass
-    request = urllib.request.Request(explorer.address, headers={"Host": "example.org"})
-    with pytest.raises(urllib.error.HTTPError, match="400"):
-        urllib.request.urlopen(request)
-    assert not same_origin("http://example.org:80", "example.org:80")
-
-
-GARBAGE = [
-    ("", "send JSON"),
-    ("{", "send JSON"),
-    ("[1, 2]", "send an object with a type"),
-    ('{"type": 3}', "send an object with a type"),
-    ('{"type": "view", "request": NaN}', "NaN is no number"),
-    ("[" * 5000, "send JSON"),
-    ('{"type": "destroy"}', "type='destroy': this is none of drawn, view"),
-    ('{"type": "view"}', "request=None: give a whole number"),
-    ('{"type": "view", "request": 1, "view": 7}', "view=7: give an object"),
-    ('{"type": "view", "request": 1, "view": {"colour": 1}}', "view has no ['colour']"),
-    ('{"type": "view", "request": 1, "view": {"params": {"mass": 1}}}', "params has no ['mass']"),
-    ('{"type": "view", "request": 1, "view": {"params": {"keep": "1"}}}', "params['keep']='1': give one real number"),
-    ('{"type": "view", "request": 1, "view": {"params": {"keep": 1e999}}}', "give a finite number"),
-    ('{"type": "view", "request": 1, "view": {"cells": [4000, 4000]}}', "give at most 4,000,000 initial conditions"),
-    ('{"type": "view", "request": 1, "view": {"axes": [0, 0]}}', "axes=(0, 0): choose different coordinates"),
-    ('{"type": "view", "request": 1, "view": {"axes": [0, 9]}}', "axes=9: give a whole number of at most 1"),
-    ('{"type": "view", "request": 1, "view": {"lower": [3, 3]}}', "the window is empty or inverted"),
-    ('{"type": "view", "request": 1, "view": {"lower": [[0], 1]}}', "lower"),
-    ('{"type": "view", "request": 1, "view": {"nodes": 5}}', "nodes=5"),
-    ('{"type": "system", "name": "os"}', "name='os': choose one of wells, duffing"),
-    ('{"type": "system", "text": 4}', "text=4: give a string"),
-    ('{"type": "orbit", "point": [1]}', ""),
-    ('{"type": "verify", "n_samples": 1e9}', ""),
-    (b"\x00\x01", "message of bytes: send text"),
-]
-
-
-def test_garbage_is_answered_with_an_error_and_the_page_lives_on(page: Page) -> None:
-    page.image()
-    for garbage, message in GARBAGE:
-        page.socket.send(garbage)
-        answer = page.receive()
-        assert answer["type"] == "error", (garbage, answer)
-        assert message in answer["message"], (garbage, answer)
-    assert page.image()[0]["complete"]
-
-
-def test_too_much_ends_the_connection(explorer: Explorer) -> None:
-    with connected(explorer) as page, pytest.raises(ConnectionClosed):
-        page.socket.send("x" * 200_000)
-        page.receive()
-    with connected(explorer) as page, pytest.raises(ConnectionClosed) as closed:
-        for _ in range(2000):
-            page.socket.send('{"type": "drawn", "frame": 0}')
-        page.receive()
-    assert "messages a second" in str(closed.value)
-
-
-def test_a_number_of_pages_is_the_limit(explorer: Explorer) -> None:
-    with contextlib.ExitStack() as open_pages:
-        for _ in range(MOST_SESSIONS):
-            open_pages.enter_context(connected(explorer))
-        with pytest.raises(ConnectionClosed, match="close one of them"), connected(explorer):
-            pass
 
 
 def test_a_system_that_is_given() -> None:

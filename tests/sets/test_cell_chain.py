@@ -372,9 +372,9 @@ class TestBasins:
         chain = generalized_cell_mapping(systems.logistic_map(3.2), CellGrid((0.01,), (0.99,), (500,)))
         basins = chain.basins(refine=False)
         assert [a.period for a in basins.attractors] == [2]
-        polished = chain.basins()
+        refined = chain.basins()
         assert np.sort(basins.attractors[0].points[:, 0]) == pytest.approx(
-            np.sort(polished.attractors[0].points[:, 0]), abs=0.01
+            np.sort(refined.attractors[0].points[:, 0]), abs=0.01
         )
 
     def test_where_areas_are_preserved(self):

@@ -255,9 +255,9 @@ class TestBasins:
             basins = mapping.basins(refine=False)
             attractor = basins.attractors[basins.labels[100]]
             assert attractor.period == period
-            polished = mapping.basins().attractors[0]
-            assert polished.period == period
-            assert np.sort(attractor.points[:, 0]) == pytest.approx(np.sort(polished.points[:, 0]), abs=0.01)
+            refined = mapping.basins().attractors[0]
+            assert refined.period == period
+            assert np.sort(attractor.points[:, 0]) == pytest.approx(np.sort(refined.points[:, 0]), abs=0.01)
 
     @pytest.mark.parametrize(("rotation", "cells"), [(1.0, 400), (2.0**0.5, 400), (2.0, 60), (2.0, 400)])
     def test_without_polish_an_invariant_circle_is_one(self, rotation, cells):

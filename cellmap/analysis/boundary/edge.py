@@ -158,7 +158,7 @@ def edge_orbit(
             pair, found = _bisected(label, pair, side, close, unit)
     growth = _growth(grown)
     returns = _period(points, basins, longest, unit)
-    orbit = _polished(label.point_map, points[-1], returns, unit, basins) if returns else None
+    orbit = _refined(label.point_map, points[-1], returns, unit, basins) if returns else None
     return EdgeOrbit(points, widths, sides, orbit, returns, growth, unit, basins.coordinates)
 
 
@@ -269,7 +269,7 @@ def _period(points: NDArray[np.float64], basins: Basins, longest: int, unit: NDA
     return 0
 
 
-def _polished(
+def _refined(
     point_map: PointMap, guess: NDArray[np.float64], period: int, unit: NDArray[np.float64], basins: Basins
 ) -> PeriodicOrbit | None:
     """Return the periodic orbit near a place; None where Newton's method finds none, or one far away."""

@@ -1,0 +1,55 @@
+"""Record of what a search for attractors has tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import Coordinate, difference
+from ..maps.point_map import PointMap
+from ..orbits.newton import newton, resolution
+
+
+@dataclass(eq=False)
+class Examined:
+    """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
+
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period.
+    """
+
+    coordinates: tuple[Coordinate, ...]
+    extent: NDArray[np.float64]
+    points: NDArray[np.float64]
+    ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
+
+    @classmethod
+    def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
+        """Begin a search in a region of some extent."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
+
+    def __contains__(self, point: NDArray[np.float64]) -> bool:
+        apart = np.abs(difference(self.points, point, self.coordinates))
+        return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
+
+    def refuse(self, points: NDArray[np.float64]) -> None:
+        """Remember the points of an orbit that is no attractor."""
+        self.points = np.concatenate([self.points, points])
+
+    def refined(
+        self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
+        keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
+        new = [i for i, key in enumerate(keys) if key not in self.ends]
+        if new:
+            solutions, settled = newton(point_map, guesses[new], periods[new], self.extent, attracting=True)
+            for i, solution, success in zip(new, solutions, settled, strict=True):
+                self.ends[keys[i]] = solution if success else None
+        known = [self.ends[key] for key in keys]
+        failed = np.full(point_map.dimension, np.nan)
+        return (
+            np.array([failed if solution is None else solution for solution in known]),
+            np.array([solution is not None for solution in known]),
+        )
