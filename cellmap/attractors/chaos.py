@@ -126,8 +126,14 @@ def examine(
 def _tested(
     point_map: PointMap, points: NDArray[np.float64], extent: NDArray[np.float64], periods: int
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic."""
-    exponents, errors = lyapunov_exponents(point_map, points, periods)
+    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
+
+    Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.
+    """
+    back = _returns(point_map, points, extent)
+    exponents, errors = np.full(points.shape, np.nan), np.full(len(points), np.nan)
+    if not back.all():
+        exponents[~back], errors[~back] = lyapunov_exponents(point_map, points[~back], periods)
     with np.errstate(invalid="ignore"):
         chaotic = is_positive(exponents.max(axis=-1), errors)
         shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
@@ -135,7 +141,7 @@ def _tested(
     reasons[chaotic] = Reason.TRANSIENT
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
-    reasons[_returns(point_map, points, extent)] = Reason.PERIODIC
+    reasons[back] = Reason.PERIODIC
     return exponents, reasons
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import Coordinate, difference
+from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.side_by_side import advance_on_threads
 from ..orbits.newton import newton, resolution
 
 
@@ -16,13 +18,15 @@ from ..orbits.newton import newton, resolution
 class Examined:
     """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
 
-    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period.
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period;
+    ``distances``: how close the ends of the last look have come back to themselves, by their bits.
     """
 
     coordinates: tuple[Coordinate, ...]
     extent: NDArray[np.float64]
     points: NDArray[np.float64]
     ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
+    distances: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
     def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
@@ -53,3 +57,26 @@ class Examined:
             np.array([failed if solution is None else solution for solution in known]),
             np.array([solution is not None for solution in known]),
         )
+
+    def return_distances(self, point_map: PointMap, ends: NDArray[np.float64], max_period: int) -> NDArray[np.float64]:
+        """Return what :func:`_return_distances` does; ends that were looked at just before are not followed again."""
+        keys = [end.tobytes() for end in ends]
+        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != max_period + 1]
+        if new:
+            found = _return_distances(point_map, ends[new], max_period, self.extent)
+            self.distances |= {keys[i]: distances for i, distances in zip(new, found.T, strict=True)}
+        self.distances = {key: self.distances[key] for key in keys}
+        return np.array([self.distances[key] for key in keys]).T
+
+
+def _return_distances(
+    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each end from its image after each number of periods, shape (max_period + 1, n)."""
+    orbit = Orbits.starting(ends.copy())
+    distance = np.full((max_period + 1, len(ends)), np.inf)
+    for q in range(1, max_period + 1):
+        advance_on_threads(point_map.advance, orbit, 1)
+        shift = difference(orbit.points, ends, point_map.coordinates) / extent
+        distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
+    return distance

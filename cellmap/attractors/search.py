@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import affordable_number, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
-from ..maps.coordinates import difference, state_points, turns_of, wrap
+from ..maps.coordinates import state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
@@ -19,19 +19,15 @@ from ..orbits.newton import stable_orbit
 from .chaos import chaotic_attractors
 from .equilibria import sets_of_equilibria
 from .examined import Examined
+from .guesses import LOOKED_AT, guesses_of
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
-from .settling import Catalogue, settle
+from .settling import Catalogue, settle, settle_on_threads
 from .trapping import trapping_neighbourhood
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
-_LOOKED_AT = 256  # end points among which those to be refined are chosen
-_REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
 _LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
-_SETTLING = 16  # ends that come back closest, among which as many are chosen
-_RETURNS = 4  # likely periods tried for each of them, besides 1,
 _MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
-_RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
 @checked
@@ -111,7 +107,7 @@ def search(
     while len(orbits):
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
-        settled = settle(point_map, orbits, catalogue, periods, age, stop)
+        settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop)
         orbits, last = settled.orbits, age + time_limit >= max_periods
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
@@ -173,7 +169,7 @@ def _many_settle(before: int, left: int) -> bool:
 
 def longest_period(max_period: int) -> int:
     """Return the longest period of attractors that are searched for, once there is memory for the search."""
-    return affordable_number("max_period", max_period, 2 * 8 * _LOOKED_AT, at_least=1)
+    return affordable_number("max_period", max_period, 2 * 8 * LOOKED_AT, at_least=1)
 
 
 def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,7 +191,7 @@ def new_attractors(
     examined: Examined,
 ) -> list[Attractor]:
     """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
-    for guesses, periods in _guesses(point_map, states, max_period, extent):
+    for guesses, periods in guesses_of(point_map, states, max_period, extent, examined):
         found: list[Attractor] = []
         solutions, settled = examined.refined(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
@@ -250,62 +246,3 @@ def _carried(point_map: PointMap, attractor: Attractor) -> bool:
     orbit = Orbits.starting(attractor.points.copy())
     point_map.advance(orbit, 1)
     return bool(orbit.alive.all())
-
-
-def _guesses(
-    point_map: PointMap, states: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
-
-    Guesses are ends that lie far apart, and ends whose orbits come back closest.
-    """
-    ends = states[np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).round().astype(np.int64))]
-    distance = _return_distances(point_map, ends, max_period, extent)
-    patience = np.argsort(distance[1:].min(axis=0), kind="stable")
-    chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
-    chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
-    ends, distance = ends[chosen], distance[:, chosen]
-    yield ends, np.ones(len(ends), np.int64)
-    if max_period > 1:
-        closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
-        close = np.take_along_axis(distance, closest, axis=0) < _RETURNED
-        rank, row = np.nonzero(close & ~_multiples(closest))
-        if len(row):
-            yield ends[row], closest[rank, row]
-
-
-def _multiples(periods: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
-    found = np.zeros(periods.shape, bool)
-    for earlier in range(len(periods) - 1):
-        found[earlier + 1 :] |= periods[earlier + 1 :] % periods[earlier] == 0
-    return found
-
-
-def _return_distances(
-    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the distance of each end from its image after each number of periods, shape (max_period + 1, n)."""
-    orbit = Orbits.starting(ends.copy())
-    distance = np.full((max_period + 1, len(ends)), np.inf)
-    for q in range(1, max_period + 1):
-        point_map.advance(orbit, 1)
-        shift = difference(orbit.points, ends, point_map.coordinates) / extent
-        distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
-    return distance
-
-
-def _far_apart(
-    ends: NDArray[np.float64], rows: NDArray[np.int64], point_map: PointMap, extent: NDArray[np.float64]
-) -> list[int]:
-    """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
-    chosen = [int(rows[0])]
-    nearest = np.full(len(rows), np.inf)
-    for _ in range(_REPRESENTATIVES - 1):
-        shift = difference(ends[rows], ends[chosen[-1]], point_map.coordinates) / extent
-        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
-        farthest = int(np.argmax(nearest))
-        if nearest[farthest] <= 1e-12:
-            break
-        chosen.append(int(rows[farthest]))
-    return chosen

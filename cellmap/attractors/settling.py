@@ -13,10 +13,10 @@ from .._compiled.kernels import labelling
 from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, ellipsoids_of
 from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
 from .._lib.stopping import Stop
-from .._lib.threads import run_over, slices
+from .._lib.threads import results_of, run_over, slices
 from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
 from ..maps.coordinates import turns_of, wrap
-from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Tally
+from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Tally, Work
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
@@ -25,6 +25,7 @@ from .labels import LABELS_OF, Label
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged."""
 
+_PART = 128  # orbits of a thread at a time, where few are followed
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
 Rule = Callable[[NDArray[np.float64]], NDArray[np.int64]]
@@ -154,6 +155,28 @@ def settle(
     found.labels[rows] = again.labels[told]
     found.times[rows] = np.where(again.times[told] >= 0, since[rows] + again.times[told], -1)
     return replace(found, tally=found.tally.plus(again.tally._replace(inaccurate=0)))
+
+
+def settle_on_threads(
+    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0, stop: Stop | None = None
+) -> Settled:
+    """Settle orbits as :func:`settle` does, on all threads where they are integrated."""
+    parts = slices(len(orbits), _PART)
+    if not point_map.is_flow or point_map.table is not None or len(parts) < 2:
+        return settle(point_map, orbits, catalogue, periods, age, stop)
+
+    def work(number: int) -> Settled:
+        part = replace(orbits[parts[number]], work=Work())
+        return settle(point_map, part, catalogue, periods, age, stop)
+
+    found = dict(results_of(range(len(parts)), work))
+    settled = [found[number] for number in range(len(parts))]
+    return Settled(
+        np.concatenate([s.labels for s in settled]),
+        np.concatenate([s.times for s in settled]),
+        Orbits.joined([s.orbits for s in settled]),
+        Tally(*np.sum([s.tally for s in settled], axis=0).tolist()),
+    )
 
 
 @dataclass(frozen=True, eq=False)

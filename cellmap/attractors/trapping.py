@@ -9,21 +9,23 @@ from numpy.typing import NDArray
 
 from .._lib.threads import slices
 from ..maps.coordinates import difference, turns_of
-from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
 
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
-_AHEAD = 8  # shells that are looked at together,
+_AHEAD = 8  # shells to which radii are chosen at once,
 _STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
 _GROWN = 2  # points of an attractor whose ellipsoids grow as far as they can; the others only begin
 _ALL_BUT_LINEAR = 0.5  # largest nonlinear remainder, with errors, of a first surface, in contraction margins
 _STRAIGHT = 0.1  # the same from which a step as long as the next is safe
 _COARSE = (2.0, 4.0)  # factors between small surfaces, as the nonlinear remainder allows,
 _SMALL = 0.01  # up to this part of the largest one
-_COARSE_AHEAD = 7  # of these surfaces that are tested together
+_COARSE_AHEAD = 7  # of these surfaces that are tested together,
+_TOGETHER = 1024  # points of surfaces at most: more are worth it only if all of these pass
 _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
 _FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
@@ -112,6 +114,7 @@ class _Shells:
         inverse_root = np.linalg.inv(root).T  # unit sphere -> unit ellipsoid
         self.offsets = _directions(exact.dimension) @ inverse_root.T
         self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
+        self.together = max(1, _TOGETHER // len(self.offsets))
         self.fine = _FINE.get(exact.dimension, 1.1)
         self.allowed = 0.5 * (1.0 + contraction)
         self.margin = self.allowed - self.linear
@@ -163,7 +166,7 @@ class _Shells:
         Further surfaces are tested together with this one, as far as they are likely to be tried next.
         """
         if radius not in self.seen:
-            radii = radius * _COARSE[1] ** np.arange(float(ahead))
+            radii = radius * _COARSE[1] ** np.arange(float(min(ahead, self.together)))
             radii = radii[radii <= max(radius, _COARSE[1] * _SMALL * self.largest)]
             self.seen |= zip(radii.tolist(), zip(*self._factors(radii), strict=True), strict=True)
         factor, remainder = self.seen[radius]
@@ -179,15 +182,16 @@ class _Shells:
             steps, radii = self.fine ** np.arange(1.0, _AHEAD + 1.0), [self.radius]
             for _ in range(_STRETCHES.get(self.exact.dimension, 1)):
                 radii += np.minimum(radii[-1] * steps, self.largest).tolist()
-            batch = np.array(radii[1:])
-            factors, _ = self._factors(batch)
-            failed = np.flatnonzero(~(factors <= self.allowed))
-            passed = int(failed[0]) if len(failed) else len(batch)
-            if passed:
-                self.radius = float(batch[passed - 1])
-                self.worst = max(self.worst, float(factors[:passed].max()))
-            if len(failed):
-                break
+            for part in slices(len(radii) - 1, self.together):
+                batch = np.array(radii[1:][part])
+                factors, _ = self._factors(batch)
+                failed = np.flatnonzero(~(factors <= self.allowed))
+                passed = int(failed[0]) if len(failed) else len(batch)
+                if passed:
+                    self.radius = float(batch[passed - 1])
+                    self.worst = max(self.worst, float(factors[:passed].max()))
+                if len(failed):
+                    return
 
     def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bound the factor by which distances change in one period of the attractor; also return nonlinear remainders.
@@ -198,8 +202,7 @@ class _Shells:
         shift = radii[:, None, None] * self.offsets
         images = Orbits.starting((self.centre + shift).reshape(-1, self.exact.dimension))
         images.wrap(*turns_of(self.exact.coordinates))
-        for part in slices(len(images), CHUNK):
-            self.exact.advance(images[part], self.period)
+        advance_on_threads(self.exact.advance, images, self.period)
         after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
         seen = self._norm(after) / radii[:, None]
         rest = self._norm(after - shift @ self.matrix.T) / radii[:, None]

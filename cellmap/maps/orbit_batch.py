@@ -79,6 +79,11 @@ class Work:
     evaluations: int = 0
     look_ups: int = 0
 
+    def add(self, other: Work) -> None:
+        """Count what was done for a part of the batch."""
+        self.evaluations += other.evaluations
+        self.look_ups += other.look_ups
+
 
 class Tally(NamedTuple):
     """Work of labelling some initial conditions.

@@ -13,6 +13,7 @@ from .._lib.signatures import checked
 from .coordinates import difference, state_points, wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap, follow
+from .side_by_side import advance_on_threads
 
 R = TypeVar("R")
 
@@ -38,7 +39,7 @@ def tangent_by_lanes(
     states[:, :, :d] = flat[:, None, :]
     states[:, :, d:] = np.eye(d)
     orbits = Orbits.starting(states.reshape(-1, 2 * d))
-    tangent_step(orbits)
+    advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
     result = orbits.points.reshape(len(flat), d, 2 * d)
     images = result[:, 0, :d].reshape(points.shape)
     return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, d)

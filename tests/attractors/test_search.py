@@ -379,24 +379,6 @@ def test_weakly_attracting_cycles(name):
     assert longer.verify(40).wrong == 0
 
 
-def test_no_guess_is_refined_twice(monkeypatch):
-    """Orbits in a chaotic transient: looks at the same ends, for the sample and for its labels, cost nothing more."""
-    guesses = []
-
-    def counted(point_map, points, periods, extent, **options):
-        guesses.extend((point.tobytes(), int(period)) for point, period in zip(points, periods, strict=True))
-        return newton(point_map, points, periods, extent, **options)
-
-    monkeypatch.setattr("cellmap.attractors.examined.newton", counted)
-    initial_conditions = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
-    basins = find_basins(
-        stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), initial_conditions, max_periods=600
-    )
-    assert [a.period for a in basins.attractors] == [6]
-    assert (basins.labels == Label.UNDECIDED).any()
-    assert len(guesses) == len(set(guesses)) > 100
-
-
 def test_orbits_at_rest_on_a_new_attractor_are_on_no_set_of_equilibria(monkeypatch):
     """Fast contraction brings all of them to rest before the first look; none has to be explored."""
     explored = []

@@ -1,0 +1,48 @@
+"""What a search has tried is not tried again."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+import systems
+from cellmap import discrete_map, find_basins, stroboscopic_map
+from cellmap.attractors.examined import Examined, _return_distances
+from cellmap.attractors.labels import Label
+from cellmap.orbits.newton import newton
+
+
+def test_no_guess_is_refined_twice(monkeypatch):
+    """Orbits in a chaotic transient: looks at the same ends, for the sample and for its labels, cost nothing more."""
+    guesses = []
+
+    def counted(point_map, points, periods, extent, **options):
+        guesses.extend((point.tobytes(), int(period)) for point, period in zip(points, periods, strict=True))
+        return newton(point_map, points, periods, extent, **options)
+
+    monkeypatch.setattr("cellmap.attractors.examined.newton", counted)
+    initial_conditions = np.random.default_rng(0).uniform((-pi, -3.0), (pi, 3.0), (200, 2))
+    basins = find_basins(
+        stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.59, 0.05)), initial_conditions, max_periods=600
+    )
+    assert [a.period for a in basins.attractors] == [6]
+    assert (basins.labels == Label.UNDECIDED).any()
+    assert len(guesses) == len(set(guesses)) > 100
+
+
+def test_ends_of_the_last_look_are_not_followed_again(monkeypatch):
+    """Their distances are the same numbers as before; only ends that are new are followed."""
+    henon = discrete_map(lambda x, p: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
+    ends = np.random.default_rng(0).uniform(-0.5, 0.5, (9, 2))
+    whole = Examined.nothing_yet(henon, np.ones(2)).return_distances(henon, ends, 8)
+    examined, followed = Examined.nothing_yet(henon, np.ones(2)), []
+
+    def counted(point_map, points, *arguments):
+        followed.append(len(points))
+        return _return_distances(point_map, points, *arguments)
+
+    monkeypatch.setattr("cellmap.attractors.examined._return_distances", counted)
+    for part in (slice(0, 5), slice(2, 9), slice(2, 9)):
+        assert np.array_equal(examined.return_distances(henon, ends[part], 8), whole[:, part])
+    assert followed == [5, 4]
