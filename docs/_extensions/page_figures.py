@@ -69,7 +69,7 @@ def draw_all(text: str, folder: Path) -> None:
             message = f"{len(plt.get_fignums())} figures, {asked} alternative texts after this program:\n{program}"
             raise ValueError(message)
         for number in plt.get_fignums():
-            plt.figure(number).savefig(folder / f"{count:03d}.png", dpi=100)
+            plt.figure(number).savefig(folder / f"{count:03d}.png", dpi=100, bbox_inches="tight")
             count += 1
         plt.close("all")
 
