@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from threading import Event
 
 
@@ -55,3 +58,35 @@ class Stop:
         """Raise :class:`Stopped` where that is so."""
         if self.requested:
             raise Stopped
+
+
+_HEEDED: ContextVar[Stop | None] = ContextVar("_HEEDED", default=None)
+
+
+@contextmanager
+def heeding(stop: Stop) -> Iterator[None]:
+    """Let :func:`check_stop` look for a request, in this thread, while what is inside runs.
+
+    Examples
+    --------
+    >>> stop = Stop()
+    >>> stop.request()
+    >>> check_stop()
+    >>> with heeding(stop):
+    ...     check_stop()
+    Traceback (most recent call last):
+        ...
+    cellmap._lib.stopping.Stopped
+    """
+    token = _HEEDED.set(stop)
+    try:
+        yield
+    finally:
+        _HEEDED.reset(token)
+
+
+def check_stop() -> None:
+    """Raise :class:`Stopped` where the end of what this thread does was asked for."""
+    stop = _HEEDED.get()
+    if stop is not None:
+        stop.check()

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -90,6 +91,7 @@ def examine(
     rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
     history = np.empty((_SAMPLE_PERIODS, *orbit.points.shape))
     for points in history:
+        check_stop()
         point_map.advance(orbit, 1)
         points[:] = orbit.points
     rows, history, exponents = rows[orbit.alive], history[:, orbit.alive], exponents[orbit.alive]
@@ -150,6 +152,7 @@ def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
     orbit = Orbits.starting(states.copy())
     back = np.zeros(len(states), bool)
     for _ in range(_LONGEST_RETURN):
+        check_stop()
         point_map.advance(orbit, 1)
         apart = np.abs(difference(orbit.points, states, point_map.coordinates))
         with np.errstate(invalid="ignore"):

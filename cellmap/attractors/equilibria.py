@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.kernels.capture import AT_REST
+from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.point_map import PointMap, follow
 from ..maps.tangent import jacobian
@@ -57,6 +58,7 @@ def sets_of_equilibria(
 
 def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which states the map leaves in place."""
+    check_stop()
     images = follow(exact, states, 1)
     with np.errstate(invalid="ignore"):
         moved = np.abs(difference(images.points, states, exact.coordinates))

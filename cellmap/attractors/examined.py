@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import Coordinate, difference
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -76,6 +77,7 @@ def _return_distances(
     orbit = Orbits.starting(ends.copy())
     distance = np.full((max_period + 1, len(ends)), np.inf)
     for q in range(1, max_period + 1):
+        check_stop()
         advance_on_threads(point_map.advance, orbit, 1)
         shift = difference(orbit.points, ends, point_map.coordinates) / extent
         distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)

@@ -9,6 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.poincare import check_unforced, flow_map
@@ -28,6 +29,7 @@ _ZERO = 0.01  # largest size of an exponent that may be zero
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
 _CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
 _TURNS = 64  # of a limit cycle in one step, at most
+_AT_ONCE = 256  # periods of one orbit between looks whether the end was asked for
 _SAMPLE = 512  # points of an attractor that are kept
 
 
@@ -62,7 +64,9 @@ def quasiperiodic_attractors(
         if not len(left):
             break
         before = Orbits.starting(left[len(left) // 2][None].copy())
-        exact.advance(before, age)
+        for begin in range(0, age, _AT_ONCE):
+            check_stop()
+            exact.advance(before, min(_AT_ONCE, age - begin))
         left = np.delete(left, len(left) // 2, axis=0)
         attractors = [*known, *found.attractors]
         if not before.alive.all() or not len(_outside(before.points, attractors, exact)):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
@@ -67,6 +68,7 @@ def follow_on(
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
     lasting, orbits = np.arange(len(points)), Orbits.starting(points.copy())
     for begin in range(0, periods, _STRETCH):
+        check_stop()
         settled = settle(point_map, orbits, catalogue, min(_STRETCH, periods - begin), begin)
         owners[lasting], times[lasting] = settled.labels, settled.times
         lasting, orbits = lasting[settled.undecided], settled.orbits

@@ -7,6 +7,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from .._lib.threads import slices
 from ..maps.coordinates import difference, turns_of
 from ..maps.orbit_batch import Orbits
@@ -202,6 +203,7 @@ class _Shells:
         shift = radii[:, None, None] * self.offsets
         images = Orbits.starting((self.centre + shift).reshape(-1, self.exact.dimension))
         images.wrap(*turns_of(self.exact.coordinates))
+        check_stop()
         advance_on_threads(self.exact.advance, images, self.period)
         after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
         seen = self._norm(after) / radii[:, None]

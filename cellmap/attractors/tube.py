@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
@@ -131,6 +132,7 @@ def _steps_needed(curves: Curves, radius: float) -> tuple[int, float]:
     orbits = Orbits.starting(_surface(curves, np.array([radius])).reshape(-1, curves.exact.dimension))
     made, steps = 0, 1
     while steps <= _MOST_STEPS:
+        check_stop()
         curves.exact.advance(orbits, steps - made)
         made = steps
         factor = float(_between(curves.distances(orbits.points)[None], curves)[0] / radius)
@@ -144,6 +146,7 @@ def _factors(curves: Curves, radii: NDArray[np.float64], steps: int) -> NDArray[
     """Return for each surface the largest factor by which some steps change the distance to the curves."""
     orbits = Orbits.starting(_surface(curves, radii).reshape(-1, curves.exact.dimension))
     for begin in range(0, len(orbits), CHUNK):
+        check_stop()
         curves.exact.advance(orbits[begin : begin + CHUNK], steps)
     after = curves.distances(orbits.points).reshape(len(radii), -1)
     return np.asarray(_between(after, curves) / radii)

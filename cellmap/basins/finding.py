@@ -72,8 +72,8 @@ def find_basins(
         reads it.  Labels are kept in the file, so that they need not fit into memory.
     max_seconds : float, optional
         Time after which the call ends with what is decided by then: other initial conditions are labelled -5
-        (unlabelled).  Kernels that are under way and the search for chaotic attractors are not interrupted, so that the
-        call may last somewhat longer.  With a checkpoint the same call goes on from there.
+        (unlabelled).  Compiled loops that are under way are not interrupted, so that the call may last somewhat longer.
+        With a checkpoint the same call goes on from there.
 
     Returns
     -------

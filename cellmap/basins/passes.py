@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import warn_caller
-from .._lib.stopping import Stop, Stopped
+from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
 from .._lib.tiles import completed
 from ..attractors.chaos import chaotic_attractors, examine
@@ -158,7 +158,8 @@ class Run:
                 return
             if states is None:
                 states = self._states(left, now)
-            attractors, reasons = self._find_more(now, states)
+            with heeding(self.stop):
+                attractors, reasons = self._find_more(now, states)
             following = self._following(now, left, attractors)
             if following is None:
                 self.reasons = reasons
@@ -182,11 +183,12 @@ class Run:
         if not np.array_equal(own, examined.extent):
             examined = Examined.nothing_yet(self.point_map, own)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
-        left, attractors, age = search(
-            self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop
-        )
-        if to_the_end and len(left):
-            attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
+        with heeding(self.stop):
+            left, attractors, age = search(
+                self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop
+            )
+            if to_the_end and len(left):
+                attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
         return tuple(attractors)
 
     def _label(self, now: Progress, states: Orbits | None) -> Generator[int, None, Orbits | None]:

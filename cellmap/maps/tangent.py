@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
+from .._lib.stopping import check_stop
 from .coordinates import difference, state_points, wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap, follow
@@ -60,6 +61,7 @@ def tangent(
     rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
     alike = np.ndim(periods) == 0
     for k in range(int(rounds.max(initial=0))):
+        check_stop()
         rows = slice(None) if alike else np.flatnonzero(rounds > k)
         wrapped = wrap(place[rows], exact.coordinates)
         images, matrices = _one_step(exact, wrapped)

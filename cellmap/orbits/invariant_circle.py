@@ -9,6 +9,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -125,6 +126,7 @@ def _recorded(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray
     history = np.empty((number, point_map.dimension))
     rotations = np.empty(history.shape, np.int64)
     for n in range(number):
+        check_stop()
         history[n], rotations[n] = orbits.points[0], orbits.rotations[0]
         point_map.advance(orbits, 1)
     return history, rotations
