@@ -33,6 +33,7 @@ LONG = {
     "laboratory.md",
     "own-system.md",
     "scenes.md",
+    "set-oriented.md",
 }
 """Pages whose programs take more than ten seconds."""
 
