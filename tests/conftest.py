@@ -97,7 +97,7 @@ def precise_images() -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="session")
 def precise_image() -> Callable[[ForcedSystem, ArrayLike], NDArray[np.float64]]:
-    """Oracle of 25 digits: mpmath's Taylor integrator on the same right-hand side.  Slow, one start at a time."""
+    """Oracle of 25 digits: mpmath's Taylor integrator on the same right-hand side.  Slow, one orbit at a time."""
     import mpmath
 
     def image(system: ForcedSystem, start: ArrayLike) -> NDArray[np.float64]:
@@ -113,7 +113,7 @@ def precise_image() -> Callable[[ForcedSystem, ArrayLike], NDArray[np.float64]]:
 
 @pytest.fixture(scope="session")
 def scipy_images() -> Callable[..., NDArray[np.float64]]:
-    """Oracle of about 12 digits: SciPy's DOP853 on the plain Python right-hand side, one start at a time, unwrapped."""
+    """Oracle of about 12 digits: SciPy's DOP853 on the plain Python right-hand side, one orbit at a time, unwrapped."""
 
     def images(
         system: ForcedSystem,
@@ -136,7 +136,7 @@ def scipy_images() -> Callable[..., NDArray[np.float64]]:
 
 @pytest.fixture(scope="session")
 def allowance() -> Callable[..., NDArray[np.float64]]:
-    """Error that a tolerance allows at images: atol + rtol abs(x), where x of an angle counts half a turn at most."""
+    """Error that a tolerance allows at images: atol + rtol abs(x), where x of an angle counts half a period at most."""
 
     def allowed(system: ForcedSystem, images: NDArray[np.float64], rtol: float, atol: float) -> NDArray[np.float64]:
         most = np.array([0.5 * c.period if c.period else inf for c in system.axes])

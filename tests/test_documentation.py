@@ -110,7 +110,7 @@ def test_program_of_the_readme_is_ten_lines_and_draws_a_picture():
 
 @pytest.mark.slow
 def test_what_is_said_of_a_fractal_boundary():
-    """own-system.md: one label in twelve, one in 25, and shares that agree to 0.002."""
+    """own-system.md: one label in twelve, one in 25, and fractions that agree to 0.002."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500))
     exact = stroboscopic_map(systems.two_well_duffing())
     precise = stroboscopic_map(systems.two_well_duffing(), rtol=1e-13, atol=1e-13)

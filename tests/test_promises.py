@@ -257,7 +257,7 @@ def somebody_else() -> Iterator[None]:
 
 @pytest.fixture
 def read_only(picture) -> Iterator[Path]:
-    """A folder that can be read and not written to, with a picture in it."""
+    """A folder that can be read and not written to, with basins in it."""
     folder = Path(tempfile.mkdtemp())
     save_basins(picture, folder / "basins.h5")
     (folder / "basins.h5").chmod(0o444)

@@ -115,7 +115,7 @@ def test_basins_of_one_dimension(monkeypatch):
     exact = cubic()
     monkeypatch.setattr(
         "cellmap.basins.initial_conditions.BLOCK", 2**14
-    )  # as if there were more starts than an axis may have
+    )  # as if there were more initial conditions than an axis may have
     find_basins(exact, LONG)  # compiles
     used, announced = peak(lambda: find_basins(exact, LONG)), basins_memory(LONG.size)
     assert used < announced

@@ -22,7 +22,7 @@ from cellmap.maps.point_map import PointMap
 
 distributed = pytest.importorskip("distributed")
 
-# What a cluster says when it starts and when its workers die is no concern of these tests.
+# What a cluster logs when it begins and when its workers die does not matter to these tests.
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),

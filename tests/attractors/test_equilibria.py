@@ -1,4 +1,4 @@
-"""Sets of equilibria, held by dry friction."""
+"""Sticking sets: continua of equilibria with dry friction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cellmap.orbits import Kind
 LENGTH, AMPLITUDE, FREQUENCY, FRICTION = 0.0272, 0.003, 50.0, 10.0
 W = 2.0 * pi * FREQUENCY
 HOLDS = asin(FRICTION / ((9.8 + AMPLITUDE * W * W) / LENGTH))
-"""Farthest from either rest state that friction holds through the whole period (rad)."""
+"""Farthest from either equilibrium that a rod sticks through the whole period (rad)."""
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def stuck():
 
 
 def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
-    """Two intervals of equilibria beside the stick-slip cycles: all starts are decided."""
+    """Two intervals of equilibria beside the stick-slip cycles: all orbits are decided."""
     assert [a.kind for a in stuck.attractors] == [Kind.FIXED_POINT] * 2 + [Kind.EQUILIBRIA] * 2
     assert not (stuck.labels < 0).any()
     for attractor, rest in zip(stuck.attractors[2:], (0.0, pi), strict=True):

@@ -1,4 +1,4 @@
-"""Attractors: found without being told how many, polished, proven stable, none twice."""
+"""Attractors: found without being told how many, refined, proven stable, none twice."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_longer_cycles_than_those_tried_first_are_found(r, period):
 @pytest.mark.parametrize("rotations", [-2, -1, 0, 1, 3])
 @pytest.mark.parametrize("turn", [2 * pi, 360.0, 1.0])
 def test_rotation_on_the_circle(rotations, turn):
-    """Fixed up to whole turns where sin = 2 pi rate/k; the multiplier is 1 - k cos."""
+    """Fixed up to full rotations where sin = 2 pi rate/k; the multiplier is 1 - k cos."""
     rate, k = 0.05, 0.9
     (a,) = find_attractors(circle(rotations + rate, k, turn), CIRCLE * turn / (2 * pi))
     place = np.arcsin(2 * pi * rate / k)
@@ -241,7 +241,7 @@ def test_fixed_points_are_those_of_scipy(scipy_images):
         assert a.points[0] == pytest.approx(solution, abs=1e-11)
 
 
-# --- none twice, none unstable, the same whatever the starts
+# --- none twice, none unstable, the same whatever the initial conditions
 
 SEARCHES = {
     "pendulum, 3 mm": (systems.driven_pendulum(), ((-pi, -500.0), (pi, 500.0))),
@@ -341,14 +341,14 @@ r = list(range(1000))  # a global of the same name as the parameter of the logis
 
 
 def test_globals_with_the_names_of_parameters_are_not_read():
-    """`p.r` reads no global `r`: whatever this holds costs nothing and makes nothing anew."""
+    """`p.r` reads no global `r`: its value costs nothing and rebuilds nothing."""
     assert not set(r[2:]) & set(captured(_logistic))
 
 
 # --- cycles that attract weakly, and transients that last
 
 # Orbits take two hundred to a thousand periods to come closer by a factor of e.  Periods of the attractors, and how
-# many of 36 starts may be undecided after 600 periods: neighbourhoods that are narrow along the slow direction leave
+# many of 36 orbits may be undecided after 600 periods: neighbourhoods that are narrow along the slow direction leave
 # 16, 1 and 33.
 WEAK = {
     "Duffing": (systems.two_well_duffing(0.23881097091717296, 0.3330580073387191, 0.5630176836030292), [1, 3, 8, 8], 8),
@@ -408,7 +408,7 @@ def test_newton_takes_a_period_for_each_guess():
 
 
 def test_newton_gives_up_where_there_is_nothing():
-    """x + 1 + x^2 has no fixed point; a rigid rotation by half a turn has no isolated ones."""
+    """x + 1 + x^2 has no fixed point; a rigid rotation by half a circle has no isolated ones."""
     rising = discrete_map(lambda x, p: (x[0] + 1.0 + x[0] ** 2,), {}, ("x",))
     assert not newton(rising, np.array([[0.3], [-2.0]]), np.ones(2, int), np.ones(1))[1].any()
     assert not newton(circle(0.5, 0.0), CIRCLE, np.full(30, 2), np.full(1, 2 * pi))[1].any()

@@ -1,4 +1,4 @@
-"""Labels and settling times of single starts, against iteration step by step."""
+"""Labels and settling times of single orbits, against iteration step by step."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_orbits_that_nothing_captures_are_labelled_by_their_ends(periods):
 
 
 def test_codes_of_starts_without_attractor():
-    """Escaped, diverged and undecided starts in one picture: x' = x + y drifts, and y = 2, 3 are special."""
+    """Escaped, diverged and undecided orbits together: x' = x + y drifts, and y = 2, 3 are special."""
 
     def drift(x, p):
         # Exceeds every bound where y > 1; rests where y = 0; else moves to the right.
@@ -220,7 +220,7 @@ def in_python(point_map: PointMap) -> PointMap:
 
 
 def doubtful(exact: PointMap) -> PointMap:
-    """A coarse table of a smaller window, with fallback cells."""
+    """A coarse interpolated map on a smaller window, with fallback cells."""
     return interpolated_map(exact, CellGrid((-pi, -200.0), (pi, 200.0), (48, 48)), tolerance=1e-2)
 
 

@@ -95,7 +95,7 @@ def test_neighbourhoods_of_different_attractors_have_no_common_point(case):
 
 
 def test_orbits_from_inside_converge_under_scipy(case):
-    """SciPy's DOP853 on the plain right-hand side, all starts as one system; convergence to 1e-3 of the window."""
+    """SciPy's DOP853 on the plain right-hand side, all orbits as one system; convergence to 1e-3 of the window."""
     system, _, found = case
     for a in found:
         extent = np.ptp(points_inside(a, 50).reshape(-1, 2), axis=0)
@@ -186,7 +186,7 @@ def test_neighbourhood_of_a_slow_node_is_wide_along_the_slow_direction():
 
 
 FLIPS = {
-    # x' = -0.99 x + x^2: what is bent in one round is straightened in the next; the boundary is at 1.99.
+    # x' = -0.99 x + x^2: the quadratic terms of two consecutive periods cancel; the boundary is at 1.99.
     "straightened": (lambda x, p: (-0.99 * x[0] + x[0] ** 2,), 0.5, 1.99),
     # x' = -0.99 x - x^3: a repelling cycle of two at +-0.1.
     "bent": (lambda x, p: (-0.99 * x[0] - x[0] ** 3,), 0.05, 0.1),
@@ -195,7 +195,7 @@ FLIPS = {
 
 @pytest.mark.parametrize("name", FLIPS)
 def test_neighbourhood_close_to_a_flip(name):
-    """One round falls short of 1 by 0.01, and allows for no more than 0.0075 of a square; two rounds have none."""
+    """The multiplier is 0.01 short of -1, and a square of at most 0.0075 is allowed; two periods have none."""
     function, least, boundary = FLIPS[name]
     flip, extent = discrete_map(function, {}, ("x",)), np.array([4.0])
     attractor = stable_orbit(flip, np.zeros(1), 1, extent)
@@ -208,7 +208,7 @@ def test_neighbourhood_close_to_a_flip(name):
 
 @pytest.mark.parametrize(("a", "period"), [(1.04, 8), (1.054, 16), (1.24, 7)])
 def test_surfaces_that_a_long_cycle_of_henons_map_costs(a, period):
-    """Only two of its ellipsoids grow: some thirty surfaces a point, for a round each, where all would take seventy."""
+    """Only two of its ellipsoids grow: some thirty surfaces a point, a cycle each, where all would take seventy."""
     henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], 0.3 * x[0]), {"a": a}, ("x", "y"))
     attractor = stable_orbit(henon, henon.iterate([0.0, 0.0], 20_000).points, period, np.ones(2))
     assert attractor.period == period

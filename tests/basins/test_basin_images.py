@@ -1,9 +1,9 @@
-"""Basin images against small reference pictures, by the fraction of cells that differ.
+"""Basin images against small reference images, by the fraction of cells that differ.
 
-Each smooth reference equals, cell by cell, the labels of tests/reference/pictures.py: a plain RK4 with 256 steps a
+Each smooth reference equals, cell by cell, the labels of `tests/reference/pictures.py`: a plain RK4 with 256 steps a
 period (Henon: the map in NumPy).
 
-``pytest --update-reference`` redraws the pictures in tests/reference/ on purpose.
+``pytest --update-reference`` redraws the images in tests/reference/ on purpose.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PALETTE = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, and the share of its cells that may differ, with the reason why."""
+    """A basin image, and the fraction of its cells that may differ, with the reason why."""
 
     make: Callable[[], PointMap]
     grid: CellGrid
@@ -80,7 +80,7 @@ PICTURES = {
 
 
 def drawn(basins: Basins) -> Image.Image:
-    """Labels as a palette picture, the second axis upwards."""
+    """Labels as a palette image, the second axis upwards."""
     labels = basins.labels.astype(int)
     numbers = labels.copy()
     for code, number in CODES.items():
@@ -99,7 +99,7 @@ def differing_share(image: Image.Image, reference: Path) -> float:
 
 
 def compare(image: Image.Image, reference: Path, allowed: float, reason: str, output: Path) -> None:
-    """Fail where too many cells differ from the reference; leave the new picture."""
+    """Fail where too many cells differ from the reference; leave the new image."""
     new = output / reference.name
     image.save(new, optimize=True)
     advice = f"The new picture is {new}; if it is right, redraw the reference with pytest --update-reference"
@@ -127,7 +127,7 @@ def test_basins_look_as_before(name, request, tmp_path):
 
 @pytest.mark.parametrize("name", ["duffing", "pendulum_10mm"])
 def test_shares_of_fractal_pictures(name):
-    """Where single cells may differ, the shares of the colours may not, by more than 1.5 points on so few cells."""
+    """Where single cells may differ, the fractions of the colours may not, by more than 1.5 points on so few cells."""
     image = np.array(drawn(PICTURES[name].basins()))
     with Image.open(REFERENCE / f"{name}.png") as other:
         reference = np.array(other)
@@ -136,7 +136,7 @@ def test_shares_of_fractal_pictures(name):
 
 
 def independent() -> ModuleType:
-    """Return the program that labels the cells of the reference pictures without cellmap."""
+    """Return the program that labels the cells of the reference images without cellmap."""
     spec = importlib.util.spec_from_file_location("reference_pictures", REFERENCE / "pictures.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -101,7 +101,7 @@ def test_pendulum_is_verified(pendulum):
 
 
 def test_small_rotations_at_ten_millimetres():
-    """A pair of rotations by half a turn a period owns 10 of the 40,000 cells, and both methods see it."""
+    """A pair of rotations by half a circle a period owns 10 of the 40,000 cells, and both methods see it."""
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.010))
     direct = find_basins(exact, circle_grid(500.0, 200))
     icm = interpolated_map(exact, circle_grid(550.0, 256), outside="integrate")
@@ -119,7 +119,7 @@ PANELS = [(a, w) for w in (100.0, 500.0) for a in (0.0, 0.002, 0.003, 0.004, 0.0
 @pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "speed"), PANELS)
 def test_figure_19_by_table_and_by_direct_integration(amplitude, speed):
-    """500 x 500 starts: no pixel differs where the boundary is smooth, at 10 mm at most 0.3 %."""
+    """500 x 500 cells: no pixel differs where the boundary is smooth, at 10 mm at most 0.3 %."""
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=amplitude))
     icm = interpolated_map(exact, circle_grid(speed, 512), outside="integrate")
     grid = circle_grid(speed, 500)
@@ -147,7 +147,7 @@ def goy(x, p):
 GOY = discrete_map(goy, {}, (angle("theta", lower=0.0), "x"), name="Grebogi, Ott, Yorke")
 DUFFING = stroboscopic_map(systems.two_well_duffing())
 
-# Map, starts, points of the attractors, shares, and the largest difference allowed (0.003 unless said).
+# Map, initial conditions, points of the attractors, fractions, and the largest difference allowed (0.003 unless said).
 PUBLISHED = {
     "forced pendulum": (
         stroboscopic_map(systems.forced_pendulum()),
@@ -216,7 +216,7 @@ def test_bounded_share_of_henons_map_on_a_coarse_grid():
 
 @pytest.mark.slow
 def test_shares_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
-    """Two exact maps disagree on single starts, and agree on shares to 0.3 points."""
+    """Two exact maps disagree on single cells, and agree on fractions to 0.3 points."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
     system = systems.two_well_duffing()
     rough, fine = (find_basins(stroboscopic_map(system, rtol=t, atol=t), grid) for t in (1e-8, 1e-12))
@@ -255,7 +255,7 @@ def test_odd_map_has_equal_halves():
 
 # --- the same labels for the same question
 
-# Starts of more than one tile each.
+# Initial conditions of more than one tile each.
 DETERMINISTIC = {
     "pendulum": (lambda: stroboscopic_map(systems.driven_pendulum(amplitude=0.010)), circle_grid(500.0, 130)),
     "table": (
@@ -270,7 +270,7 @@ DETERMINISTIC = {
 
 @pytest.fixture(scope="module", params=DETERMINISTIC)
 def repeated(request):
-    """A function that makes a map, starts, and the basins that are found on one thread."""
+    """A function that makes a map, initial conditions, and the basins that are found on one thread."""
     make, grid = DETERMINISTIC[request.param]
     initial_conditions = grid.centres().reshape(-1, 2)
     set_threads(1)
@@ -317,7 +317,7 @@ def test_known_attractors_give_the_same_labels():
 
 
 def test_starts_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():
-    """Five of 40,001 starts belong to an attractor of their own, and the sample holds none of them."""
+    """Five of 40,001 initial conditions belong to an attractor of their own, and the sample holds none of them."""
     point_map = discrete_map(tiny, {}, ("x",))
     initial_conditions = np.linspace(-10.0, 10.0, 40_001)[:, None]
     first = find_basins(point_map, initial_conditions)
@@ -378,7 +378,7 @@ def test_shares_add_up_and_have_standard_errors():
 
 @pytest.mark.slow
 def test_standard_error_is_that_of_random_starts():
-    """The share of the left well among 200 random starts scatters as its standard error says."""
+    """The fraction of the left well among 200 random initial conditions scatters as its standard error says."""
     rng = np.random.default_rng(0)
     found = [find_basins(LINE, rng.uniform(-1, 2, (200, 1))) for _ in range(60)]
     left = [f.fractions[k] for f in found for k, a in enumerate(f.attractors) if a.points[0, 0] < 0]
@@ -507,7 +507,7 @@ def test_attractor_outside_the_window_is_found_all_the_same():
     assert (basins.labels == 0).all()
 
 
-# --- far starts do not spoil the near ones
+# --- far initial conditions do not spoil the near ones
 
 
 @pytest.mark.filterwarnings("error")
@@ -540,7 +540,7 @@ def test_strong_damping_in_a_wide_window():
 
 
 def planted(basins: Basins, wrong: int, label: int, seed: int = 3) -> Basins:
-    """Change the labels of some random starts that carry another one."""
+    """Change the labels of some random initial conditions with another label."""
     labels = basins.labels.copy()
     rows = np.random.default_rng(seed).choice(np.flatnonzero(labels.ravel() != label), wrong, replace=False)
     labels.ravel()[rows] = label
@@ -548,7 +548,7 @@ def planted(basins: Basins, wrong: int, label: int, seed: int = 3) -> Basins:
 
 
 def test_verify_finds_wrong_labels():
-    """10 % of the starts are given another label; n draws see that share, within its interval."""
+    """10 % of the labels are changed; n draws see that fraction, within its interval."""
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 50))
     spoilt = planted(basins, 250, 1)
     check = spoilt.verify(1000)
@@ -582,7 +582,7 @@ def test_interval_of_the_share(n, wrong):
 
 
 def test_undecided_starts_are_never_right():
-    """A rotation has no attractor: by both maps all starts are undecided, and nothing says that this is right."""
+    """A rotation has no attractor: by both maps all orbits are undecided, and nothing says that this is right."""
     turning = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
     basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
     assert (basins.labels == Label.UNDECIDED).all()

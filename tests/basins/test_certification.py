@@ -1,4 +1,4 @@
-"""Certified pictures against direct integration and closed forms."""
+"""Certified basin images against direct integration and closed forms."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def certified(system, table, window, order=5, outside="integrate", **settings):
 
 @pytest.fixture(scope="module")
 def fractal():
-    """A picture of which a coarse table gets a tenth wrong."""
+    """Basins of which a coarse interpolated map gets a tenth wrong."""
     side = CellGrid((-2.9, -2.9), (2.9, 2.9), (160, 160)), CellGrid((-2.2, -2.2), (2.2, 2.2), (100, 100))
     return certified(two_well_duffing(), *side)
 
@@ -169,7 +169,7 @@ def test_attractors_across_the_edge_of_the_window(gap):
 def test_starts_that_settle_late_or_never(contraction):
     """Cells around a weak attractor touch others that lead out of the window.
 
-    Labels are those after the periods that the picture was given.
+    Labels are those after the periods that were allowed.
     """
 
     def henon(x, p):
@@ -229,7 +229,7 @@ def test_attractors_that_the_table_has_not_shown():
 
 @pytest.mark.slow
 def test_an_attractor_that_the_table_has_not_shown():
-    """Of the two kinds of motion of this pendulum the coarse table finds rotations only."""
+    """Of the two kinds of motion of this pendulum the coarse map finds rotations only."""
     exact = stroboscopic_map(forced_pendulum(damping=0.5, forcing=2.5))
     window = CellGrid((-pi, -4.0), (pi, 4.0), (12, 12))
     icm = interpolated_map(exact, CellGrid((-pi, -9.0), (pi, 9.0), (16, 16)), 3, "integrate", tolerance=COARSE)
@@ -353,7 +353,7 @@ def test_bad_input(fractal):
 
 
 def test_interval_of_what_is_wrong(fractal):
-    """Of kept starts the audit finds a share; redone ones are right."""
+    """Of kept labels the audit finds a fraction; recomputed ones are right."""
     certificate, basins, _ = fractal
     kept = 1.0 - certificate.redone / basins.labels.size
     z2 = 1.959963984540054**2

@@ -57,7 +57,7 @@ def pendulum():
 
 
 def conservative(x, p):
-    """Hénon's area-preserving map: nothing settles, some starts diverge."""
+    """Hénon's area-preserving map: nothing settles, some orbits diverge."""
     y = x[1] - x[0] * x[0]
     return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
 
@@ -65,7 +65,7 @@ def conservative(x, p):
 CASES: dict[str, Callable[..., Basins]] = {
     # Two attractors that the sample finds; one pass.
     "one pass": lambda **how: find_basins(DUFFING, WINDOW, **how),
-    # Small basins are found among the starts that are left, and the pass begins again for some of them.
+    # Small basins are found among the active orbits, and the sweep begins again for some of them.
     "small basins": lambda **how: find_basins(
         pendulum(), CellGrid((-pi, -500.0), (pi, 500.0), (200, 170)), 600, 8, **how
     ),
@@ -76,7 +76,7 @@ CASES: dict[str, Callable[..., Basins]] = {
         520,
         **how,
     ),
-    # The same with a table of several periods, whose orbits depend on how they are cut into leaps.
+    # The same with multi-period steps, on whose division orbits depend.
     "leaps": lambda **how: find_basins(
         interpolated_map(
             discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
@@ -88,7 +88,7 @@ CASES: dict[str, Callable[..., Basins]] = {
         520,
         **how,
     ),
-    # A cover in the place of a neighbourhood: all starts are labelled again.
+    # A cover in the place of a neighbourhood: all initial conditions are labelled again.
     "chaotic": lambda **how: find_basins(
         systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (190, 190)), 500, **how
     ),
@@ -324,7 +324,7 @@ print("finished")
 
 
 def long_run(folder: str | Path) -> tuple[Basins, Basins]:
-    """A table, a picture of its map that takes some passes, and one whose passes go on from where others ended."""
+    """A table, basins of its map that take some sweeps, and some whose sweeps go on from where others ended."""
     grid = CellGrid((-pi, -500.0), (pi, 500.0), (260, 260))
     icm = interpolated_map(pendulum(), grid, checkpoint=Path(folder) / "table.h5")
     picture = CellGrid((-pi, -500.0), (pi, 500.0), (400, 400))

@@ -1,4 +1,4 @@
-"""What maps and pictures say of their cost, counted in other ways."""
+"""The cost that maps and basins report, counted in other ways."""
 
 from __future__ import annotations
 

@@ -205,7 +205,7 @@ def test_matching_knows_that_periods_double():
     assert match_attractors([fixed(0.3, period=6)], {0: fixed(0.0, period=4)}, np.ones(1), 0.5) == {}
 
 
-# --- starts without an attractor
+# --- orbits without an attractor
 
 
 def test_starts_without_an_attractor_have_their_own_labels():
@@ -345,7 +345,7 @@ def test_bad_arguments_are_named(change, message):
         continue_basins(**arguments)
 
 
-# --- pictures
+# --- figures
 
 
 def test_picture(tilted_sweep):

@@ -66,7 +66,7 @@ def test_errors_of_larger_tables_fall_with_the_order():
 
 
 def test_no_more_than_the_order_is_trusted():
-    """On coarse tables errors may fall faster than they can in the limit."""
+    """On coarse grids errors may fall faster than they can in the limit."""
     probe = table_probe(3, falls=9.0)
     assert error_of(probe, sized(SQUARE, 256)) == pytest.approx(probe.errors[-1] / 16)
 

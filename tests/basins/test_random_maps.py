@@ -214,7 +214,7 @@ PARTS = {"r": "real", "i": "imag"}
 
 
 def coarse_table(rng: np.random.Generator, exact: PointMap, half: tuple[float, float]) -> PointMap:
-    """Return a table of 8 to 64 cells a side of any order, with and without fallback cells."""
+    """Return an interpolated map on 8 to 64 cells a side of any order, with and without fallback cells."""
     wide = (
         half
         if rng.random() < 0.5
@@ -227,7 +227,7 @@ def coarse_table(rng: np.random.Generator, exact: PointMap, half: tuple[float, f
 
 
 def wrong_labels(icm: PointMap, reference: PointMap, half: tuple[float, float], side: int, periods: int) -> np.ndarray:
-    """Count starts, and wrong labels, by their evidence, shape (2, 4), against a reference of the exact map."""
+    """Count labels, and wrong ones, by their evidence, shape (2, 4), against a reference of the exact map."""
     window = CellGrid(tuple(-w for w in half), half, (side, side))
     certificate = certify(find_basins(icm, window, max_periods=periods), audit=50)
     if icm.recipe["outside"] == "escape":
@@ -305,7 +305,7 @@ def drive(p):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # cells left to the exact map; a tolerance of 1e-14 that is missed here and there
+@pytest.mark.filterwarnings("ignore")  # fallback cells; a tolerance of 1e-14 that is missed here and there
 def test_no_certified_label_of_60_random_forced_systems_is_wrong():
     rng = np.random.default_rng(60)
     counts = np.zeros((2, 4), int)

@@ -72,7 +72,7 @@ def made() -> dict[str, Basins]:
 
 @pytest.fixture(scope="module")
 def stored(made, tmp_path_factory) -> Path:
-    """A file of one picture, never changed."""
+    """A file of one basin image, never changed."""
     return save_basins(made["grid"], tmp_path_factory.mktemp("stored") / "grid.h5")
 
 

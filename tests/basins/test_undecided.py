@@ -74,7 +74,7 @@ def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, pas
 
 
 def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(passes) -> None:
-    """A start at s = 0.19 is more than 0.1 away from 1 for 600 periods; no start is given to the other side."""
+    """From s = 0.19 an orbit is more than 0.1 away from 1 for 600 periods; none is assigned to the other side."""
     basins = find_basins(TWOFOLD, CREEPING, max_periods=300)
     assert len(passes) <= 4
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2

@@ -1,10 +1,10 @@
-"""The same work by other programs: one period of a forced system for many starts.
+"""The same work by other programs: one period of a forced system for many initial conditions.
 
 For the most part that is the driven pendulum
 
     theta'' + 0.08 theta' + (0.545 cos t + 0.1) sin theta = 0.
 
-Each function returns a callable that maps starts (n, 2) to images (n, 2), angles unwrapped, on one thread; compilation
+Each function returns a callable that maps points (n, 2) to images (n, 2), angles unwrapped, on one thread; compilation
 is over when it is returned.
 """
 
@@ -38,7 +38,7 @@ def best_time(work: Callable[[], Any], rounds: int = 5) -> float:
 
 
 def best_times(works: Sequence[Callable[[], Any]], seconds: float = 1.0, rounds: int = 5) -> list[float]:
-    """Return the shortest times of several pieces of work that run on this thread, in turns so that all see one load.
+    """Return the shortest times of several pieces of work that run on this thread, alternately, under one load.
 
     Time is that of the processor: what other programs take in between does not count.  There are so many rounds at
     least, and more until the seconds are over.
@@ -86,7 +86,7 @@ def heyoka_system(rhs: Callable[..., Any], system: cellmap.ForcedSystem, toleran
 
 
 def scipy_stacked(tolerance: float) -> Map:
-    """Return SciPy's DOP853 with all starts stacked into one system."""
+    """Return SciPy's DOP853 with all initial conditions stacked into one system."""
     return stacked(pendulum(), tolerance)
 
 
@@ -96,7 +96,7 @@ def diffrax_vmap(tolerance: float) -> Map:
 
 
 def pynamicalsys_loop(tolerance: float) -> Callable[[Points], Points]:
-    """Return pynamicalsys' adaptive integrator, one start at a time as its interface has it."""
+    """Return pynamicalsys' adaptive integrator, one initial condition at a time as its interface has it."""
     import numba
     from pynamicalsys import ContinuousDynamicalSystem
 

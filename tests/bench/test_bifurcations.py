@@ -20,7 +20,7 @@ FREQUENCIES, AMPLITUDES = np.linspace(20.0, 80.0, SIDE), np.linspace(0.5e-3, 14e
 
 
 def million_periods(system: ForcedSystem, rates: float) -> float:
-    """Seconds for one period of a million starts, by the exact map at 1e-9."""
+    """Seconds for one period of a million initial conditions, by the exact map at 1e-9."""
     exact = stroboscopic_map(system)
     half = system.dimension // 2
     span = np.array([pi] * half + [rates] * half)

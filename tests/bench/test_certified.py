@@ -1,4 +1,4 @@
-"""What certifying a picture costs, next to direct integration of the same picture."""
+"""Cost of certifying a basin image, next to direct integration of the same image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was tried to make tables faster: look-ups, leaps of several periods, tables in four dimensions."""
+"""Ways to make interpolated maps faster: evaluation, multi-period steps, four dimensions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pendulum(amplitude: float, damping: float = 10.0) -> ForcedSystem:
 
 
 def windows() -> Iterator[tuple[str, ForcedSystem, CellGrid]]:
-    """Systems with the windows of their starts."""
+    """Systems with the windows of their initial conditions."""
     width = 100 / SPEED
     for amplitude in (0.002, 0.003, 0.004, 0.010):
         yield f"A = {1e3 * amplitude:g} mm", pendulum(amplitude), CellGrid((-pi, -width), (pi, width), (250, 250))
@@ -40,7 +40,7 @@ def windows() -> Iterator[tuple[str, ForcedSystem, CellGrid]]:
 
 
 def table(point_map: PointMap, window: CellGrid, cells: int, order: int = 5, leap: int = 1) -> PointMap:
-    """Tabulate 1.3 times the window along what is not an angle."""
+    """Interpolate on 1.3 times the window along what is not an angle."""
     wider = [1.0 if c.period else 1.3 for c in point_map.coordinates]
     nodes = CellGrid(tuple(np.multiply(window.lower, wider)), tuple(np.multiply(window.upper, wider)), (cells, cells))
     with warnings.catch_warnings():
@@ -56,7 +56,7 @@ def iterations(
 
 
 def test_cost_of_a_look_up(say: Say) -> None:
-    """Per start and period on one thread, in turns so that all see one load."""
+    """Per orbit and period on one thread, alternately so that all see one load."""
     _, system, window = list(windows())[1]
     point_map = stroboscopic_map(system)
     initial_conditions = window.centres().reshape(-1, 2)
@@ -87,7 +87,7 @@ def test_leaps(say: Say) -> None:
 
 
 def test_leaps_of_basins(say: Say) -> None:
-    """The slower starts settle, the more leaps gain."""
+    """The slower orbits settle, the more multi-period steps gain."""
     for damping in (10.0, 1.0):
         point_map = stroboscopic_map(pendulum(0.003, damping), rtol=1e-9, atol=1e-9)
         window = CellGrid((-pi, -100 / SPEED), (pi, 100 / SPEED), (250, 250))
@@ -142,6 +142,6 @@ def test_tables_in_four_dimensions(say: Say) -> None:
 
 
 def four_dimensional_table(point_map: PointMap, cells: int) -> PointMap:
-    """Tabulate all rates that orbits from rest reach."""
+    """Interpolate over all angular velocities that orbits from rest reach."""
     nodes = CellGrid((-pi, -pi, -65.0, -65.0), (pi, pi, 65.0, 65.0), (cells,) * 4)
     return interpolated_map(point_map, nodes, 3, "integrate", tolerance=1e9)

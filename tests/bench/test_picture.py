@@ -1,4 +1,4 @@
-"""A picture of 500 x 500 starts over 50 periods, by table and by heyoka's batch mode on the same cores."""
+"""500 x 500 orbits over 50 periods, by interpolated map and by heyoka's batch mode on the same cores."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_picture_against_heyoka(say):
     pytest.importorskip("heyoka")
     initial_conditions = GRID.centres().reshape(-1, 2)
     point_map = exact()
-    # A tenth of the starts, spread over the picture, in one process for each core.
+    # A tenth of the orbits, spread over the grid, in one process for each core.
     cores = cellmap.thread_count()
     share = np.arange(0, len(initial_conditions), 10)[: len(initial_conditions) // 10 // (8 * cores) * 8 * cores]
     with multiprocessing.get_context("spawn").Pool(cores) as pool:

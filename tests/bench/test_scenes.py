@@ -218,7 +218,7 @@ def test_dry_friction_against_viscous(say, one_thread, name):
         initial_conditions = starts_in(count, rate)
         maps = [stroboscopic_map(system) for system in (smooth, rough)]
         for periods in (1, 50):
-            # Later on many stick: the starts of the last period are those that the earlier ones have left.
+            # Later on many stick: the last period begins with the orbits that the earlier ones have left active.
             some = initial_conditions if periods == 1 else maps[1].iterate(initial_conditions, periods - 1).points
             viscous_time, dry_time = best_times([lambda m=m, x=some: m.iterate(x, 1) for m in maps], seconds=0.5)
             say(

@@ -104,7 +104,7 @@ def test_exponents_of_the_henon_map():
 
 
 def test_long_cycles_of_strong_contraction():
-    """The smallest multiplier of a round is far below the rounding of the largest."""
+    """The smallest multiplier of a cycle is far below the rounding of the largest."""
     rng = np.random.default_rng(0)
     turned, _ = np.linalg.qr(rng.standard_normal((2, 2)))
     steps = np.tile(turned @ np.diag([0.9, 1e-3]) @ turned.T, (1, 32, 1, 1))
@@ -180,7 +180,7 @@ def test_damping_is_the_sum_of_exponents(duffing):
 
 
 def test_rotation_of_the_pendulum_is_followed_to_its_birth():
-    """Down from 3 mm it goes round until it is lost at BIRTH; up again it hangs."""
+    """Down from 3 mm it rotates until that is lost at BIRTH; up again it hangs."""
     above = 10.0 ** np.arange(-5.0, -0.2, 0.25)  # close to its birth the basin is small, and so must be the steps
     values = BIRTH * (1.0 + np.append([-1e-2, -1e-3, -1e-4, -1e-5], above))
     rotation = np.array([2.520339579944, 1.019933227842 * 100 * pi])
@@ -204,7 +204,7 @@ def test_orbit_leaves_an_equilibrium_that_has_lost_its_stability():
     assert still.exponents[0, :, 0] == pytest.approx(np.log(values), abs=1e-12)
 
 
-# --- orbits that end, several starts, one batch
+# --- orbits that end, several initial conditions, one batch
 
 
 def test_orbits_that_end_are_marked_and_begin_again():
@@ -299,7 +299,7 @@ def test_bad_arguments_are_named(change, message):
         bifurcation_diagram(**arguments)
 
 
-# --- pictures
+# --- figures
 
 
 def test_picture_shows_all_points(duffing):

@@ -157,7 +157,7 @@ WEAK = {
 
 @pytest.fixture(scope="module", params=WEAK)
 def weak(request):
-    """Name, map, starts, attractors, and how many points the search has followed with and without derivatives."""
+    """Name, map, initial conditions, attractors, and points that the search follows with and without derivatives."""
     system, _ = WEAK[request.param]
     half = pi if system.axes[0].period else 2.5
     exact, initial_conditions = stroboscopic_map(system), CellGrid((-half, -2.5), (half, 2.5), (6, 6)).centres()
@@ -203,7 +203,7 @@ def counted(exact: PointMap) -> tuple[PointMap, list[int]]:
 
 @pytest.mark.parametrize("weak", ["period 8"], indirect=True)
 def test_effort_of_a_search_among_weakly_attracting_cycles(weak):
-    """A cycle is polished for its own period only, and looked at once: 9,000 derivatives, 720,000 images."""
+    """A cycle is refined for its own period only, and examined once: 9,000 derivatives, 720,000 images."""
     *_, points = weak
     assert points[0] < 15_000
     assert points[1] < 1_500_000
@@ -312,7 +312,7 @@ def test_negative_damping():
 
 
 def test_blow_up_in_finite_time():
-    """x' = x^2 reaches infinity at t = 1/x: beyond x = 1 within the first period, later from smaller starts."""
+    """x' = x^2 reaches infinity at t = 1/x: beyond x = 1 within the first period, later from smaller ones."""
     exact = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[0] ** 2 - 0.01,), {}, 1.0, ("x",)))
     basins = find_basins(exact, [[2.0], [0.2], [0.05], [-3.0]], max_periods=2000)
     assert basins.labels.tolist() == [Label.DIVERGED, Label.DIVERGED, 0, 0]

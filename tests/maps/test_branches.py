@@ -101,7 +101,7 @@ class Pieces:
 
 
 def reference(pieces: Pieces, params: dict[str, float], start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Integrate a period; start anew at each event, where each step sees one side of all surfaces.
+    """Integrate a period; restart at each event, where each step sees one side of all surfaces.
 
     The side is that of a place a little further on, at which all decisions are taken by plain Python.
     """

@@ -1,4 +1,4 @@
-"""Coordinates, and angles in their turn."""
+"""Coordinates, and wrapped angles."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(x=st.floats(allow_nan=False, allow_infinity=False))
 def test_wrapping_any_number_gives_an_angle_of_the_turn_or_none(circle: Coordinate, x: float) -> None:
-    """From 1e15 turns on numbers lie a tenth of a turn apart, and nothing is left of a phase."""
+    """From 1e15 rotations on numbers lie a tenth of a period apart, and nothing is left of a phase."""
     assert circle.lower is not None and circle.period is not None
     with np.errstate(over="ignore"):
         point = wrap(np.array([x]), [circle])[0]
@@ -75,7 +75,7 @@ def test_the_cut_belongs_to_the_turn_above_it() -> None:
     assert wrapped_rows(pi, circle) == (-pi, 1)
     below = wrapped_rows(nextafter(-pi, -4.0), circle)
     assert below == (pytest.approx(pi, rel=1e-15), -1) and below[0] < pi
-    # So close below the cut of [0, 1) that the sum with a whole turn rounds to the next cut.
+    # So close below the cut of [0, 1) that the sum with a whole period rounds to the next cut.
     assert wrapped_rows(-1e-20, angle("x", period=1.0, lower=0.0)) == (0.0, 0)
 
 

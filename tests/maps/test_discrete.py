@@ -126,7 +126,7 @@ def test_other_parameters_compile_nothing(henon_map: PointMap) -> None:
 
 
 def test_the_bounded_share_of_henons_map(henon_map: PointMap) -> None:
-    """Share of 1000^2 starts from edge to edge of [-2, 2]^2 that stay: 0.4319 (REFERENCES.md)."""
+    """Fraction of 1000^2 orbits from edge to edge of [-2, 2]^2 that stay: 0.4319 (REFERENCES.md)."""
     axis = np.linspace(-2.0, 2.0, 1000)
     initial_conditions = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     bounded = henon_map.iterate(initial_conditions, 50).status == Status.OK

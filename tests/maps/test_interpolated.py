@@ -1,4 +1,4 @@
-"""Interpolated cell maps: order of convergence, angles, windows, rough cells, bad input."""
+"""Interpolated cell maps: order of convergence, angles, windows, fallback cells, bad input."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_four_dimensional_table_is_accurate():
     assert not icm.table.rough.any()
 
 
-# --- ends and seams
+# --- ends and branch cuts
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -196,7 +196,7 @@ _CYLINDERS: dict[float, PointMap] = {}
 
 
 def _cylinder_from(lower: float) -> PointMap:
-    """A table whose angle begins at one of a few places within a turn and a half."""
+    """An interpolation grid whose angle begins at one of a few places within one and a half periods."""
     place = round(lower * 0.4, 0) / 1.7
     if place not in _CYLINDERS:
         grid = CellGrid((place, -1.0), (place + 2 * pi, 1.0), (48, 24))
@@ -496,7 +496,7 @@ def test_map_describes_itself(pendulum, pendulum_table):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_memory_is_what_was_stated(order):
-    """At most three tables, and beside them a few slices of 8192 starts for each thread."""
+    """At most three tables, and beside them a few slices of 8192 orbits for each thread."""
     set_threads(1)
     tabulated("cylinder", (4, 4), order, tolerance=COARSE)  # compile
     tracemalloc.start()
@@ -549,7 +549,7 @@ def test_leaps_end_where_single_periods_end(leaping, single, periods):
     ours, theirs = leaping.iterate(PLACES, periods), single.iterate(PLACES, periods)
     difference = np.abs(ours.unwrapped - theirs.unwrapped) / [1.0, 100.0]
     assert np.median(difference) < 5e-9  # a tenth of what is allowed at the centre of a cell
-    assert (difference > 1e-6).mean() < 0.01  # starts that separate exponentially
+    assert (difference > 1e-6).mean() < 0.01  # orbits that separate exponentially
     assert np.array_equal(ours.status, theirs.status)
 
 
@@ -561,7 +561,7 @@ def test_the_map_of_one_period_is_the_same_with_leaps(leaping, single):
 
 
 def test_leaps_agree_with_the_exact_map_to_the_tolerance(pendulum):
-    """Cells whose leap is off by more at their centres are left to shorter ones."""
+    """Cells whose multi-period step errs by more at their centres take shorter ones."""
     grid = CellGrid((-pi, -100.0), (pi, 100.0), (64, 64))
     single, tight, lax = (
         interpolated_map(pendulum, grid, 5, "integrate", tolerance, max_step=leap)
@@ -620,7 +620,7 @@ def test_bits_of_leaps_do_not_depend_on_threads_or_neighbours(pendulum):
 @pytest.mark.parametrize("damping", [10.0, 2.0])
 @pytest.mark.slow
 def test_leaps_settle_starts_in_the_same_period(damping):
-    """Within a leap a start can only enter a neighbourhood, for those are known to hold what is in them."""
+    """Within a multi-period step an orbit can enter a neighbourhood and not leave it, for that is trapping."""
     exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.003, damping=damping))
     nodes, grid = (CellGrid((-pi, -v), (pi, v), (n, n)) for v, n in ((130.0, 128), (100.0, 120)))
     single, leaping = (
@@ -645,7 +645,7 @@ def test_starts_that_leave_the_window_or_do_not_settle_in_leaps():
 
 
 def test_a_chaotic_attractor_is_looked_at_in_single_periods():
-    """Its cover is entered and left again, so that no leap may hide a visit: the same labels and times to the bit."""
+    """Its cover is entered and left again, and no multi-period step may hide a visit: the same labels and times."""
     exact = systems.henon_map()
     nodes, grid = (CellGrid((-2.0, -2.0), (2.0, 2.0), (n, n)) for n in (64, 20))
     single, leaping = (interpolated_map(exact, nodes, outside="integrate", max_step=leap) for leap in (1, 4))

@@ -1,4 +1,4 @@
-"""Look-ups of tabulated maps against SciPy's B-splines."""
+"""Evaluation of interpolated maps against SciPy's B-splines."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def test_a_row_that_stops_leaves_its_lane_to_another():
 
 # --- tables of several periods
 
-STEPS = np.array([1e-6, 1e-3, 1.0])  # what the tables of 1, 2 and 4 periods add here, to tell them apart
+STEPS = np.array([1e-6, 1e-3, 1.0])  # what the maps over 1, 2 and 4 periods add here, to distinguish them
 
 
 def leaps_made(periods: int, reach: int) -> list[int]:
@@ -205,7 +205,7 @@ def assembly_of(order: int) -> str:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_places_turns_and_sums_are_vector_code(order):
-    """Two floors bring places into the circle, two find cells and two whole turns; each row takes so many products."""
+    """Two floors bring places into the circle, two find cells and two rotations; each row takes so many products."""
     assembly = assembly_of(order)
     assert len(PACKED_FLOOR.findall(assembly)) >= 6
     assert len(PACKED_SUM.findall(assembly)) >= (order + 1) * ceil((order + 1) * 2 / WIDTH)

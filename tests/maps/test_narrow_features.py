@@ -78,7 +78,7 @@ def test_kinks_are_given_up_early_and_reported():
 
 
 def test_stiff_and_bounded_is_not_diverged():
-    """x' = -1e4 (x - cos t): the image is cos 0 = 1 to 1e-8 from every start."""
+    """x' = -1e4 (x - cos t): the image is cos 0 = 1 to 1e-8 from everywhere."""
     system = ForcedSystem(lambda t, x, p: (-1e4 * (x[0] - cos(t)),), {}, PERIOD, ("x",))
     images = follow(stroboscopic_map(system, rtol=1e-6, atol=1e-6), [[0.5], [-2.0]], 1)
     assert (images.status != Status.DIVERGED).all()

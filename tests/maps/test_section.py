@@ -72,7 +72,7 @@ def test_returns_are_those_of_an_event_finder(system, section, initial_condition
 
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_damped_oscillator_in_closed_form(direction):
-    """Half a turn or a whole one, of the damped frequency."""
+    """Half a period or a whole one, of the damped frequency."""
     frequency = sqrt(1 - 0.01)
     time = (pi if direction == 0 else 2 * pi) / frequency
     back = section_map(SPIRAL, ("q", 0.0, direction), rtol=1e-12, atol=1e-12)
@@ -82,7 +82,7 @@ def test_damped_oscillator_in_closed_form(direction):
     np.testing.assert_allclose(returns.times, time, rtol=1e-11)
     np.testing.assert_allclose(returns.points, factor * initial_conditions, rtol=1e-10)
     np.testing.assert_allclose(jacobian(back, initial_conditions)[:, 0, 0], factor, rtol=1e-9)
-    # One that begins on the way through in the other direction needs half a turn.
+    # One that begins on the way through in the other direction needs half a period.
     if direction:
         half = back.returns(-initial_conditions)
         np.testing.assert_allclose(half.times, pi / frequency, rtol=1e-11)
@@ -106,7 +106,7 @@ def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
 
 @pytest.mark.parametrize("value", [0.4, pi, 7.0])
 def test_an_angle_that_only_grows_never_falls_through_its_section(value):
-    """theta' = w: a turn takes 2 pi / w, in the direction of w alone."""
+    """theta' = w: a rotation takes 2 pi / w, in the direction of w alone."""
     for w in (1.0, -1.0):
         for direction in (-1, 0, 1):
             back = section_map(TURNING.with_params(w=w), ("theta", value, direction), max_time=20.0)

@@ -69,7 +69,7 @@ def test_the_tolerance_is_met_at_precise_images(
     assert (np.abs(images.unwrapped - exact) <= allowance(problems[name], exact, tolerance, tolerance)).all()
 
 
-RANDOM = 20_000  # starts
+RANDOM = 20_000  # initial conditions
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +191,7 @@ def test_maps_at_two_phases_are_conjugate(problems: Mapping[str, ForcedSystem], 
 
 
 def test_whole_turns_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
-    """Up to 3000 rad a period and 40 periods; the angle returned stays in its turn."""
+    """Up to 3000 rad a period and 40 periods; the angle returned stays wrapped."""
     system = problems["forced pendulum"]
     initial_conditions = np.array([[0.0, 500.0], [2.0, -333.0], [3.1, 41.0], [-3.1, 0.1]])
     images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1)
@@ -205,7 +205,7 @@ def test_whole_turns_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], sc
 
 
 def test_free_rotation_loses_nothing_over_many_periods() -> None:
-    """A rotor at 7.25 turns a period: after 2,000 periods the angle is exact to rounding of each."""
+    """A rotor at 7.25 rotations a period: after 2,000 periods the angle is exact to rounding of each."""
     rotor = ForcedSystem(
         lambda t, x, p: (x[1], 0.0 * x[0]), {}, 1.0, (angle("x", "turns", period=1.0, lower=0.0), "rate")
     )
@@ -226,7 +226,7 @@ BATCHES = (1, 2, LANES - 1, LANES, LANES + 1, 3 * LANES + 5)
 def test_an_image_does_not_depend_on_its_neighbours(
     problems: Mapping[str, ForcedSystem], name: str, method: str
 ) -> None:
-    """Bit by bit: order, number and kind of the other starts, and the number of threads."""
+    """Bit by bit: order, number and kind of the other orbits, and the number of threads."""
     strobe = stroboscopic_map(problems[name], method=method)
     initial_conditions = starts_of(name, CHUNK + 777)
     set_threads(1)
@@ -342,7 +342,7 @@ def test_helpers_loops_and_numpy_in_a_right_hand_side(scipy_images: ImagesOf) ->
 
 
 def test_what_is_not_finite_spoils_no_neighbour() -> None:
-    """The right-hand side is not a number where abs(x) > 1: those starts end, all others keep their bits."""
+    """The right-hand side is not a number where abs(x) > 1: those orbits end, all others keep their bits."""
 
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return 0.01 * sqrt(1.0 - x[0] ** 2) - 0.1 * x[0], -x[1] + cos(t)

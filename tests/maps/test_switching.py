@@ -1,4 +1,4 @@
-"""Right-hand sides that jump: sliding and sticking, crossings, events in time; against exact solutions and SciPy.
+"""Discontinuous right-hand sides: sliding and sticking, crossings, events in time; against exact solutions and SciPy.
 
 The oracle works on the plain functions of a system and shares nothing with the integrator: it follows one mode at a
 time with SciPy's DOP853, and at an event tries every mode and takes the one that is consistent.
@@ -656,7 +656,7 @@ def test_grazing(miss: float) -> None:
 
 
 def test_an_image_does_not_depend_on_its_neighbours() -> None:
-    """Bit by bit, whether or not others stick: order and number of the starts, and the number of threads."""
+    """Bit by bit, whether or not others stick: order and number of the orbits, and the number of threads."""
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
     initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (CHUNK + 777, 2)) * (pi, 3.0)
     images = strobe.iterate(initial_conditions, 2).points

@@ -1,4 +1,4 @@
-"""Tests for chaos: what is told apart, and what must not be said."""
+"""Tests for chaos: what is distinguished, and what must not be concluded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 
 TESTS = [exponent_test, zero_one_test]
 
-# Standard map, k = 1.2: circles around the elliptic fixed point (pi, 0) and its mirror image of period 2, and starts
+# Standard map, k = 1.2: circles around the elliptic fixed point (pi, 0) and its mirror image of period 2, and points
 # beside the hyperbolic fixed point (0, 0) in the chaotic sea (Chirikov 1979).
 REGULAR = [[pi, 0.05], [pi, 0.4], [pi + 0.5, 0.1], [0.0, 3.0]]
 CHAOTIC = [[0.1, 0.0], [0.05, 0.1], [0.0, 2.0]]

@@ -70,7 +70,7 @@ def test_the_cat_map() -> None:
 
 
 def test_the_logistic_map() -> None:
-    """ln 2 at mu = 4, for almost every start."""
+    """ln 2 at mu = 4, for almost every initial condition."""
     initial_conditions = np.random.default_rng(0).uniform(0.0, 1.0, (100, 1))
     found = lyapunov_spectrum(systems.logistic_map(), initial_conditions, 2000)
     (mean,), (error,) = found.pooled

@@ -83,7 +83,7 @@ def test_a_table_finds_what_the_exact_map_does(pendulum: PointMap) -> None:
 
 
 def test_fixed_points_of_the_standard_map() -> None:
-    # On the cylinder y may rise by a turn: only (0, 0) and (pi, 0) are fixed; traces are 2 + K and 2 - K.
+    # On the cylinder y may rise by a period: only (0, 0) and (pi, 0) are fixed; traces are 2 + K and 2 - K.
     k = 0.9
     orbits = find_periodic_orbits(standard_map(k), CellGrid((-pi, -pi), (pi, pi), (64, 64)))
     assert {o.kind for o in orbits} == {OrbitKind.SADDLE, OrbitKind.CENTRE}
@@ -122,7 +122,7 @@ def test_jury_agrees_with_the_eigenvalues(dimension: int) -> None:
 
 
 def test_newton_begins_far_away(pendulum: PointMap) -> None:
-    # The saddle beside the inverted state, from starts up to a quarter of a radian and many rad/s away.
+    # The saddle beside the inverted state, from guesses up to a quarter of a radian and many rad/s away.
     saddle = periodic_orbit(pendulum, [2.13, 0.9])
     for guess in ([2.0, 15.0], [2.3, -10.0], [1.95, -5.0]):
         np.testing.assert_allclose(periodic_orbit(pendulum, guess).points, saddle.points, rtol=1e-9)

@@ -1,4 +1,4 @@
-"""Pictures of basins: what is drawn where, in which colour, under which name."""
+"""Basin images: what is drawn where, in which colour, under which name."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def test_colours_of_codes_and_attractors_are_all_different():
 
 
 def test_many_attractors_have_different_colours(pendulum):
-    """Two rounds through the set of twenty."""
+    """Twice through the set of twenty."""
     many = replace(
         pendulum,
         attractors=pendulum.attractors[:1] * 40,

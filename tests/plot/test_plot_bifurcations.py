@@ -1,4 +1,4 @@
-"""Pictures of branches and stability maps: lines against closed forms, cuts at the seam, markers, classes, legends."""
+"""Figures of branches and stability maps: lines against closed forms, branch cuts, markers, classes, legends."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_an_angle_is_cut_at_its_seam() -> None:
     q, theta = places[~np.isnan(places[:, 0])].T
     assert np.abs(np.exp(1j * theta) - np.exp(1j * q)).max() < 1e-11
     assert [theta.min(), theta.max()] == pytest.approx([-pi, pi], abs=1e-14)
-    # The seam is at odd multiples of pi, of which -pi and pi are passed, upwards.
+    # The branch cut is at odd multiples of pi, of which -pi and pi are passed, upwards.
     lifted = np.flatnonzero(np.isnan(places[:, 0]))
     np.testing.assert_allclose(places[lifted - 1], [[-pi, pi], [pi, pi]], atol=1e-10)
     np.testing.assert_allclose(places[lifted + 1], [[-pi, -pi], [pi, -pi]], atol=1e-10)

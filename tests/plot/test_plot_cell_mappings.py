@@ -1,4 +1,4 @@
-"""Pictures of cell mappings."""
+"""Figures of cell mappings."""
 
 from __future__ import annotations
 

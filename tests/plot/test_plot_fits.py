@@ -1,4 +1,4 @@
-"""Pictures of fits and of dimensions."""
+"""Figures of fits and of dimensions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of motions: which curves are drawn, where they are cut, and films that are whole files."""
+"""Figures of motions: which curves are drawn, where they are cut, and films that are whole files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OTHER = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",), "other")
 
 @pytest.fixture(scope="module")
 def motion():
-    """One start swings, the other goes round."""
+    """One orbit swings, the other rotates."""
     return trajectory(PENDULUM, [[0.5, 0.0], [0.5, 3.0]], 3, samples_per_period=16)
 
 

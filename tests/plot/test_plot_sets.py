@@ -1,4 +1,4 @@
-"""Pictures of box sets, Morse graphs and transfer operators."""
+"""Figures of box sets, Morse graphs and transfer operators."""
 
 from __future__ import annotations
 

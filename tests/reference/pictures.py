@@ -1,7 +1,7 @@
-"""Labels of the reference pictures by a program that shares nothing with cellmap: RK4 with 256 steps a period, NumPy.
+"""Labels of the reference images by a program that shares nothing with cellmap: RK4 with 256 steps a period, NumPy.
 Duffing's oscillator, whose boundary has the dimension 1.9, takes 1024 steps.
 
-``python -m tests.reference.pictures`` compares every picture in this folder with its labels, cell by cell.  Attractors
+``python -m tests.reference.pictures`` compares every image in this folder with its labels, cell by cell.  Attractors
 are listed in the order of their colours; an orbit has the label of the one on which it is after many periods.
 """
 
@@ -122,7 +122,7 @@ PICTURES = {
 
 
 def labels(picture: Picture, every: int = 1) -> NDArray[np.uint8]:
-    """Return the colours of the cells of a picture, or of each so many of them, the first axis varying slowest."""
+    """Return the colours of the cells of an image, or of each so many of them, the first axis varying slowest."""
     edges = [np.linspace(a, b, picture.cells + 1) for a, b in zip(picture.lower, picture.upper, strict=True)]
     centres = np.meshgrid(*[(e[1:] + e[:-1]) / 2 for e in edges], indexing="ij")
     z: Any = np.stack([c.ravel()[::every] for c in centres])
@@ -159,7 +159,7 @@ def coloured(picture: Picture, z: Array, colours: NDArray[np.uint8], active: NDA
 
 
 def differing(name: str, every: int = 1) -> float:
-    """Return the fraction of the cells in which a picture differs from its labels."""
+    """Return the fraction of the cells in which an image differs from its labels."""
     from PIL import Image
 
     with Image.open(FOLDER / f"{name}.png") as image:

@@ -110,7 +110,7 @@ def numbers() -> dict[str, float]:
 
 
 def basin_counts(picture: str) -> list[int]:
-    """Return how many of 200 x 200 cells belong to each attractor, by the Runge-Kutta method of the pictures."""
+    """Return how many of 200 x 200 cells belong to each attractor, by the method of the reference images."""
     from .pictures import PICTURES, labels
 
     return np.bincount(labels(PICTURES[picture]._replace(cells=200))).tolist()

@@ -135,7 +135,7 @@ def test_window_across_the_seam_of_an_angle():
 
 @pytest.mark.parametrize("samples", [1, 3, "adaptive"])
 def test_image_of_a_shift_on_a_circle(samples):
-    """A turn by exactly two boxes: each meets the one two places on, and its edges at the most."""
+    """A rotation by exactly two boxes: each meets the one two places on, and its edges at the most."""
     grid = CellGrid((-pi,), (pi,), (16,)).on(SHIFT.coordinates)
     turn = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
     links = box_transitions(BoxSet.full(grid), turn, samples).toarray() > 0

@@ -378,7 +378,7 @@ class TestBasins:
         )
 
     def test_where_areas_are_preserved(self):
-        """A turn by a rational angle has classes all over; the chain stays in hand."""
+        """A rotation by a rational angle has classes everywhere; the chain stays small."""
         chain = generalized_cell_mapping(
             discrete_map(lambda x, p: (-x[1], x[0]), {}, ("x", "y")), CellGrid((-1, -1), (1, 1), (60, 60)), (3, 3)
         )

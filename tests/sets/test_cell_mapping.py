@@ -103,7 +103,7 @@ class TestImages:
 
     @pytest.mark.parametrize("lower", [-pi, 0.0, 1.0])
     def test_angles_go_round(self, lower):
-        """A quarter of a turn on eight cells of a circle, wherever it is cut: two groups of four."""
+        """A rotation by pi/2 on eight cells of a circle, for any branch cut: two groups of four."""
         quarter = discrete_map(lambda x, p: (x[0] + pi / 2,), {}, (angle("theta"),))
         mapping = simple_cell_mapping(quarter, CellGrid((lower,), (lower + 2 * pi,), (8,)))
         assert mapping.images.tolist() == [2, 3, 4, 5, 6, 7, 0, 1]

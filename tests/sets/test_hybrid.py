@@ -1,4 +1,4 @@
-"""Attractors that a uniform grid of starts misses."""
+"""Attractors that a uniform grid of initial conditions misses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def with_a_small_one(x, p):
 
 
 def test_attractor_with_a_tiny_basin_is_found():
-    """Its basin is the notch, 0.008 wide, between two starts of a grid that is 0.028 wide."""
+    """Its basin is the notch, 0.008 wide, between two nodes of a grid that is 0.028 wide."""
     point_map = discrete_map(with_a_small_one, {}, ("x",))
     initial_conditions = CellGrid((-0.2,), (1.2,), (50,))
     by_grid = find_attractors(point_map, initial_conditions.centres())
@@ -37,7 +37,7 @@ def test_attractor_with_a_tiny_basin_is_found():
 
 @pytest.mark.slow
 def test_magnetic_pendulum_in_four_dimensions():
-    """Only boxes near what recurs are stored: a share of less than a thousandth of 64^4."""
+    """Only boxes near recurrent sets are stored: less than a thousandth of 64^4."""
     point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)
     window = CellGrid((-1.6, -1.6, -1.5, -1.5), (1.61, 1.61, 1.52, 1.52), (4,) * 4)
     found = find_attractors_by_subdivision(point_map, window, 2, samples=2, max_initial_conditions=200)

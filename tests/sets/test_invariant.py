@@ -29,7 +29,7 @@ OCCUPIED = {4: 17, 5: 36, 6: 89, 7: 212, 8: 504, 9: 1184, 10: 2775}
 
 @pytest.fixture(scope="module")
 def orbit():
-    """Two hundred thousand points of it, from starts close to each other that lose all memory of that."""
+    """Two hundred thousand points of it, from initial conditions close to each other, which the orbits forget."""
     initial_conditions = 0.1 + 0.01 * np.random.default_rng(0).random((400, 2))
     return henon_map().orbit(initial_conditions, 600).points[100:].reshape(-1, 2)
 

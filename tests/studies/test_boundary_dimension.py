@@ -1,4 +1,4 @@
-"""The study of the pendulum's boundary: smooth, fractal, and what boxes on lines and in pictures say."""
+"""The study of the pendulum's boundary: smooth, fractal, and measured by boxes on lines and in images."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def test_swings_are_their_own_mirror_image_up_to_the_pitchfork(rod: dict[str, Ca
     for branch, mirrored in ((symmetric, True), (skew, False)):
         middle = 0.5 * (branch.values[0] + branch.values[-1])
         first, second = branch.orbits_at(float(middle))[0].points
-        # The mirror turns angles and rates about; the inverted state is its own image on the circle.
+        # The mirror image has opposite angles and velocities; the inverted state is its own image on the circle.
         apart = np.abs(np.exp(1j * second[0]) - np.exp(-1j * first[0])) + abs(second[1] + first[1])
         assert (apart < 1e-6) == mirrored
 
@@ -94,7 +94,7 @@ def test_it_runs_quickly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     result = cascade.compute(60, 100, 5)
     cascade.report(result)
     assert "is chaotic from" in capsys.readouterr().out
-    # Beyond the swings all starts rotate; with weak damping they tumble in the end.
+    # Beyond the swings all orbits rotate; with weak damping they tumble in the end.
     for route, last in ((result.rod, "rotations"), (result.weak, "tumbling")):
         parts = cascade.basin_fractions(route.basins)
         np.testing.assert_allclose(sum(parts.values()), 1.0, rtol=1e-12)

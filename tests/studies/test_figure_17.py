@@ -34,7 +34,7 @@ def test_a_release_needs_what_averaging_says_beyond_the_multipliers() -> None:
 
 
 def test_whole_turns_are_falls_and_the_seam_is_none() -> None:
-    """At 3 Hz and 73 mm the state at rest on the seam is stable; without much drive the rod falls."""
+    """At 3 Hz and 73 mm the state at rest on the branch cut is stable; without much drive the rod falls."""
     strobe = swept_map(stroboscopic_map(driven_pendulum(length=0.069, damping=2.5)), "amplitude", "frequency")
     amplitudes = np.linspace(0.0721, 0.0748, 20)[:, None]
     assert figure_17.stays_up(strobe, amplitudes, np.array([3.0]), 400).all()

@@ -182,7 +182,7 @@ def test_the_double_pendulum_after_one_period() -> None:
 
 
 def linear_modes(system: ForcedSystem, state: tuple[float, ...]) -> NDArray[np.float64]:
-    """Eigenvalues lambda of small motions q'' = -g lambda q about a rest state, by complex steps."""
+    """Eigenvalues lambda of small motions q'' = -g lambda q about an equilibrium, by complex steps."""
     links = len(state)
     rhs = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
     columns = []
@@ -218,7 +218,7 @@ def test_small_motions_of_the_triple_pendulum(state: tuple[float, ...]) -> None:
 
 
 def floquet(system: ForcedSystem, state: tuple[float, ...]) -> float:
-    """Largest multiplier of a rest state, by the linear equation along it."""
+    """Largest multiplier of an equilibrium, by the linear equation along it."""
     n = 2 * len(state)
     rhs = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
 

@@ -78,7 +78,7 @@ def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.flo
 
 
 def starts_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
-    """Random starts whose orbits are not on their way to infinity after a period."""
+    """Random initial conditions whose orbits are not divergent after a period."""
     initial_conditions = random_starts(system, 10 * count)
     images = stroboscopic_map(system).iterate(initial_conditions, 1).unwrapped
     farthest = [inf if c.period else 10.0 * span for c, span in zip(system.axes, span_of(system), strict=True)]
@@ -215,7 +215,7 @@ def test_every_side_is_smooth_and_periodic_and_is_what_its_trace_says(name: str)
 
 @EVERY_FLOW
 def test_angles_are_angles(name: str) -> None:
-    """A whole turn of an angle changes nothing."""
+    """A full rotation of an angle changes nothing."""
     system = FACTORIES[name]()
     for x in random_starts(system, 5):
         for j, coordinate in enumerate(system.axes):

@@ -74,7 +74,7 @@ def test_the_bob_rests_near_each_magnet() -> None:
 
 
 def test_three_basins_of_equal_size() -> None:
-    """Bobs released at rest on circles around the middle; the labels turn with the starts."""
+    """Bobs released at rest on circles around the middle; the labels rotate with them."""
     radii, phases = np.meshgrid(np.linspace(0.1, 2.5, 12), 2.0 * pi * (np.arange(30) + 0.5) / 30.0)
     initial_conditions = np.zeros((*radii.shape, 4))
     initial_conditions[..., 0], initial_conditions[..., 1] = radii * np.cos(phases), radii * np.sin(phases)

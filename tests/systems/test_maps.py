@@ -39,7 +39,7 @@ def test_areas() -> None:
 
 
 def test_henons_bounded_share() -> None:
-    """0.4319 on 1000^2 starts of [-2, 2]^2 (REFERENCES.md)."""
+    """0.4319 on 1000^2 points of [-2, 2]^2 (REFERENCES.md)."""
     basins = find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200)))
     assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
 
@@ -55,7 +55,7 @@ def test_the_attractors_of_the_grebogi_ott_yorke_map_share_the_cylinder() -> Non
 
 @pytest.mark.parametrize(("degree", "growth"), [(3, 1.5), (2, 1.5), (3, 2.5)])
 def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
-    """Starts above the closed form escape upwards, those below downwards; on [-2, 2] each side has a half."""
+    """Points above the closed form escape upwards, those below downwards; on [-2, 2] each side has a half."""
     n, terms = 100, 60
     # Abscissae are odd multiples of 1/(2 n), so that turns^k x is known exactly, modulo 1.
     numerators = [2 * i + 1 for i in range(n)]
@@ -104,7 +104,7 @@ def test_the_standard_map_is_reversible() -> None:
 
 
 def test_an_accelerator_mode() -> None:
-    """For k = 2 pi the kicks at theta = pi/2 add a turn of momentum each."""
+    """For k = 2 pi the kicks at theta = pi/2 add 2 pi of momentum each."""
     image = standard_map(2.0 * pi).iterate([0.5 * pi, 0.0], 10)
     assert image.points == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
     assert image.rotations[1] == 10

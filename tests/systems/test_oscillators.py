@@ -170,7 +170,7 @@ def test_the_exponents_of_uedas_attractor() -> None:
 
 
 def test_the_lip_of_the_helmholtz_oscillator() -> None:
-    """Without the force it is a saddle with the exponents -b/2 +- sqrt(b^2/4 + 1); starts beyond it diverge."""
+    """Without the force it is a saddle with the exponents -b/2 +- sqrt(b^2/4 + 1); orbits beyond it diverge."""
     system = helmholtz_oscillator(forcing=0.0)
     strobe = stroboscopic_map(system)
     rates = np.log(np.linalg.eigvals(jacobian(strobe, [1.0, 0.0])).real) / system.length

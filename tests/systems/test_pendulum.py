@@ -128,7 +128,7 @@ def test_kapitzas_angle(amplitude: float, critical: float) -> None:
 
 
 def test_rotations() -> None:
-    """At 3 mm two rotations of a turn a period, mirror images of each other."""
+    """At 3 mm two rotations in step with the drive, mirror images of each other."""
     strobe = stroboscopic_map(driven_pendulum(), rtol=1e-12, atol=1e-12)
     theta, v = 2.520339579944, 1.019933227842
     initial_conditions = np.array([[theta, v * W], [-theta, -v * W]])

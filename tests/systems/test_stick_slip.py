@@ -32,7 +32,7 @@ def test_the_friction_falls_from_rest_and_then_grows() -> None:
 def test_coulombs_friction_on_a_belt_exactly() -> None:
     """Stuck, the mass moves with the belt until the spring overcomes the friction; then it is on a circle about mu_s.
 
-    The circle has the radius of the belt's speed and touches it once in each turn.
+    The circle has the radius of the belt's speed and touches it once in each revolution.
     """
     period = 7.0
     system = stick_slip_oscillator(BELT, STATIC, STATIC, damping=0.0, forcing=0.0, frequency=2.0 * pi / period)
@@ -70,7 +70,7 @@ def test_steady_sliding_is_stable_above_the_critical_damping(share: float) -> No
 
 
 def test_stick_slip_vibrations() -> None:
-    """Where steady sliding is unstable, all starts end in one cycle, which sticks for a part of its time."""
+    """Where steady sliding is unstable, all orbits end in one cycle, which sticks for a part of its time."""
     system = stick_slip_oscillator(damping=0.02, forcing=0.0, frequency=1.0)
     strobe = stroboscopic_map(system)
     initial_conditions = strobe.iterate([[0.3, 0.01], [2.0, 1.0], [0.0, BELT]], 80).points

@@ -182,5 +182,5 @@ def test_arithmetic_means_what_python_means(steps: list[tuple[str, float, bool]]
             )
             for p in pairs
         )
-    # Adding 0.0 turns -0.0 into 0.0: the graph drops that addition, so zeros may differ in sign.
+    # The sum of -0.0 and 0.0 is 0.0: the graph drops that addition, so zeros may differ in sign.
     assert evaluate(graph.lift(symbol), value) == pytest.approx(number, rel=0, abs=0, nan_ok=True)

@@ -27,7 +27,7 @@ def images(
     steps: int,
     length: float | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Images after `steps` equal steps from t = 0, and the summed error estimates; at most one block of starts."""
+    """Images after `steps` equal steps from t = 0, and the summed error estimates; at most one block."""
     block = np.zeros((1, system.dimension, LANES))
     block[0, :, : len(initial_conditions)] = initial_conditions.T
     errors = np.empty_like(block)

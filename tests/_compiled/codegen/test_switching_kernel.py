@@ -1,4 +1,4 @@
-"""Kernels of right-hand sides that jump: roots of events, and loops over lanes that are vector code."""
+"""Kernels of discontinuous right-hand sides: roots of events, and loops over lanes that are vector code."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ UNIT = CellGrid((0.0,), (1.0,), (1,))
 
 
 def tent(slope: float) -> PointMap:
-    """Of each interval between holes the share 2/slope stays: the escape rate is ln(slope/2)."""
+    """Of each interval between holes the fraction 2/slope stays: the escape rate is ln(slope/2)."""
     return discrete_map(lambda x, p: (0.5 * p.s - p.s * abs(x[0] - 0.5),), {"s": slope}, ("x",))
 
 
@@ -62,7 +62,7 @@ def test_standard_error_is_that_of_repetitions() -> None:
 
 
 def test_escape_in_two_dimensions_with_a_circle() -> None:
-    """A circle that turns beside the tent changes nothing, and an axis of a whole turn is not left."""
+    """A circle that turns beside the tent changes nothing, and an axis of a whole period is not left."""
 
     def both(x: Any, p: Any) -> tuple[float, float]:
         return x[0] + 0.7 + 0.1 * cos(x[0]), 1.5 - 3.0 * abs(x[1] - 0.5)

@@ -109,7 +109,7 @@ def test_chaotic_edge_is_not_called_periodic() -> None:
 
 
 def test_edge_across_the_seam_of_a_circle() -> None:
-    """x' = x - 0.4 sin(2 x) rests at 0 and pi, with the edges between them at +-pi/2; the circle is cut next to one."""
+    """x' = x - 0.4 sin(2 x) rests at 0 and pi, with the edges between them at +-pi/2; the branch cut is next to one."""
     from math import sin
 
     circle = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=1.57), "y"))

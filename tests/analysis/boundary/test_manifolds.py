@@ -120,7 +120,7 @@ def test_henons_unstable_manifold_lies_on_the_attractor() -> None:
 
 @pytest.fixture(scope="module")
 def henon_basin() -> Basins:
-    """One basin; all other starts diverge."""
+    """One basin; all other orbits diverge."""
     return find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 150)))
 
 
@@ -188,7 +188,7 @@ def test_inverse_of_the_stroboscopic_map() -> None:
 
 
 def test_mirror_symmetry_and_seam_of_the_standard_map() -> None:
-    """(x, y) -> (-x, -y) carries each branch of the saddle at (0, 0) into the other, across the seam at pi."""
+    """(x, y) -> (-x, -y) carries each branch of the saddle at (0, 0) into the other, across the branch cut at pi."""
     k = 1.2
     chirikov = standard_map(k)
     saddle = next(
@@ -200,7 +200,7 @@ def test_mirror_symmetry_and_seam_of_the_standard_map() -> None:
     found = saddle_manifold(chirikov, saddle, "unstable", window, length=3.0)
     one, other = (finite(b.points) - saddle.points[0] for b in found.branches)
     assert cKDTree(_dense(-other)).query(one)[0].max() < 1e-4
-    assert np.ptp(one[:, 0]) > 1.5 * pi  # from saddle to saddle, without a jump at the seam
+    assert np.ptp(one[:, 0]) > 1.5 * pi  # from saddle to saddle, without a jump at the branch cut
     assert np.abs(np.diff(one, axis=0)).max() < 0.1 * 2 * pi
 
 

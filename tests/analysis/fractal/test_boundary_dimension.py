@@ -1,4 +1,4 @@
-"""Box counting of boundaries: exact pictures in any dimension, published boundaries, what must not be said."""
+"""Box counting of boundaries: exact images in any dimension, published boundaries, what must not be concluded."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def test_discs_of_many_sizes_are_not_fractal(seed):
 def test_smooth_boundary_near_its_onset_is_not_called_fractal():
     """Moon and Li's oscillator at f = 0.088: Melnikov's criterion 0.0881, manifolds touch at 0.0884 (studies.melnikov).
 
-    In a picture slopes wander between 1.2 and 1.4; by pairs at smaller distances the exponent is 1.
+    In an image slopes wander between 1.2 and 1.4; by pairs at smaller distances the exponent is 1.
     """
     exact = stroboscopic_map(systems.moon_li_duffing(0.15, 0.088, 0.8333))
     icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (300, 300)))
@@ -231,7 +231,7 @@ def test_smooth_boundary_of_the_pendulum():
     assert low <= 1.0 <= high
     assert near.dimension == pytest.approx(1.0, abs=0.01)
     assert not near.fractal
-    # Farther out the arms are so thin that the picture shows no law yet: the error says so.
+    # Farther out the arms are so thin that the image shows no power law yet: the error says so.
     far = find_basins(icm, CellGrid((-pi, -500.0), (pi, 500.0), (600, 600)))
     for samples in (None, 1, 2):
         found = boundary_dimension(far, lattice=samples)

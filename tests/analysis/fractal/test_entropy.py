@@ -51,9 +51,9 @@ def test_map_of_grebogi_ott_and_yorke(grebogi):
 
 
 def test_map_of_grebogi_ott_and_yorke_where_it_was_published():
-    """0.403 and 0.603 to all digits, of starts that lie on the edges of the window too (Daza et al. 2016).
+    """0.403 and 0.603 to all digits, of initial conditions on the edges of the window too (Daza et al. 2016).
 
-    Half a cell makes a difference of 0.005: the boundary is as fine as the cells, and no picture of it is like another.
+    Half a cell makes a difference of 0.005: the boundary is as fine as the cells, and no two images of it are alike.
     """
     axes = np.linspace(0.0, 2 * pi, 300), np.linspace(-0.5, 0.5, 300)
     initial_conditions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

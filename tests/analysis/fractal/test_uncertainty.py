@@ -183,7 +183,7 @@ def test_a_line_is_not_fractal(seed):
 
 
 def test_narrow_stripes_are_not_fractal():
-    """Smooth basins that the larger distances do not resolve: the share rises from constant to proportional."""
+    """Smooth basins that the larger distances do not resolve: the fraction rises from constant to proportional."""
     stripes = discrete_map(lambda x, p: (x[0], 0.0 * x[1]), {}, ("x", "y"))
 
     def stripe(points):
@@ -203,7 +203,7 @@ def test_no_boundary():
 
 
 def test_undecided_starts_spoil_a_distance():
-    """A share that rests on starts that were given up too early is not fitted."""
+    """A fraction with too many undecided initial conditions is not fitted."""
     distances = 2.0 ** -np.arange(6.0, 12.0)
     counts = np.full(6, 10_000)
     hits = np.round(10_000 * distances**0.5).astype(int)
@@ -220,7 +220,7 @@ def test_undecided_starts_spoil_a_distance():
 
 
 def test_diverging_starts_count_on_demand():
-    """Henon's map: the boundary between bounded and diverging starts, fractal; without it there is one basin only."""
+    """Henon's map: the boundary between bounded and divergent orbits, fractal; without it there is one basin only."""
     henon, region = systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (10, 10))
     basins = find_basins(henon, CellGrid((-2.0, -2.0), (2.0, 2.0), (64, 64)))
     alone = uncertainty_exponent(basins, region, max_pairs=5000)
@@ -283,7 +283,7 @@ def test_errors_of_the_monte_carlo(change, message):
         uncertainty_exponent(**given)
 
 
-# --- from pictures
+# --- from images
 
 
 def disc(cells):
@@ -369,7 +369,7 @@ def test_basins_of_single_starts_are_no_picture():
         image_uncertainty_exponent(basins)
 
 
-# --- pictures of the result
+# --- figures of the result
 
 
 def test_plot():

@@ -1,4 +1,4 @@
-"""Wada basins: constructed pictures, published parameters of the forced pendulum, and what is not said."""
+"""Wada basins: constructed images, published parameters of the forced pendulum, and what is not concluded."""
 
 from __future__ import annotations
 

@@ -290,12 +290,12 @@ def test_shock_out_of_a_ball_in_three_dimensions() -> None:
 
 
 def test_shock_goes_the_shorter_way_round_a_circle() -> None:
-    """x' = x + sin(x)/2 pulls to pi, where the circle is cut; its basin ends at 0, a bump bounds it in y at 1."""
+    """x' = x + sin(x)/2 pulls to pi, the branch cut; its basin ends at 0, a bump bounds it in y at 1."""
     shift = discrete_map(
         lambda x, p: (x[0] + 0.5 * cos(x[0] - 2.5), 0.5 * x[1] * (1 + x[1] ** 2)), {}, (angle("a"), "y")
     )
     basins = find_basins(shift, CellGrid((-pi, -1.5), (pi, 1.5), (90, 60)))
-    # Stable where the cosine falls through 0: at 2.5 + pi/2 - 2 pi; unstable half a turn away.
+    # Stable where the cosine falls through 0: at 2.5 + pi/2 - 2 pi; unstable half a circle away.
     assert basins.attractors[0].points[0] == pytest.approx([2.5 + pi / 2 - 2 * pi, 0.0], abs=1e-9)
     far = minimal_fatal_shock(basins, 0, point=(-pi + 0.01, 0.9), scale=(1.0, 1.0))
     assert far.size == pytest.approx(0.1, abs=1e-9)
@@ -303,7 +303,7 @@ def test_shock_goes_the_shorter_way_round_a_circle() -> None:
 
 @pytest.mark.parametrize("cut", [-pi, 0.0, 0.3, 17.0])
 def test_shocks_do_not_depend_on_where_a_circle_is_cut(cut: float) -> None:
-    """x' = x - 0.4 sin 2x: attractors at 0 and pi, half a turn of basin each."""
+    """x' = x - 0.4 sin 2x: attractors at 0 and pi, half a circle of basin each."""
     halves = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=cut), "y"))
     basins = find_basins(halves, CellGrid((cut, -1.0), (cut + 2 * pi, 1.0), (64, 20)))
     for k in (0, 1):
@@ -422,7 +422,7 @@ def test_largest_ball_goes_round_a_circle_and_stops_at_a_window() -> None:
     labels = np.zeros((20, 11), int)
     labels[:4], labels[-5:] = 1, 1
     closed = largest_ball(labels, 1, wraps=(True, False))
-    assert closed.radius == 5.0  # nine rows across the seam: from the middle one to the first beyond
+    assert closed.radius == 5.0  # nine rows across the branch cut: from the middle one to the first beyond
     assert closed.centre[0] in (19.5, 0.5 - 0.0)
     opened = largest_ball(labels, 1)
     assert opened.radius == 3.0
@@ -583,7 +583,7 @@ def test_tipping_refuses_other_windows(cubic: PointMap, line: Basins) -> None:
         tipping_probabilities(line, find_basins(cubic, CellGrid((-1.4,), (1.5,), (300,))))
 
 
-# --- pictures
+# --- figures
 
 
 def whole_turns_off(apart: Any, basins: Basins) -> Any:
@@ -627,9 +627,7 @@ def test_pictures_of_one_coordinate(line: Basins) -> None:
     assert [round_[:, 0].min(), round_[:, 0].max()] == pytest.approx(ball.centre[0] + ball.radius * np.array([-1, 1]))
     turning = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]),), {}, (angle("a"),))
     circle = find_basins(turning, CellGrid((-pi,), (pi,), (64,)))
-    seam = plot.fatal_shock(
-        minimal_fatal_shock(circle, 1, scale=1.0), basins=circle
-    )  # about pi, where the circle is cut
+    seam = plot.fatal_shock(minimal_fatal_shock(circle, 1, scale=1.0), basins=circle)  # about pi, the branch cut
     assert np.nanmax(np.abs(np.asarray(seam.get_lines()[0].get_xydata())[:, 0])) <= pi + 1e-12
 
 

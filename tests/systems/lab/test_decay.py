@@ -1,4 +1,4 @@
-"""Decay profiles: the parabola, kinds of damping told apart, and the natural frequency."""
+"""Decay profiles: the parabola, kinds of damping identified, and the natural frequency."""
 
 from __future__ import annotations
 

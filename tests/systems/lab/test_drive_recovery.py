@@ -194,7 +194,7 @@ def recovered(name: str) -> list[RecoveredDrive]:
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_error_bars_cover_the_truth(name: str) -> None:
-    """95 % within 1.96; of 60 seeds times parameters a share of 88 % and less has a chance below 0.001."""
+    """95 % within 1.96; of 60 seeds times parameters a fraction of 88 % and less has a chance below 0.001."""
     drive, _ = RECORDS[name]
     found = recovered(name)
     right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
@@ -351,7 +351,7 @@ def test_saturated_samples_are_left_out() -> None:
     for faults in ({}, {"noise": 3.0}, {"noise": 3.0, "bits": 10}):
         record = record_acceleration(SINE, TIMES, full_scale=200.0, **faults)  # type: ignore[arg-type]
         found = recover_drive(TIMES, record)
-        # Of a sine of 265.8 m/s^2, the share beyond 200 is 1 - 2/pi asin(200/265.8) = 0.459; a little more with noise.
+        # A fraction 1 - 2/pi asin(200/265.8) = 0.459 of a sine of 265.8 m/s^2 is beyond 200; a little more with noise.
         assert found.clipped / 2000 == pytest.approx(0.459, abs=0.06)
         assert found.amplitudes[0] == pytest.approx(0.003, abs=4 * found.amplitude_errors[0] + 1e-10)
     told = recover_drive(TIMES, record, limits=(-150.0, 150.0))

@@ -25,7 +25,7 @@ def swinging(rate: float = 9.0) -> Any:
 
 
 def square(column: float, row: float) -> Any:
-    """Picture of a bright square along the pixels, by the share of each pixel that it covers."""
+    """Image of a bright square along the pixels, by the fraction of each pixel that it covers."""
 
     def covered(n: int, middle: float) -> Any:
         k = np.arange(n)
@@ -35,7 +35,7 @@ def square(column: float, row: float) -> Any:
 
 
 def disc(column: float, row: float) -> Any:
-    """Picture of a bright disc, from 64 points of each pixel."""
+    """Image of a bright disc, from 64 points of each pixel."""
     fine = np.arange(24 * 8) / 8.0 - 7.0 / 16.0
     left, top = int(column) - 12, int(row) - 12
     inside = np.hypot(fine + left - column, (fine + top - row)[:, None]) < 5.0
@@ -79,7 +79,7 @@ def test_a_sharp_disc_that_hardly_moves(blur: float) -> None:
 
 
 def lit(slope: float) -> Any:
-    """Disc that is brighter at its right end than in its middle, by this share."""
+    """Disc that is brighter at its right end than in its middle, by this fraction."""
     columns = np.arange(SHAPE[1])
     return lambda column, row: 0.8 * disc(column, row) * (1.0 + slope * (columns - column) / 5.0)
 

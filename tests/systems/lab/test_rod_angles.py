@@ -97,7 +97,7 @@ def test_standard_errors_cover() -> None:
 
 
 def test_gaps_and_their_edges() -> None:
-    """No angle in a gap, no rate within half a window of it; all rates where one-sided ones are asked for."""
+    """No angle in a gap, no rate within half a window of it; every rate where one-sided ones are asked for."""
     angles = 2.0 * np.sin(4.0 * TIMES)
     for absent in (False, True):
         tracks = tracks_of(TIMES, angles, hidden=range(60, 66))
@@ -118,7 +118,7 @@ def test_gaps_and_their_edges() -> None:
 
 
 def test_turns_across_a_long_gap_are_not_known() -> None:
-    """At 20 rad/s half a turn takes 0.157 s: 0.1 s leave no doubt, 0.25 s do, and a new stretch begins."""
+    """At 20 rad/s half a rotation takes 0.157 s: 0.1 s leave no doubt, 0.25 s do, and a new stretch begins."""
     for frames, stretches in ((20, 1), (50, 2)):
         found = joint_angles(tracks_of(TIMES, 20.0 * TIMES, hidden=range(60, 60 + frames - 1)), [PIVOT])
         assert found.stretches.max() + 1 == stretches

@@ -229,7 +229,7 @@ def test_a_free_marker_is_found_after_a_long_time() -> None:
 
 
 def test_markers_that_cross() -> None:
-    """Two links folded over each other: merged, flagged, and told apart again."""
+    """Two links folded over each other: merged, flagged, and distinguished again."""
     rods = (Rod(0, CENTRE, 35.0), Rod(1, 0, 34.0))
     look = Look(pivot_marker=False, marker_radius=4.0)
     recording = render_film(turning((0.035, 0.034), (0.3, 0.9), (2.0, 11.0)), CAMERA, times_at(200.0, 190), look)
@@ -292,7 +292,7 @@ def test_a_hidden_pivot_that_moves_vertically() -> None:
 
 
 def test_a_shaken_pivot_of_a_rod_that_goes_round() -> None:
-    """Fifty shakes a second at 1000 frames, twice a turn flat: known points within rounding, or none at all."""
+    """Fifty shakes a second at 1000 frames, twice a rotation flat: known points within rounding, or none at all."""
     times = np.arange(1000) / 1000.0
     rows, angles = 40.0 + 4.0 * np.cos(2.0 * pi * 50.0 * times + 1.0), 25.0 * times
     ends = np.stack([60.0 + 50.0 * np.sin(angles), rows + 50.0 * np.cos(angles)], axis=-1)
