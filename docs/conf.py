@@ -87,4 +87,4 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": ["theme-version"],
 }
-html_sidebars = {"index": [], "how-to": []}
+html_sidebars = {page: [] for page in ("index", "how-to", "auto/tutorials/*", "auto/examples/*")}

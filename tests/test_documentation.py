@@ -53,6 +53,7 @@ def test_programs_run(page, tmp_path, monkeypatch):
         printed[line] = f"{printed.get(line, '')} {' '.join(map(str, values))}"
 
     names: dict[str, object] = {"__name__": "__main__", "print": kept}
+    texts = alternative_texts(page)
     for number, text in enumerate(programs(page), 1):
         if text == SHOWN:
             names |= shown()[0]
@@ -64,7 +65,16 @@ def test_programs_run(page, tmp_path, monkeypatch):
                 for given in numbers:
                     last = 10.0 ** -len(given.partition(".")[2])
                     assert any(abs(v - float(given)) < 0.51 * last for v in found), (given, printed[line])
+        assert text == SHOWN or len(plt.get_fignums()) == texts[number - 1], (
+            f"a text for each figure of program {number}"
+        )
         plt.close("all")
+
+
+def alternative_texts(page: Path) -> list[int]:
+    """Return how many figures with alternative texts the site shows after each program of a page."""
+    _, *after = re.split(r"^```python\n.*?^```", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return [len(re.findall(r"^<!-- figure: .{20,} -->$", text, re.MULTILINE)) for text in after]
 
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"

@@ -11,6 +11,7 @@ import re
 import shutil
 from contextlib import chdir, redirect_stdout
 from io import StringIO
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -59,19 +60,17 @@ def drawn(docname: str, text: str) -> Path:
 def draw_all(text: str, folder: Path) -> None:
     """Run the programs of a text, and save the figures that each draws."""
     names: dict[str, object] = {"__name__": "__main__"}
-    count = 0
     pieces = PROGRAM.split(text)
-    for program, after in zip(pieces[1::2], pieces[2::2], strict=True):
-        with TemporaryDirectory() as elsewhere, chdir(elsewhere), redirect_stdout(StringIO()):
+    numbers = count()
+    with TemporaryDirectory() as elsewhere, chdir(elsewhere), redirect_stdout(StringIO()):
+        for program, after in zip(pieces[1::2], pieces[2::2], strict=True):
             exec(compile(program, "program", "exec"), names)
-        asked = len(STATED.findall(after))
-        if asked != len(plt.get_fignums()):
-            message = f"{len(plt.get_fignums())} figures, {asked} alternative texts after this program:\n{program}"
-            raise ValueError(message)
-        for number in plt.get_fignums():
-            plt.figure(number).savefig(folder / f"{count:03d}.png", dpi=100, bbox_inches="tight")
-            count += 1
-        plt.close("all")
+            drawn, asked = plt.get_fignums(), len(STATED.findall(after))
+            if asked != len(drawn):
+                raise ValueError(f"{len(drawn)} figures, {asked} alternative texts after this program:\n{program}")
+            for number, place in zip(drawn, numbers, strict=False):
+                plt.figure(number).savefig(folder / f"{place:03d}.png", dpi=100, bbox_inches="tight")
+            plt.close("all")
 
 
 def setup(app: Sphinx) -> None:
