@@ -65,9 +65,7 @@ def test_programs_run(page, tmp_path, monkeypatch):
                 for given in numbers:
                     last = 10.0 ** -len(given.partition(".")[2])
                     assert any(abs(v - float(given)) < 0.51 * last for v in found), (given, printed[line])
-        assert text == SHOWN or len(plt.get_fignums()) == texts[number - 1], (
-            f"a text for each figure of program {number}"
-        )
+        assert text == SHOWN or len(plt.get_fignums()) == texts[number - 1], f"texts for figures, program {number}"
         plt.close("all")
 
 
