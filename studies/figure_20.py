@@ -161,9 +161,9 @@ def draw(result: Result) -> tuple[Figure, Figure]:
     series, rows = plt.subplots(4, 1, figsize=(9.0, 8.5), layout="constrained", height_ratios=(3, 3, 1, 1))
     motion = result.flipping
     for j, (ax, link) in enumerate(zip(rows[:2], LINKS, strict=True)):
-        half_turns = motion.states[:, j] / pi
-        ax.plot(motion.times, half_turns, lw=0.8, color="0.4")
-        ax.plot(motion.times[:: motion.samples], half_turns[:: motion.samples], "o", ms=3, color="#0072B2")
+        multiples = motion.states[:, j] / pi
+        ax.plot(motion.times, multiples, lw=0.8, color="0.4")
+        ax.plot(motion.times[:: motion.samples], multiples[:: motion.samples], "o", ms=3, color="#0072B2")
         ax.yaxis.set_major_locator(MultipleLocator(1.0))
         ax.grid(axis="y")
         ax.set(ylabel=f"angle of the {link} link (π)", xlim=(0.0, motion.times[-1]))

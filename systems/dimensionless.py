@@ -78,7 +78,7 @@ class ScaledVerticalDrive(Effect):
     @property
     def terms(self) -> Terms:
         """Acceleration of the pivot."""
-        return Terms(vertical=_scaled_acceleration, place=_scaled_height, period=_one_turn)
+        return Terms(vertical=_scaled_acceleration, place=_scaled_height, period=_whole_circle)
 
     @property
     def vanishes(self) -> bool:
@@ -94,7 +94,7 @@ def _scaled_height(t: float, p: Any) -> tuple[float, float]:
     return 0.0, p.beta * cos(t)
 
 
-def _one_turn(p: Any) -> float:
+def _whole_circle(p: Any) -> float:
     return 2.0 * pi
 
 

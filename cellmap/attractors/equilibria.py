@@ -27,7 +27,7 @@ _SAMPLE = 256
 _PERIODS = 16  # in which orbits near the edge have to come closer
 
 
-def sets_of_equilibria(
+def sticking_sets(
     point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
 ) -> list[Attractor]:
     """Return the attracting sticking sets (continua of equilibria) on which some orbits rest, without the known ones.

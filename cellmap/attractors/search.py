@@ -17,7 +17,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .chaos import chaotic_attractors
-from .equilibria import sets_of_equilibria
+from .equilibria import sticking_sets
 from .examined import Examined
 from .guesses import LOOKED_AT, guesses_of
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
@@ -149,7 +149,7 @@ def sort_out(
         fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
         # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
-        fresh += sets_of_equilibria(point_map, others, extent, attractors)
+        fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
         if not fresh:

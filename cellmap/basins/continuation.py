@@ -273,7 +273,7 @@ def _resumed(
     if not isinstance(resume, BasinContinuation):
         raise TypeError(f"resume={resume!r}: give a BasinContinuation, such as the `partial` of an interrupt")
     others = {key: value for key, value in point_map.params.items() if key != name}
-    same_starts = type(initial_conditions) is type(resume.initial_conditions) and (
+    same_initial_conditions = type(initial_conditions) is type(resume.initial_conditions) and (
         initial_conditions == resume.initial_conditions
         if isinstance(initial_conditions, CellGrid)
         else np.array_equal(initial_conditions, np.asarray(resume.initial_conditions))
@@ -281,7 +281,7 @@ def _resumed(
     for what, fits in (
         ("system", (resume.system, resume.coordinates) == (point_map.name, point_map.coordinates)),
         ("parameters", resume.parameter == name and resume.params == others),
-        ("initial_conditions", same_starts),
+        ("initial_conditions", same_initial_conditions),
         ("settings", resume.settings == settings),
         ("values", np.array_equal(resume.values, axis[: len(resume.values)])),
     ):

@@ -38,14 +38,14 @@ def diagram(view: View, frame: LiveFrame, parameter: Any, lower: Any, upper: Any
     if not frame.attractors:
         raise ValueError("image has no attractor to follow: take another window or other parameters")
     identities = tuple(frame.attractors)
-    starts = np.stack([frame.attractors[k].points[0] for k in identities])
+    points_now = np.stack([frame.attractors[k].points[0] for k in identities])
     sides = []
     for follow, end in (("down", low), ("up", high)):
         if (end - now) * (1 if follow == "up" else -1) <= 0.0:
             continue  # the present value lies outside of the range
         values = np.sort(np.linspace(now, end, _VALUES))
         found = bifurcation_diagram(
-            point_map, name, values, starts, follow, _TRANSIENT, _RECORDED, max_period=16, exponents=False
+            point_map, name, values, points_now, follow, _TRANSIENT, _RECORDED, max_period=16, exponents=False
         )
         sides.append((values, found.points))
     if not sides:

@@ -185,9 +185,9 @@ def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits
             rounds = (v - c.lower) / c.period
             if abs(rounds - round(rounds)) < 1e-6:
                 v = min(c.lower + c.period, c.lower, key=abs)
-            half_turns = round(2.0 * v / c.period)
-            if isclose(c.period, 2 * pi) and half_turns and abs(v - half_turns * pi) < 1e-6:
-                texts.append({1: "π", -1: "-π"}.get(half_turns, f"{half_turns}π"))
+            half_periods = round(2.0 * v / c.period)
+            if isclose(c.period, 2 * pi) and half_periods and abs(v - half_periods * pi) < 1e-6:
+                texts.append({1: "π", -1: "-π"}.get(half_periods, f"{half_periods}π"))
                 continue
         texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 else "0")
     return ", ".join(texts)

@@ -90,7 +90,7 @@ def multiple_of_pi(x: float) -> str:
     return f"${sign}{count}\\pi{'' if d == 1 else f'/{d}'}$"
 
 
-def cut_at_seams(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def cut_at_branch_cuts(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
     """Return an unwrapped curve (n, columns) with its angles within their period, interrupted at their branch cuts.
 
     The curve is straight between its points, two at least.  At each crossing it runs up to the branch cut, a row of NaN

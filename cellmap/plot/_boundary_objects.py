@@ -17,7 +17,7 @@ from ..analysis.boundary.saddle_sets import ChaoticSaddle
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
 from ..orbits.periodic_orbit import PeriodicOrbit
-from ._axes import axes_or_new, cut_at_seams, label_axis, pair_of
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
 from ._basins import basins as draw_basins
 
 _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
@@ -124,7 +124,7 @@ def manifolds(
             for piece in np.split(branch.points, breaks):
                 clean = piece[np.isfinite(piece).all(axis=1)]
                 if len(clean) > 1:
-                    drawn = cut_at_seams(clean, manifold.coordinates)
+                    drawn = cut_at_branch_cuts(clean, manifold.coordinates)
                     ax.plot(*drawn.T, color=_MANIFOLD_COLOURS[manifold.kind], linewidth=width,
                             scalex=basins is None, scaley=basins is None)  # fmt: skip
         _mark_orbit(ax, manifold.orbit, [0, 1])

@@ -15,7 +15,7 @@ from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, BifurcationKind, Branch
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
-from ._axes import axes_or_new, column_of, cut_at_seams, label_axis
+from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis
 from ._colours import colour_of, one_colour
 
 MARKERS = {
@@ -171,7 +171,7 @@ class _Trace:
             part
             for curve in self.curves
             for run in runs
-            for part in (cut_at_seams(curve[run[0] : run[-1] + 2], self.axes), gap)
+            for part in (cut_at_branch_cuts(curve[run[0] : run[-1] + 2], self.axes), gap)
         ]
         return np.concatenate(rows[:-1]) if rows else np.empty((0, 2))
 

@@ -59,14 +59,14 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, show_steps: bo
     title = f"{mapping.point_map.name}, {len(mapping.group_periods)} groups"
     if show_steps:
         taken = np.where(groups >= 0, mapping.steps.ravel() * mapping.periods, np.nan)
-        return _picture(ax, mapping.grid, coordinates, taken, title, "steps to a group")
+        return _image(ax, mapping.grid, coordinates, taken, title, "steps to a group")
     codes = [to_rgb(CODE_COLOURS[label]) for label in (-2, -1)]
     palette = np.array([*(colour_of(k) for k in range(len(mapping.group_periods))), *codes])
     late = mapping.steps.ravel() / max(int(mapping.steps.max()), 1) * (groups >= 0)
     image = palette[groups]
     image += (1.0 - image) * (_PALEST * late)[:, None]
     image[periodic] = 0.0
-    return _picture(ax, mapping.grid, coordinates, image, title)
+    return _image(ax, mapping.grid, coordinates, image, title)
 
 
 @checked
@@ -104,11 +104,11 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, group: int | None = 
     coordinates = chain.point_map.coordinates
     if group is None:
         values = chain.domiciles.astype(float)
-        return _picture(ax, chain.grid, coordinates, values, chain.point_map.name, "number of reachable classes")
+        return _image(ax, chain.grid, coordinates, values, chain.point_map.name, "number of reachable classes")
     group = whole_number("group", group, at_least=-2, at_most=len(chain.closed) - 1)
     name = {-1: "of escape", -2: "of divergence"}.get(group, f"of absorption in class {group}")
     values = chain.absorption[..., group]
-    return _picture(
+    return _image(
         ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=Normalize(0.0, 1.0)
     )
 
@@ -149,10 +149,10 @@ def invariant_measure(chain: CellChain, *, ax: Axes | None = None, group: int = 
     name = chain.point_map.name
     values = np.where(density > 0.0, density, np.nan) if flat else density
     norm = LogNorm() if flat else None
-    return _picture(ax, chain.grid, chain.point_map.coordinates, values, name, "invariant density", norm=norm)
+    return _image(ax, chain.grid, chain.point_map.coordinates, values, name, "invariant density", norm=norm)
 
 
-def _picture(
+def _image(
     ax: Axes | None,
     grid: CellGrid,
     coordinates: Sequence[Coordinate],

@@ -14,7 +14,7 @@ from .._lib.checks import is_sequence, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
-from ._axes import cut_at_seams, label_axis, pair_of
+from ._axes import cut_at_branch_cuts, label_axis, pair_of
 from ._colours import colour_of
 
 _TIME = Coordinate("t")
@@ -199,7 +199,7 @@ def _draw(
     for k in range(values[0].shape[1]):
         curve = np.stack([v[:, k] for v in values], axis=-1)
         colour = colour_of(k)
-        ax.plot(*cut_at_seams(curve, pair).T, color=colour, linewidth=1.0, label=labels[k] if labels else None)
+        ax.plot(*cut_at_branch_cuts(curve, pair).T, color=colour, linewidth=1.0, label=labels[k] if labels else None)
         if strobe:
             marks = wrap(curve[:: trajectory.samples], pair)
             ax.plot(*marks.T, color=colour, markeredgewidth=0.5, zorder=3, clip_on=False, **points)

@@ -15,7 +15,7 @@ from ..analysis.resilience.shocks import FatalShock
 from ..analysis.resilience.tipping import TippingProbabilities
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
-from ._axes import axes_or_new, cut_at_seams, label_axis
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis
 from ._basins import basins as draw_basins
 from ._colours import CODE_COLOURS, colour_of
 
@@ -244,7 +244,7 @@ def _draw_ball(
 
 
 def _draw_curve(ax: Axes, curve: NDArray[np.float64], basins: Basins, style: str, width: float) -> None:
-    pieces = cut_at_seams(_in_plane(curve), [*basins.coordinates, Coordinate("height")][:2])
+    pieces = cut_at_branch_cuts(_in_plane(curve), [*basins.coordinates, Coordinate("height")][:2])
     ax.plot(*pieces.T, style, color="black", linewidth=width, scalex=False, scaley=False)
 
 

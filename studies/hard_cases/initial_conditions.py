@@ -115,7 +115,7 @@ def boundary() -> Iterator[Finding]:
     expected="The same image, bit for bit, of pi, -pi and 3 pi; one inverted attractor, whose basin is its own mirror "
     "image; 7104 of 40,000 starts at 3 mm.",
 )
-def seam() -> Iterator[Finding]:
+def branch_cut() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum())
     images = exact([[pi, 2.0], [-pi, 2.0]])
     yield is_so("pi and -pi have the same image", bool((images[0] == images[1]).all()))

@@ -10,7 +10,7 @@ import pytest
 
 import systems
 from cellmap import CellGrid, ForcedSystem, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.equilibria import sets_of_equilibria
+from cellmap.attractors.equilibria import sticking_sets
 from cellmap.basins.store import load_basins, save_basins
 from cellmap.orbits import Kind
 
@@ -106,11 +106,11 @@ def test_neutral_and_single_fixed_points_are_no_sets(shrink: float) -> None:
     """The identity attracts nothing; a single fixed point is not a set."""
     plane = discrete_map(lambda x, p: (p.shrink * x[0], p.shrink * x[1]), {"shrink": shrink}, ("x", "y"))
     states = np.array([[0.3, 0.4]]) * (shrink == 1.0)
-    assert sets_of_equilibria(plane, states, np.ones(2)) == []
+    assert sticking_sets(plane, states, np.ones(2)) == []
 
 
 def test_a_line_of_fixed_points_attracts() -> None:
     """(x, y) -> (x, y/2): the axis within the window."""
     fibres = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, ("x", "y"))
-    (line,) = sets_of_equilibria(fibres, np.array([[0.1, 0.0], [-0.4, 0.0]]), np.ones(2))
+    (line,) = sticking_sets(fibres, np.array([[0.1, 0.0], [-0.4, 0.0]]), np.ones(2))
     assert line.kind is Kind.EQUILIBRIA and line.name.startswith("equilibria around")

@@ -11,7 +11,7 @@ import pytest
 import systems
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors.chaos import Examination, chaotic_attractors, examine
-from cellmap.attractors.equilibria import sets_of_equilibria
+from cellmap.attractors.equilibria import sticking_sets
 from cellmap.attractors.labels import Label
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
@@ -223,7 +223,7 @@ TINY = 5.4e-12
 def test_a_sink_is_no_set_of_equilibria_in_a_tiny_window() -> None:
     """A step of 1e-18 is lost in rounding at pi, and not at 0: the point would rest along one axis only."""
     sinks = np.array([[k * pi, 0.0] for k in (1, -3, 7)])
-    assert sets_of_equilibria(SINKS, sinks, np.full(2, 2 * TINY)) == []
+    assert sticking_sets(SINKS, sinks, np.full(2, 2 * TINY)) == []
 
 
 def test_a_sink_far_away_from_a_tiny_window() -> None:

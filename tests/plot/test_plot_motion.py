@@ -11,7 +11,7 @@ from PIL import Image
 
 from cellmap import Coordinate, ForcedSystem, angle, plot, trajectory
 from cellmap.plot import _animation as animation
-from cellmap.plot._axes import cut_at_seams
+from cellmap.plot._axes import cut_at_branch_cuts
 from systems.lab import read_film
 
 mpl.use("Agg")
@@ -58,12 +58,12 @@ def marks(ax):
 
 def test_a_curve_on_the_line_is_not_cut():
     curve = np.array([[0.0, 5.0], [1.0, -7.0], [2.0, 30.0]])
-    assert np.array_equal(cut_at_seams(curve, (Coordinate("t"), Coordinate("x"))), curve)
+    assert np.array_equal(cut_at_branch_cuts(curve, (Coordinate("t"), Coordinate("x"))), curve)
 
 
 def test_a_curve_is_cut_where_it_crosses_the_seam():
     curve = np.array([[0.0, pi - 1.0], [4.0, pi + 3.0]])
-    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     exact = [[0, pi - 1], [1, pi], [np.nan, np.nan], [1, -pi], [4, 3 - pi]]
     assert cut == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
 
@@ -71,17 +71,19 @@ def test_a_curve_is_cut_where_it_crosses_the_seam():
 @pytest.mark.parametrize("direction", [1, -1])
 def test_several_turns_between_two_samples(direction):
     curve = np.array([[0.0, 0.0], [1.0, direction * 6 * pi]])
-    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     assert np.count_nonzero(np.isnan(cut[:, 0])) == 3
     assert cut[-1] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
 def test_samples_on_the_seam():
     there_and_back = np.array([[0.0, 0.0], [1.0, pi], [2.0, 0.0]])
-    assert not np.isnan(cut_at_seams(there_and_back, (Coordinate("t"), ANGLE))).any()
+    assert not np.isnan(cut_at_branch_cuts(there_and_back, (Coordinate("t"), ANGLE))).any()
     through = np.array([[0.0, 0.0], [1.0, pi], [2.0, 2 * pi]])
     exact = [[0, 0], [1, pi], [np.nan, np.nan], [1, -pi], [2, 0]]
-    assert cut_at_seams(through, (Coordinate("t"), ANGLE)) == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
+    assert cut_at_branch_cuts(through, (Coordinate("t"), ANGLE)) == pytest.approx(
+        np.array(exact), abs=1e-12, nan_ok=True
+    )
 
 
 def test_cuts_on_a_torus_keep_every_piece_inside():
@@ -89,7 +91,7 @@ def test_cuts_on_a_torus_keep_every_piece_inside():
     pair = (angle("a"), angle("b", "deg", 360.0, 0.0))
     t = np.linspace(0.0, 10.0, 41)
     curve = np.stack([7.0 * t + np.sin(t), -500.0 * t], axis=-1)
-    cut = cut_at_seams(curve, pair)
+    cut = cut_at_branch_cuts(curve, pair)
     low, high = np.array([-pi, 0.0]), np.array([pi, 360.0])
     kept = cut[np.isfinite(cut[:, 0])]
     assert (kept >= low - 1e-9).all() and (kept <= high + 1e-9).all()
@@ -100,7 +102,7 @@ def test_cuts_on_a_torus_keep_every_piece_inside():
 
 def test_gaps_stay_gaps():
     curve = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, np.nan], [3.0, np.nan]])
-    cut = cut_at_seams(curve, (Coordinate("t"), ANGLE))
+    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     assert cut[np.isfinite(cut).all(axis=1)] == pytest.approx(curve[:2])
 
 

@@ -81,7 +81,7 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
     """
     n, d = points.shape
-    starts, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
+    initial, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
     living, members, ordered = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     taken, rungs = np.empty(n, np.int64), np.empty(n, np.int64)
     ends = np.empty(motion.ladder.size, np.int64)
@@ -96,10 +96,10 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
             k = living[m]
             members[m], taken[m] = k, motion.probe
             for j in range(d):
-                starts[k, j] = points[k, j]
+                initial[k, j] = points[k, j]
             before[k, 0] = before[k, 1] = -1.0
         shortened = motion.length / PROBE
-        _images(motion, starts, members[:alive], motion.trial, shortened, blocks, errors, numbers, points, ratios)
+        _images(motion, initial, members[:alive], motion.trial, shortened, blocks, errors, numbers, points, ratios)
         total += alive
         for m in range(alive):
             ratios[living[m]] *= PROBE
@@ -127,7 +127,7 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
                 if end > begin:
                     steps = motion.ladder[rung]
                     some = members[begin:end]
-                    _images(motion, starts, some, steps, motion.length, blocks, errors, numbers, points, ratios)
+                    _images(motion, initial, some, steps, motion.length, blocks, errors, numbers, points, ratios)
                     for b in range(-(-some.size // LANES)):
                         total += numbers[b] * min(LANES, some.size - b * LANES)
                     begin = end
@@ -187,7 +187,7 @@ def _living(status, living):
 
 
 @loop
-def _images(motion, starts, members, steps, length, blocks, errors, numbers, images, ratios):
+def _images(motion, initial, members, steps, length, blocks, errors, numbers, images, ratios):
     """Integrate some orbits over a time with a number of steps, in full blocks of lanes.
 
     ``numbers`` receives the steps that each block took.
@@ -195,7 +195,7 @@ def _images(motion, starts, members, steps, length, blocks, errors, numbers, ima
     used = -(-members.size // LANES)
     blocks, errors = blocks[:used], errors[:used]
     numbers[:used] = steps
-    pack(starts, members, blocks)
+    pack(initial, members, blocks)
     call_period(
         motion.function, motion.context, blocks, numbers, motion.begin, length, motion.parameters, errors, members.size
     )  # fmt: skip

@@ -26,7 +26,7 @@ INVERSE_LN2 = 1.4426950408889634
 
 
 @ForNumba
-def _sine_of_remainder(r, half_turns):
+def _sine_of_remainder(r, half_periods):
     # In pairs and pairs of pairs (Estrin 1960): fewer multiply-adds wait for one another than in Horner's rule.
     z = r * r
     z2 = z * z
@@ -37,7 +37,7 @@ def _sine_of_remainder(r, half_turns):
     )
     s = low + z4 * high
     sine = r + r * z * s
-    return sine - 2.0 * sine * (half_turns - 2.0 * np.floor(0.5 * half_turns))
+    return sine - 2.0 * sine * (half_periods - 2.0 * np.floor(0.5 * half_periods))
 
 
 @ForNumba

@@ -150,7 +150,7 @@ def tipping_probabilities(
     if not labels[0].size:
         raise ValueError("before, after are empty: give at least one label")
     if isinstance(before, Basins) and isinstance(after, Basins):
-        _same_starts(before, after)
+        _check_initial_conditions(before, after)
     rows, columns = (_numbers_of(given, found) for given, found in zip((before, after), labels, strict=True))
     counts = np.array([[np.count_nonzero((labels[0] == i) & (labels[1] == j)) for j in columns] for i in rows])
     total = counts.sum(axis=1, keepdims=True)
@@ -206,7 +206,7 @@ def _labels_of(name: str, given: Basins | ArrayLike) -> NDArray[np.int64]:
     return whole_array(name, given.labels if isinstance(given, Basins) else given, "Basins or whole numbers as labels")
 
 
-def _same_starts(before: Basins, after: Basins) -> None:
+def _check_initial_conditions(before: Basins, after: Basins) -> None:
     if before.coordinates != after.coordinates:
         raise ValueError("before, after are basins of other coordinates: label the same initial conditions")
     if (before.grid, after.grid) != (None, None):

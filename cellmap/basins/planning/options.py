@@ -10,7 +10,7 @@ from ..._lib.checks import finite_number, in_bytes
 from ..._lib.signatures import checked
 from ...maps.grid import CellGrid
 from ...maps.interpolation.interpolated import table_memory
-from ...maps.interpolation.spline_coefficients import tabulated_nodes
+from ...maps.interpolation.spline_coefficients import number_of_nodes
 from ...maps.orbit_batch import CHUNK
 from ..record import basins_memory
 from .extrapolation import error_of, fallback_of, slower, table_grids
@@ -152,7 +152,7 @@ def _table(measured: Measurements, probe: TableProbe, grid: CellGrid, source: Ex
         order=probe.order,
         shape=grid.shape,
         error=error_of(probe, grid) + _CARRIED * source.error,
-        tabulation=(tabulated_nodes(grid, probe.order) + grid.size)
+        tabulation=(number_of_nodes(grid, probe.order) + grid.size)
         * (source.seconds + probe.surplus)
         / measured.threads,
         iteration=_wall(measured, each),

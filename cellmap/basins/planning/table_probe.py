@@ -15,7 +15,7 @@ from ...maps.cell_table import CellTable
 from ...maps.grid import CellGrid
 from ...maps.interpolation.interpolated import interpolated_map, table_memory
 from ...maps.interpolation.look_ups import LookUps
-from ...maps.interpolation.spline_coefficients import tabulated_nodes, with_spare_doubles
+from ...maps.interpolation.spline_coefficients import number_of_nodes, with_spare_doubles
 from ...maps.orbit_batch import Orbits
 from ...maps.point_map import PointMap, follow
 from .extrapolation import sized
@@ -95,7 +95,7 @@ def _samples(
     limit = memory_available() // 4
     while True:
         grid = sized(window, n)
-        images = tabulated_nodes(grid, order) + grid.size
+        images = number_of_nodes(grid, order) + grid.size
         # An order of convergence needs two sizes, however slow the machine is at the moment.
         long = images > _MOST_IMAGES if len(samples) < 2 else images * (image + surplus) / threads > SECONDS
         if long or table_memory(grid, order) > limit:

@@ -9,7 +9,7 @@ from ..cell_table import CellTable
 from ..orbit_batch import Cost
 from ..point_map import PointMap
 from .interpolated import Interpolated, allowed_errors
-from .spline_coefficients import tabulated_nodes
+from .spline_coefficients import number_of_nodes
 from .table_making import errors_in_cells, leading_errors_in_cells, spline_coefficients_of
 from .tabulation import TableTiles
 
@@ -24,7 +24,7 @@ def draft_of(spec: Interpolated) -> PointMap:
     table = replace(smooth, indicator=indicator, rough=rough | spoilt)
     cost = Cost(
         seconds=time.perf_counter() - began,
-        steps=tabulated_nodes(grid, order),
+        steps=number_of_nodes(grid, order),
         evaluations=tiles.work.evaluations,
     )
     return replace(spec, grid=grid, table=table, cost=cost).make()

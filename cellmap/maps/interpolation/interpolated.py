@@ -21,12 +21,12 @@ from ..orbit_batch import Cost
 from ..point_map import PointMap
 from ..specification import MapSpec, specification, with_spec
 from .look_ups import LookUps
-from .spline_coefficients import ORDERS, line_memory, tabulated_nodes
-from .table_making import errors_in_cells, leap_table, spline_coefficients_of
+from .spline_coefficients import ORDERS, line_memory, number_of_nodes
+from .table_making import doubled_table, errors_in_cells, spline_coefficients_of
 from .tabulation import TableTiles, table_checkpoint
 
 ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # error in a cell, in cell widths
-_LEAP = 0.01  # of that difference, for tables of several periods
+_STRICTER = 0.01  # of that difference, for tables of several periods
 
 
 @checked
@@ -130,7 +130,7 @@ def interpolated_map(
         file = None
         if path is not None:
             settings = {"order": order, "tolerance": tolerance}
-            file = table_checkpoint(path, exact, grid, settings, tabulated_nodes(grid, order))
+            file = table_checkpoint(path, exact, grid, settings, number_of_nodes(grid, order))
         tiles = TableTiles(client, file)
         coefficients, spoilt = spline_coefficients_of(exact, grid, order, progress, tiles)
         allowed = allowed_errors(grid, order, tolerance)
@@ -145,7 +145,7 @@ def interpolated_map(
         )
     cost = Cost(
         seconds=time.perf_counter() - began,
-        steps=tabulated_nodes(grid, order) + grid.size,
+        steps=number_of_nodes(grid, order) + grid.size,
         evaluations=tiles.work.evaluations,
     )
     table = CellTable(grid, order, coefficients, indicator, rough)
@@ -174,11 +174,11 @@ class Interpolated(MapSpec[PointMap]):
         exact, table, outside = self.exact, self.table, self.outside
         if table is None:
             return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.leap)
-        allowed = allowed_errors(self.grid, self.order, self.tolerance) * (_LEAP if self.tolerance is None else 1.0)
+        allowed = allowed_errors(self.grid, self.order, self.tolerance) * (_STRICTER if self.tolerance is None else 1.0)
         began = time.perf_counter()
         tables = [table]
         while 2 ** len(tables) <= self.leap:
-            tables.append(leap_table(exact, tables, outside, allowed, progress))
+            tables.append(doubled_table(exact, tables, outside, allowed, progress))
         advance = LookUps(exact, tables, outside)
         kept = replace(table, coefficients=advance.coefficients)
         seconds = self.cost.seconds + time.perf_counter() - began
@@ -250,6 +250,6 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     >>> table_memory(CellGrid((0, 0), (1, 1), (1000, 1000)), 1) // 10**6
     38
     """
-    d, nodes = grid.dimension, tabulated_nodes(grid, order)
+    d, nodes = grid.dimension, number_of_nodes(grid, order)
     along = sum(line_memory(n, nodes // n, order, wraps) for n, wraps in zip(grid.shape, grid.wraps, strict=True))
     return (16 * d * nodes + 6 * grid.size + along) * leap.bit_length()

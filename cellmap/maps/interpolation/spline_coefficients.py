@@ -17,7 +17,7 @@ PADDING = {1: 0, 3: 6, 5: 10}  # exact nodes past each end of an interval
 _SLAB = 8192  # numbers that are filtered at a time, at least; fewer cost more than they take
 
 
-def tabulated_nodes(grid: CellGrid, order: int) -> int:
+def number_of_nodes(grid: CellGrid, order: int) -> int:
     """Count the nodes of a table, those past the ends of intervals included."""
     past = 1 + 2 * PADDING[order]
     return int(

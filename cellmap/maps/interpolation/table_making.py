@@ -111,7 +111,7 @@ def leading_errors_in_cells(
     return indicator, np.asarray(~(error <= allowed).all(axis=-1))
 
 
-def leap_table(
+def doubled_table(
     exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
 ) -> CellTable:
     """Interpolate twice as many periods as the last table does, by iteration of the table of one period."""

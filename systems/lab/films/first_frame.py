@@ -45,7 +45,7 @@ class Setup:
 
 
 def read_first_frame(
-    film: Film, starts: ArrayLike, threshold: float | None, window: float | None, weighted: bool
+    film: Film, initial: ArrayLike, threshold: float | None, window: float | None, weighted: bool
 ) -> tuple[Setup, list[Memory]]:
     """Return the setup, and what is known of each marker from the first frame that is not missing."""
     present = np.flatnonzero(~film.missing)
@@ -53,7 +53,7 @@ def read_first_frame(
         raise ValueError("film: all frames are missing; give one with frames")
     frame = int(present[0])
     picture, shape = film.frames[frame], film.shape
-    places = np.array(starts, np.float64)
+    places = np.array(initial, np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places):
         raise ValueError(f"initial_positions has the shape {places.shape}: give a pixel (column, row) for each marker")
     for k, (column, row) in enumerate(places):
@@ -83,7 +83,7 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
     pixels = np.concatenate([picture[a:b, c:d].ravel() for a, b, c, d in windows])
     low, high = float(pixels.min()), float(pixels.max())
     if low == high:
-        raise ValueError(f"film: all pixels of the first windows are {low:g}; give starts at markers, in a lit film")
+        raise ValueError(f"film: all pixels of the first windows are {low:g}; give positions of markers, in a lit film")
     if given is None:
         limit = otsu_threshold(pixels)[0]
         dark, bright = pixels[pixels <= limit], pixels[pixels > limit]

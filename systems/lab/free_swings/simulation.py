@@ -101,13 +101,13 @@ class Simulation:
     def __call__(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the measured coordinates of rows of unknowns, shape (rows, n, m); NaN where the integration failed."""
         p, d, m = len(self.names), self.system.dimension, self.measured.shape[1]
-        starts = np.concatenate([rows[:, p : p + d], rows[:, :p]], axis=1)
+        initial_conditions = np.concatenate([rows[:, p : p + d], rows[:, :p]], axis=1)
         values = np.full((len(rows), len(self.times), m), np.nan)
         lengths = np.array([self._length(row[:p]) for row in rows])
         # Where the period is itself a function of parameters, rows of one period run together.
         for length in np.unique(lengths[lengths > 0.0]).tolist():
             mine = np.flatnonzero(lengths == length)
-            values[mine] = self._motions(starts[mine], length)
+            values[mine] = self._motions(initial_conditions[mine], length)
         return values + rows[:, None, p + d :] if self.zero else values
 
     def _length(self, parameters: NDArray[np.float64]) -> float:
@@ -122,15 +122,17 @@ class Simulation:
             return 0.0
         return length if usual / _WIDE < length < usual * _WIDE else 0.0
 
-    def _motions(self, starts: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-        """Return the measured coordinates of starts with one period; NaN where the integration failed."""
+    def _motions(self, initial_conditions: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+        """Return the measured coordinates of initial conditions with one period; NaN where the integration failed."""
         periods, samples = self._sampling(length)
         # The forcing repeats itself, so that whole periods before the first time do not matter.
         phase = float(np.remainder(self.times[0] / length, 1.0))
-        motion = trajectory(self._swept_system(), starts, periods, samples, phase, self.tolerance, self.tolerance)
+        motion = trajectory(
+            self._swept_system(), initial_conditions, periods, samples, phase, self.tolerance, self.tolerance
+        )
         states = np.moveaxis(motion.states[:, :, : self.measured.shape[1]], 1, 0)
         good = np.isfinite(states).all(axis=(1, 2))
-        values = np.full((len(starts), len(self.times), self.measured.shape[1]), np.nan)
+        values = np.full((len(initial_conditions), len(self.times), self.measured.shape[1]), np.nan)
         moments = np.arange(states.shape[1]) * (length / samples)
         values[good] = CubicSpline(moments, states[good], axis=1)(self.times - self.times[0])
         return values
