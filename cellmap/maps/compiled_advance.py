@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Discrete, Step, Table
 from .._compiled.kernels.periods import Motion, iterate
+from .._compiled.kernels.recording import record
 from .integration import Flow
 from .orbit_batch import Orbits, portions
 
@@ -85,3 +87,27 @@ class DiscreteAdvance(CompiledAdvance):
         state = (orbits.points, orbits.rotations, orbits.status)
         for some in portions(periods, len(orbits)):
             orbits.work.evaluations += iterate(*self.step.discrete, *state, self.lower, self.turn, some)
+
+
+def recorded(
+    advance: Callable[[Orbits, int], None], orbits: Orbits, periods: int
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]]:
+    """Move a batch of orbits on, in place, and yield where it has been, some periods at a time.
+
+    Points and full rotations have the shape (periods, n, d), status (periods, n).
+    """
+    compiled = isinstance(advance, CompiledAdvance) and advance.step.kind != NOT_COMPILED
+    step = advance.step if isinstance(advance, CompiledAdvance) else UNKNOWN_STEP
+    one_by_one = not compiled or step.table.function != 0
+    for some in portions(periods, len(orbits)):
+        points, rotations = np.empty((some, *orbits.points.shape)), np.empty((some, *orbits.points.shape), np.int64)
+        status = np.empty((some, len(orbits)), np.uint8)
+        if one_by_one:
+            for k in range(some):
+                advance(orbits, 1)
+                points[k], rotations[k], status[k] = orbits.points, orbits.rotations, orbits.status
+        else:
+            assert isinstance(advance, CompiledAdvance)
+            made = record(step, orbits.points, orbits.rotations, orbits.status, points, rotations, status)
+            orbits.work.evaluations += made * advance.stages
+        yield points, rotations, status

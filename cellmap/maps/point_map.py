@@ -16,6 +16,7 @@ from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
 from .._lib.tiles import check_client, completed
 from .cell_table import CellTable, MapError
+from .compiled_advance import recorded
 from .coordinates import Coordinate, difference, state_points, turns_of
 from .orbit_batch import CHUNK, Cost, Orbits, Status
 from .specification import MapSpec
@@ -249,12 +250,18 @@ class PointMap:
         wrap_rows(history[0], rotations[0], lower, turn)
         rotations[0] = 0
         label = f"orbits of {self.name}" if progress else None
-        with progress_bar(periods, label) as tick:
-            for k in range(periods):
-                history[k + 1], rotations[k + 1], status[k + 1] = history[k], rotations[k], status[k]
-                orbits = Orbits(history[k + 1], rotations[k + 1], status[k + 1])
-                run_over(slices(len(orbits), CHUNK), lambda part, o=orbits: self.advance(o[part], 1))  # type: ignore[misc]
-                tick(1)
+        parts = slices(history.shape[1], CHUNK)
+        with progress_bar(periods * len(parts), label) as tick:
+
+            def follow_part(part: slice) -> None:
+                orbits, done = Orbits(history[0, part].copy(), rotations[0, part].copy(), status[0, part].copy()), 1
+                for places, turned, ended in recorded(self.advance, orbits, periods):
+                    now = slice(done, done + len(places))
+                    history[now, part], rotations[now, part], status[now, part] = places, turned, ended
+                    done += len(places)
+                    tick(len(places))
+
+            run_over(parts, follow_part)
         warn_of_tolerance(status[-1], self.name)
         shape = (periods + 1, *initial_conditions.shape)
         return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
