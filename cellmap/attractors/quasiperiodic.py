@@ -10,21 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.stopping import check_stop
+from ..maps.compiled_advance import recorded
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.poincare import check_unforced, flow_map
 from ..maps.point_map import PointMap, follow
 from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
+from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Kind
 from ..orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size, fitted_circle, measured
 from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
 from .chaos import lyapunov_exponents
-from .tube import DENSE, Curves, cover_of_tube, verified_tube
+from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, cover_of_tube, verified_tube
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
+_VOLUME_PERIODS = 128
 _ZERO = 0.01  # largest size of an exponent that may be zero
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
 _CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
@@ -71,6 +74,8 @@ def quasiperiodic_attractors(
         attractors = [*known, *found.attractors]
         if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
             continue
+        if not _may_attract(exact, before):
+            continue
         attractor = _attractor(exact, before.points[0], extent, age, found)
         if attractor is not None and len(_outside(attractor.points[:1], attractors, exact)):
             assert attractor.cover is not None
@@ -85,6 +90,21 @@ def long_cycle(
     """Return the periodic attractor beside a point after which an orbit all but closes."""
     solutions, settled = newton(point_map, point[None], np.array([period]), extent, attracting=True)
     return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
+
+
+def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
+    """Tell whether volumes around an orbit shrink fast enough for a tube around a curve to be seen to contract.
+
+    Lengths along an invariant circle are kept in the mean, so that the slowest contraction across it is at most that of
+    volumes, to the power 1/(dimension - 1); what an orbit does in few periods may be twice as fast as in the mean.
+    """
+    if exact.dimension == 1:
+        return True
+    points = np.concatenate([places[:, 0] for places, _, _ in recorded(exact.advance, orbits, _VOLUME_PERIODS)])
+    if not orbits.alive.all():
+        return False
+    rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
+    return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 
 def _attractor(

@@ -18,11 +18,12 @@ from .boxes import boxes_of
 DENSE = 2048
 """Points of each curve, between which it is straight."""
 
+MOST_STEPS, FIRST_FACTOR = 256, 0.6
+"""Steps after which points of the first surface have to be closer to the curves, and the factor."""
+
 _SEEN = 128  # points of each surface along a curve
 _NARROW = 1e-4  # radius of the first surface, in units of the curve's size
-_MOST_STEPS = 256  # after which the first surface has to be closer by
-_FIRST = 0.6
-_ALLOWED = 0.9  # and all others by this factor
+_ALLOWED = 0.9  # largest factor on all other surfaces
 _GROWTH = 1.25
 _AHEAD = 4  # surfaces that are looked at together
 _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
@@ -131,12 +132,12 @@ def _steps_needed(curves: Curves, radius: float) -> tuple[int, float]:
     """Return after how many steps the points of a surface are close enough, and the factor; 0 steps if never."""
     orbits = Orbits.starting(_surface(curves, np.array([radius])).reshape(-1, curves.exact.dimension))
     made, steps = 0, 1
-    while steps <= _MOST_STEPS:
+    while steps <= MOST_STEPS:
         check_stop()
         curves.exact.advance(orbits, steps - made)
         made = steps
         factor = float(_between(curves.distances(orbits.points)[None], curves)[0] / radius)
-        if factor <= _FIRST:
+        if factor <= FIRST_FACTOR:
             return steps, factor
         steps *= 2
     return 0, np.inf
