@@ -13,8 +13,11 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Discrete, Step, Table
 from .._compiled.kernels.periods import Motion, iterate
 from .._compiled.kernels.recording import record
+from .._lib.stopping import check_stop
 from .integration import Flow
 from .orbit_batch import Orbits, portions
+
+_COSTLY = 256  # times the orbits that make a portion: a search can be stopped after fewer periods of one orbit
 
 _NONE, _NOWHERE = np.zeros(1, np.int64), np.zeros(1)
 _NO_TABLE = Table(0, _NONE, 0, 0, _NOWHERE, _NOWHERE, _NOWHERE, _NOWHERE)
@@ -99,11 +102,13 @@ def recorded(
     compiled = isinstance(advance, CompiledAdvance) and advance.step.kind != NOT_COMPILED
     step = advance.step if isinstance(advance, CompiledAdvance) else UNKNOWN_STEP
     one_by_one = not compiled or step.table.function != 0
-    for some in portions(periods, len(orbits)):
+    for some in portions(periods, _COSTLY * len(orbits)):
+        check_stop()
         points, rotations = np.empty((some, *orbits.points.shape)), np.empty((some, *orbits.points.shape), np.int64)
         status = np.empty((some, len(orbits)), np.uint8)
         if one_by_one:
             for k in range(some):
+                check_stop()
                 advance(orbits, 1)
                 points[k], rotations[k], status[k] = orbits.points, orbits.rotations, orbits.status
         else:

@@ -9,7 +9,6 @@ from math import gcd
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.stopping import check_stop
 from ..maps.compiled_advance import recorded
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -21,7 +20,6 @@ _SUFFICIENT = 1e-3  # and the largest one that is accepted,
 _PRECISE = 1e-11  # error of a rotation number that needs no longer orbit
 _HOPELESS = 0.1  # and the largest after which another attempt is made
 _MOST_CIRCLES = 8
-_AT_ONCE = 64  # periods of one orbit, after which the search can be stopped
 _LARGEST_JUMP = 0.3  # between neighbours on a curve, in units of its size
 _DENSITY = 0.1  # length of a curve through n points, in units of n times its size: chaotic orbits have longer ones
 _PROBES = 128  # phases at which the invariance is measured
@@ -126,11 +124,9 @@ def fitted_circle(
 def _recorded(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Move one orbit on by a number of steps; return where it has been, and its full rotations there."""
     points, rotations = [orbits.points.copy()], [orbits.rotations.copy()]
-    for begin in range(0, number, _AT_ONCE):
-        check_stop()
-        for places, turned, _ in recorded(point_map.advance, orbits, min(_AT_ONCE, number - begin)):
-            points.append(places[:, 0])
-            rotations.append(turned[:, 0])
+    for places, turned, _ in recorded(point_map.advance, orbits, number):
+        points.append(places[:, 0])
+        rotations.append(turned[:, 0])
     return np.concatenate(points)[:-1], np.concatenate(rotations)[:-1]
 
 
