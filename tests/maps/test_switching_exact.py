@@ -1,0 +1,305 @@
+"""Discontinuous right-hand sides against exact solutions, and from initial conditions on a surface."""
+
+from __future__ import annotations
+
+from math import acos, asin, cos, inf, pi, sin, sqrt, tan
+from typing import Any
+
+import numpy as np
+import pytest
+from discontinuous_systems import (
+    Array,
+    Oracle,
+    masses_at,
+    starts_of,
+    table,
+)
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from cellmap import ForcedSystem, stroboscopic_map, trajectory
+from cellmap._compiled.codegen.kernel import switching_kernel
+from cellmap._compiled.kernels.blocks import LANES
+from cellmap.maps import jacobian
+from cellmap.maps.orbit_batch import Status
+from cellmap.orbits import lyapunov_spectrum
+from systems import (
+    dimensionless_pendulum,
+)
+
+
+def bang_bang(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+    return x[1], -s[0]
+
+
+def tilted_line(t: float, x: Any, p: Any) -> tuple[float]:
+    return (x[0] + p.tilt * x[1],)
+
+
+def parabolas(x: float, v: float, tilt: float, left: float) -> tuple[float, float] | None:
+    """Motion x'' = -sign(x + tilt v) after a time, parabola by parabola; None where it begins to slide."""
+    sign = 1.0 if x + tilt * v > 0.0 else -1.0
+    height = x + tilt * v
+    while True:
+        # sign h = sign (height + slope t) - t^2/2
+        slope = v - tilt * sign
+        stay = sign * slope + sqrt(slope * slope + 2.0 * abs(height))
+        stay = stay if stay > 0.0 else inf
+        if stay >= left:
+            return x + v * left - 0.5 * sign * left**2, v - sign * left
+        x, v, left = x + v * stay - 0.5 * sign * stay**2, v - sign * stay, left - stay
+        height, sign = 0.0, -sign
+        if abs(v) < abs(tilt):
+            return None
+
+
+@pytest.mark.slow
+def test_thrust_towards_a_tilted_line() -> None:
+    """Ten crossings and more, between which the distance from the line is a parabola and the series ends early."""
+    rng, count = np.random.default_rng(0), 0
+    system = ForcedSystem(bang_bang, {"tilt": 0.0}, 12.0, ("x", "v"), switches=tilted_line)
+    for tilt in (-0.037, 0.0, 0.01, 0.041):
+        initial_conditions = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
+        images = stroboscopic_map(system.with_params(tilt=tilt)).iterate(initial_conditions, 1)
+        for start, image, status in zip(initial_conditions.tolist(), images.unwrapped, images.status, strict=True):
+            if (exact := parabolas(*start, tilt, 12.0)) is not None:
+                assert image == pytest.approx(exact, abs=1e-10)
+                assert status == Status.OK
+                count += 1
+    assert count > 900
+
+
+def test_a_trajectory_rests_between_samples() -> None:
+    """From speed 1, x'' = -sign x': at x = 1/2 from t = 1 on."""
+    motion = trajectory(table(stiffness=0.0, friction=1.0), [0.0, 1.0], 1)
+    t = np.minimum(motion.times, 1.0)
+    assert motion.states == pytest.approx(np.transpose([t - 0.5 * t * t, 1.0 - t]), abs=1e-9)
+
+
+def test_states_that_stick_at_one_place_have_lost_a_direction() -> None:
+    """All that sticks has the velocity 0: the derivative of a period is singular from then on."""
+    sticking = dimensionless_pendulum(0.5, 0.3, 0.03, 0.5)
+    found = lyapunov_spectrum(stroboscopic_map(sticking), [[0.3, 0.1]], 20, 1)
+    assert found.exponents[0, 1] == -np.inf
+
+
+def swings(x: float, friction: float, time: float) -> tuple[float, float]:
+    """Free motion from rest: half circles about +-friction, one pi of time each, until the spring is held."""
+    while time > 0.0 and abs(x) > friction:
+        centre, left = (friction if x > 0.0 else -friction), min(time, pi)
+        if left < pi:
+            return centre + (x - centre) * cos(left), -(x - centre) * sin(left)
+        x, time = 2.0 * centre - x, time - pi
+    return x, 0.0
+
+
+@pytest.mark.parametrize("tolerance", [*(pytest.param(t, marks=pytest.mark.slow) for t in (1e-6, 1e-12)), 1e-9])
+def test_amplitudes_fall_by_twice_the_friction_each_half_swing(tolerance: float) -> None:
+    """Lorenz (1924): steps of 2 mu, and rest inside abs(x) <= mu after the number of half swings that this takes."""
+    mu, time = 0.1, 9.3
+    strobe = stroboscopic_map(table(friction=mu, frequency=2.0 * pi / time), rtol=tolerance, atol=tolerance)
+    initial_conditions = np.random.default_rng(0).uniform(-1.2, 1.2, 2000)
+    images = strobe.iterate(np.column_stack([initial_conditions, np.zeros(2000)]), 1)
+    exact = np.array([swings(x, mu, time) for x in initial_conditions.tolist()])
+    assert (images.status == Status.OK).all()
+    assert (np.abs(images.points - exact) <= tolerance * (1.0 + np.abs(exact))).all()
+    assert 0.1 < (images.points[:, 1] == 0.0).mean() < 0.9
+
+
+@pytest.mark.slow
+def test_rest_after_many_half_swings() -> None:
+    strobe = stroboscopic_map(table(friction=0.1), rtol=1e-12, atol=1e-12)
+    for x in (0.95, 1.0 - 1e-9, -3.77):
+        assert strobe.iterate([x, 0.0], 12).points == pytest.approx(swings(x, 0.1, inf), abs=1e-12)
+
+
+@pytest.mark.parametrize(("force", "friction", "frequency"), [(1.0, 0.3, 0.7), (1.0, 0.5, 1.3), (2.0, 0.2, 2.5)])
+@pytest.mark.slow
+def test_den_hartogs_motion_without_stops(force: float, friction: float, frequency: float) -> None:
+    """Den Hartog (1931): half a period from the amplitude A to -A, mirrored in the other half.
+
+    With r the frequency and V = 1/(1 - r^2), A^2 = V^2 force^2 - (friction tan(pi/(2r))/r)^2.  Each turning multiplies
+    the determinant by (A - f - friction)/(A - f + friction), f being the force there.
+    """
+    r, gain = frequency, 1.0 / (1.0 - frequency**2)
+    lag = asin(-friction * tan(pi / (2.0 * r)) / (r * gain * force))
+    lag = lag if gain > 0.0 else pi - lag
+    amplitude = gain * force * cos(lag)
+    system = table(force=force, friction=friction, frequency=r, phase=lag)
+    strobe = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
+    assert strobe([amplitude, 0.0]) == pytest.approx([amplitude, 0.0], abs=1e-11)
+    assert strobe.iterate([amplitude + 0.1, 0.1], 400).points == pytest.approx([amplitude, 0.0], abs=1e-9)
+    # The derivative is taken at a quarter of a period, away from the turnings.
+    phase = 0.25
+    (start,) = trajectory(system, [amplitude, 0.0], 1, samples_per_period=4).states[1:2]
+    pull = amplitude - force * cos(lag)
+    expected = ((pull - friction) / (pull + friction)) ** 2
+    assert np.linalg.det(jacobian(stroboscopic_map(system, phase=phase), start)) == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_a_force_that_grows_beyond_the_friction_and_falls_below_it() -> None:
+    """x'' = f sin t - mu sign x': slips from asin(mu/f) on, until the impulses balance; then back alike."""
+    force, mu = 1.0, 0.8
+    begin = asin(mu / force)
+
+    def velocity(t: float) -> float:
+        return force * (cos(begin) - cos(t)) - mu * (t - begin)
+
+    end = brentq(velocity, pi - begin, pi, xtol=1e-15)
+    slip = force * (cos(begin) * (end - begin) + sin(begin) - sin(end)) - 0.5 * mu * (end - begin) ** 2
+    system = table(stiffness=0.0, friction=mu, force=force, phase=-0.5 * pi)
+    motion = trajectory(system, [0.2, 0.0], 2, samples_per_period=8, rtol=1e-12, atol=1e-12)
+    assert motion.strobe == pytest.approx(np.array([[0.2, 0.0]] * 3), abs=1e-12)
+    assert motion.states[4] == pytest.approx([0.2 + slip, 0.0], abs=1e-12)
+    assert motion.states[2, 1] == pytest.approx(velocity(0.5 * pi), abs=1e-12)
+    assert np.array_equal(motion.states[1], [0.2, 0.0])
+    assert np.array_equal(motion.states[4], motion.states[5])
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-15, 1e-12, 1e-9, 1e-6])
+def test_a_force_that_only_just_reaches_the_friction(excess: float) -> None:
+    """Touched, the limit lets nothing go; passed by a little, the mass slips by the order of its square."""
+    system = table(stiffness=0.0, friction=0.5, force=0.5 * (1.0 + excess), phase=-0.5 * pi)
+    images = stroboscopic_map(system).iterate([0.2, 0.0], 3)
+    assert images.status == Status.OK
+    assert images.points == pytest.approx([0.2, 0.0], abs=1e-12 + 10.0 * excess)
+
+
+@pytest.mark.slow
+def test_a_square_wave_on_a_spring() -> None:
+    """x'' = -2 zeta x' - x + sign(cos t): pieces of a linear flow, by matrix exponentials."""
+
+    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+        return x[1], -0.2 * x[1] - x[0] + p.force * s[0]
+
+    def clock(t: float, x: Any, p: Any) -> tuple[float]:
+        return (cos(t) - p.level,)
+
+    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 2))
+    for level in (0.0, 0.3, -0.9):
+        system = ForcedSystem(rhs, {"force": 1.3, "level": level}, 2.0 * pi, ("x", "v"), switches=clock)
+        exact, matrix = initial_conditions, np.array([[0.0, 1.0], [-1.0, -0.2]])
+        for sign, stay in ((1.3, acos(level)), (-1.3, 2.0 * pi - 2.0 * acos(level)), (1.3, acos(level))):
+            exact = (exact - (sign, 0.0)) @ expm(stay * matrix).T + (sign, 0.0)
+        strobe = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
+        assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
+
+
+@pytest.mark.slow
+def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
+    """A method of order 8 with fixed steps; turning, stopping and starting again lie inside of them."""
+    system = table(friction=0.4, force=1.0, frequency=0.7)
+    assert system.switches is not None
+    kernel = switching_kernel((system.rhs, system.switches), 2, tuple(system.params), 1e-2, False)
+    assert kernel is not None and kernel.estimate_order == 7
+    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (LANES, 2))
+    params = np.array(list(system.params.values()))
+
+    def images(steps: int) -> Array:
+        blocks = initial_conditions.T[None].copy()
+        kernel.advance(blocks, np.array([steps]), 0.0, system.length, params, np.empty_like(blocks))
+        return blocks[0].T
+
+    exact = images(400)
+    errors = np.array([np.abs(images(steps) - exact).max() for steps in (8, 16, 32)])
+    assert exact == pytest.approx(np.array([Oracle(system).image(start) for start in initial_conditions]), abs=1e-11)
+    assert (np.log2(errors[:-1] / errors[1:]) > 7.0).all()
+
+
+# Initial conditions on a surface
+
+
+def two_springs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+    return x[1], -(1.5 + 0.5 * s[0]) * x[0] - 0.1 * x[1] + p.force * cos(t)
+
+
+def position(t: float, x: Any, p: Any) -> tuple[float]:
+    return (x[0],)
+
+
+@pytest.mark.parametrize("force", [-1.0, 1.0])
+@pytest.mark.slow
+def test_a_start_that_touches_a_surface_leaves_it_on_the_right_side(force: float) -> None:
+    """Position and velocity zero where one spring meets another: only the acceleration tells where it goes."""
+    system = ForcedSystem(two_springs, {"force": force}, 2.0 * pi, ("x", "v"), switches=position)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate([[0.0, 0.0], [1e-14, 0.0], [-1e-14, 0.0]], 1)
+    assert (images.status == Status.OK).all()
+    assert images.unwrapped == pytest.approx(np.tile(images.unwrapped[1], (3, 1)), abs=1e-11)
+
+
+def test_rest_on_a_surface_is_rest() -> None:
+    """Nothing moves, so the switching function is zero throughout."""
+    system = ForcedSystem(two_springs, {"force": 0.0}, 2.0 * pi, ("x", "v"), switches=position)
+    images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate([[0.0, 0.0], [1e-305, 0.0]], 3)
+    assert (images.status == Status.OK).all()
+    assert np.abs(images.points).max() <= 1e-305
+
+
+def test_the_derivative_at_a_start_that_sticks() -> None:
+    """Neighbours of the start with a small velocity stop at once: their image does not depend on it."""
+    strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 1.0))
+    assert jacobian(strobe, [0.3, 0.0]) == pytest.approx(np.diag([1.0, 0.0]), abs=1e-15)
+    slope = (strobe([0.3, 1e-5]) - strobe([0.3, -1e-5])) / 2e-5
+    assert slope == pytest.approx([0.0, 0.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_surface_that_repels_is_left_to_the_side_of_the_smooth_part(side: float) -> None:
+    """x' = sign x + 0.5 side: both sides lead away from 0; what decides is f_0, and + where it is zero."""
+
+    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float]:
+        return (s[0] + p.drift,)
+
+    system = ForcedSystem(rhs, {"drift": 0.5 * side}, 1.0, ("x",), switches=position)
+    strobe = stroboscopic_map(system, rtol=1e-4, atol=1e-4)
+    assert strobe([[0.0], [1e-13], [-1e-13]]) == pytest.approx(
+        np.array([[1.5 * side], [1.0 + 0.5 * side], [-1.0 + 0.5 * side]]), abs=1e-11
+    )
+    still = stroboscopic_map(system.with_params(drift=0.0), rtol=1e-4, atol=1e-4)
+    assert still([0.0]) == pytest.approx([1.0])
+
+
+@pytest.mark.slow
+def test_a_start_on_two_surfaces() -> None:
+    """Both masses at rest: held, one let go, both let go."""
+    for force, table_friction, between, stuck in (
+        (0.1, 0.3, 0.2, True),
+        (1.0, 0.3, 0.2, False),
+        (1.0, 0.1, 0.01, False),
+    ):
+        system = masses_at(table_friction, between, force)
+        image = stroboscopic_map(system, rtol=1e-6, atol=1e-6)([0.1, 0.05, 0.0, 0.0])
+        assert image == pytest.approx(Oracle(system).image([0.1, 0.05, 0.0, 0.0]), abs=2e-6)
+        assert (np.abs(image - [0.1, 0.05, 0.0, 0.0]).max() < 1e-15) == stuck
+
+
+@pytest.mark.slow
+def test_what_sticks_stays_to_the_last_bit() -> None:
+    strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
+    settled = strobe.iterate(starts_of((pi, 2.0), 500), 60).points
+    stuck = settled[np.abs(np.sin(settled[:, 0])) < 0.4 / 0.81]
+    assert len(stuck) > 50 and not stuck[:, 1].any()
+    assert np.array_equal(strobe.iterate(stuck, 1000).points, stuck)
+    masses = stroboscopic_map(masses_at(0.7, 0.4, force=0.2), rtol=1e-6, atol=1e-6)
+    held = masses.iterate(starts_of([0.3] * 4, 200), 20).points
+    later = masses.iterate(held, 1000).points
+    assert not held[:, 2:].any() and not later[:, 2:].any()
+    assert later == pytest.approx(held, abs=1e-11)  # a speed that is held against another one is held to rounding
+
+
+@pytest.mark.parametrize("miss", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
+def test_grazing(miss: float) -> None:
+    """An orbit that touches the surface between two springs, or all but: the jump of the force there vanishes."""
+
+    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
+        return x[1], -x[0] - 0.5 * p.extra * (1.0 - s[0]) * (x[0] + 1.0)
+
+    def wall(t: float, x: Any, p: Any) -> tuple[float]:
+        return (x[0] + 1.0,)
+
+    system = ForcedSystem(rhs, {"extra": 5.0}, 2.0 * pi, ("x", "v"), switches=wall)
+    start = [1.0 - miss, 0.0]
+    images = stroboscopic_map(system).iterate(start, 1)
+    assert images.status == Status.OK
+    assert images.points == pytest.approx(start, abs=1e-8 + 20.0 * max(-miss, 0.0))
