@@ -97,7 +97,7 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     places = wrap(place + grown * widths, exact.coordinates)
     certain = _amid(grown, boxes, steps, around)
     if not certain.all():
-        certain[~certain] = _drawn(exact, places[~certain], centres, widths, wide, extent)
+        certain[~certain] = _drawn(exact, place, grown[~certain], centres, widths, wide, extent)
     lower = place - 0.5 * widths
     # Boxes are numbered within the turn of an angle, as the places of points are.
     numbers = boxes_of(places, lower, widths, exact)
@@ -150,7 +150,8 @@ def _amid(
 
 def _drawn(
     exact: PointMap,
-    places: NDArray[np.float64],
+    place: NDArray[np.float64],
+    boxes: NDArray[np.int64],
     centres: NDArray[np.float64],
     widths: NDArray[np.float64],
     wide: NDArray[np.bool_],
@@ -159,8 +160,11 @@ def _drawn(
     """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, which rest."""
     from scipy.spatial import KDTree
 
-    offsets = np.array(list(itertools.product(*[(-0.5, 0.0, 0.5) if w else (0.0,) for w in wide])))
-    points = (places[:, None, :] + offsets * widths).reshape(-1, len(widths))
+    # Centres, edges and corners, counted in half boxes: neighbours share most of them.
+    halves = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
+    counted = (2 * boxes[:, None, :] + halves).reshape(-1, len(widths))
+    numbers, shared = np.unique(counted, axis=0, return_inverse=True)
+    points = place + 0.5 * numbers * widths
     restless = np.flatnonzero(~_rests(exact, wrap(points, exact.coordinates), extent))
     drawn = np.ones(len(points), bool)
     if len(restless):
@@ -175,7 +179,7 @@ def _drawn(
             np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images.points)
         )
         drawn[restless] = near < far
-    return np.asarray(drawn.reshape(len(places), -1).all(axis=1))
+    return np.asarray(drawn[shared.ravel()].reshape(len(boxes), -1).all(axis=1))
 
 
 def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:

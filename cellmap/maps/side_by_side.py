@@ -10,7 +10,7 @@ from .._lib.threads import run_over, slices, thread_count
 from .orbit_batch import Orbits, Work
 
 _TRIED = 16  # orbits that are moved on first, for the time that they take
-_WORTH = 2e-3  # seconds that the others have to take
+_WORTH = 4e-3  # seconds that the others have to take
 _FEWEST = 16  # orbits in a part
 _PARTS = 4  # for each thread
 
