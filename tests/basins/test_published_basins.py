@@ -1,0 +1,176 @@
+"""Basins with published or independently recomputed numbers (REFERENCES.md)."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+from known_basins import DUFFING, GOY, circle_grid, counts, shares
+
+import systems
+from cellmap import (
+    CellGrid,
+    find_basins,
+    interpolated_map,
+    stroboscopic_map,
+)
+from cellmap.attractors.labels import Label
+from cellmap.maps.coordinates import difference
+from cellmap.orbits import Kind
+
+# --- the report's pendulum: counts on 200 x 200 cells (REFERENCES.md)
+
+PENDULUM = {
+    "2 mm, 100 rad/s": (0.002, 100.0, [40000]),
+    "3 mm, 100 rad/s": (0.003, 100.0, [32896, 7104]),
+    "3 mm, 500 rad/s": (0.003, 500.0, [25484, 6152, 4182, 4182]),
+}
+
+
+@pytest.fixture(scope="module", params=PENDULUM)
+def pendulum(request):
+    amplitude, speed, expected = PENDULUM[request.param]
+    exact = stroboscopic_map(systems.driven_pendulum(amplitude=amplitude))
+    return exact, find_basins(exact, circle_grid(speed, 200)), speed, expected
+
+
+def test_counts_of_the_pendulum(pendulum):
+    """At most 5 cells off, for the boundary is smooth."""
+    _, basins, _, expected = pendulum
+    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT] * min(len(expected), 2) + [Kind.ROTATING] * (
+        len(expected) - 2
+    )
+    assert counts(basins) == pytest.approx(expected, abs=5)
+    assert basins.labels.min() == 0
+
+
+@pytest.mark.parametrize("order", [3, 5])
+def test_counts_by_interpolated_cell_mapping(pendulum, order):
+    exact, basins, speed, expected = pendulum
+    icm = interpolated_map(exact, circle_grid(1.1 * speed, 256), order, outside="integrate")
+    by_table = find_basins(icm, circle_grid(speed, 200))
+    assert counts(by_table) == pytest.approx(expected, abs=5)
+    assert np.count_nonzero(by_table.labels != basins.labels) <= 5
+
+
+def test_pendulum_is_verified(pendulum):
+    _, basins, _, _ = pendulum
+    check = basins.verify(300)
+    assert (check.compared, check.wrong, check.fraction, check.low, check.excluded) == (300, 0, 0.0, 0.0, 0)
+    assert check.high < 0.013
+
+
+def test_small_rotations_at_ten_millimetres():
+    """A pair of rotations by half a circle a period owns 10 of the 40,000 cells, and both methods see it."""
+    exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.010))
+    direct = find_basins(exact, circle_grid(500.0, 200))
+    icm = interpolated_map(exact, circle_grid(550.0, 256), outside="integrate")
+    for basins in (direct, find_basins(icm, circle_grid(500.0, 200))):
+        small = {k: a for k, a in enumerate(basins.attractors) if abs(a.rotation_number[0]) == 0.5}
+        assert sorted(a.rotations for a in small.values()) == [(-1, 0), (1, 0)]
+        assert all(a.period == 2 for a in small.values())
+        assert sum(basins.fractions[k].count for k in small) == pytest.approx(10, abs=2)
+        assert basins.labels.min() == 0
+
+
+PANELS = [(a, w) for w in (100.0, 500.0) for a in (0.0, 0.002, 0.003, 0.004, 0.010)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("amplitude", "speed"), PANELS)
+def test_figure_19_by_table_and_by_direct_integration(amplitude, speed):
+    """500 x 500 cells: no pixel differs where the boundary is smooth, at 10 mm at most 0.3 %."""
+    exact = stroboscopic_map(systems.driven_pendulum(amplitude=amplitude))
+    icm = interpolated_map(exact, circle_grid(speed, 512), outside="integrate")
+    grid = circle_grid(speed, 500)
+    differing = (find_basins(icm, grid).labels != find_basins(exact, grid).labels).mean()
+    assert differing <= (0.003 if amplitude == 0.010 else 0.0)
+
+
+@pytest.mark.slow
+def test_inverted_pendulum_by_table_and_by_direct_integration():
+    exact = stroboscopic_map(systems.dimensionless_pendulum(-0.1, 0.545, 0.2))
+    icm = interpolated_map(exact, circle_grid(4.0, 512), outside="integrate")
+    grid = circle_grid(4.0, 500)
+    assert np.array_equal(find_basins(icm, grid).labels, find_basins(exact, grid).labels)
+
+
+# --- published or independently recomputed shares (REFERENCES.md)
+
+
+# Map, initial conditions, points of the attractors, fractions, and the largest difference allowed (0.003 unless said).
+PUBLISHED = {
+    "forced pendulum": (
+        stroboscopic_map(systems.forced_pendulum()),
+        circle_grid(4.0, 200),
+        [(-0.4782, -0.6082), (-0.4728, 2.0371)],
+        [0.478, 0.522],
+        0.003,
+    ),
+    "vertically driven": (
+        stroboscopic_map(systems.dimensionless_pendulum(0.5, 0.1, 0.03)),
+        circle_grid(4.0, 200),
+        [(0, 0), (0.67083, 1.15836), (2.65934, 0.67711), (-2.65934, -0.67711)],
+        [0.701, 0.212, 0.0435, 0.0435],
+        0.003,
+    ),
+    "inverted": (
+        stroboscopic_map(systems.dimensionless_pendulum(-0.1, 0.545, 0.2)),
+        circle_grid(4.0, 200),
+        [(0, 0), (2.18475, 1.18826), (-2.18475, -1.18826)],
+        [0.6438, 0.1781, 0.1781],
+        0.003,
+    ),
+    "two-well Duffing": (
+        DUFFING,
+        CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 200)),
+        [(-0.77905493, 0.02741682), (1.21009083, 0.05529497)],
+        [0.5, 0.5],
+        0.01,
+    ),
+    "Grebogi, Ott, Yorke": (
+        GOY,
+        CellGrid((0.0, -0.5), (2 * pi, 0.5), (200, 200)),
+        [(0.0, -0.3), (pi, 0.3)],
+        [0.5, 0.5],
+        0.003,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_shares(name):
+    point_map, grid, points, expected, allowed = PUBLISHED[name]
+    basins = find_basins(point_map, grid)
+    assert len(basins.attractors) == len(points)
+    for a, point in zip(basins.attractors, points, strict=True):
+        assert difference(a.points[0], np.array(point), a.coordinates) == pytest.approx(0.0, abs=1e-4)
+    assert shares(basins) == pytest.approx(expected, abs=allowed)
+    assert basins.labels.min() == 0
+
+
+@pytest.mark.slow
+def test_bounded_share_of_henons_map():
+    """0.4319 of the 1000 x 1000 starts on the nodes of [-2, 2]^2 stay bounded."""
+    nodes = np.linspace(-2.0, 2.0, 1000)
+    basins = find_basins(systems.henon_map(), np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1))
+    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC]
+    assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.00006)
+    assert set(basins.fractions) == {0, Label.DIVERGED}
+
+
+def test_bounded_share_of_henons_map_on_a_coarse_grid():
+    grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200))
+    basins = find_basins(systems.henon_map(), grid, max_periods=500)
+    assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
+
+
+@pytest.mark.slow
+def test_shares_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
+    """Two exact maps disagree on single cells, and agree on fractions to 0.3 points."""
+    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
+    system = systems.two_well_duffing()
+    rough, fine = (find_basins(stroboscopic_map(system, rtol=t, atol=t), grid) for t in (1e-8, 1e-12))
+    assert (rough.labels != fine.labels).any()
+    assert shares(rough) == pytest.approx(shares(fine), abs=0.003)

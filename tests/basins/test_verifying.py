@@ -1,0 +1,123 @@
+"""Verification of labels by random initial conditions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import pytest
+from known_basins import LINE, circle_grid
+
+import systems
+from cellmap import (
+    Basins,
+    CellGrid,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    interpolated_map,
+    stroboscopic_map,
+)
+from cellmap.attractors.labels import Label
+
+
+def planted(basins: Basins, wrong: int, label: int, seed: int = 3) -> Basins:
+    """Change the labels of some random initial conditions with another label."""
+    labels = basins.labels.copy()
+    rows = np.random.default_rng(seed).choice(np.flatnonzero(labels.ravel() != label), wrong, replace=False)
+    labels.ravel()[rows] = label
+    return replace(basins, labels=labels)
+
+
+def test_verify_finds_wrong_labels():
+    """10 % of the labels are changed; n draws see that fraction, within its interval."""
+    basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 50))
+    spoilt = planted(basins, 250, 1)
+    check = spoilt.verify(1000)
+    assert check.wrong == round(check.fraction * check.compared)
+    assert check.low < 0.1 < check.high
+    assert check.fraction == pytest.approx(0.1, abs=0.03)
+    assert basins.verify(1000).wrong == 0
+
+
+def test_verify_counts_exactly_what_is_planted():
+    """One label in two: the draws are known from the seed."""
+    basins = find_basins(LINE, CellGrid((-1.0,), (1.0,), (50,)))
+    spoilt = replace(basins, labels=np.zeros_like(basins.labels))
+    drawn = np.random.default_rng(5).integers(0, 50, 400)
+    assert spoilt.verify(400, rng=5).wrong == np.count_nonzero(basins.labels[drawn] != 0)
+
+
+@pytest.mark.parametrize(("n", "wrong"), [(10, 0), (10, 10), (200, 3), (400, 200), (1, 0)])
+def test_interval_of_the_share(n, wrong):
+    """Wilson's interval is where abs(share - p) = 1.96 sqrt(p (1 - p) / n)."""
+    from cellmap.basins.record import Verification
+
+    found = Verification.of(wrong, n)
+    low, high = found.low, found.high
+    assert 0 <= low <= wrong / n <= high <= 1
+    for p in (low, high):
+        if 0 < p < 1:
+            assert abs(wrong / n - p) == pytest.approx(1.959964 * sqrt(p * (1 - p) / n), rel=1e-6)
+    assert (low == 0) == (wrong == 0)
+    assert (high == 1) == (wrong == n)
+
+
+def test_undecided_starts_are_never_right():
+    """A rotation has no attractor: by both maps all orbits are undecided, and nothing says that this is right."""
+    turning = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
+    basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
+    assert (basins.labels == Label.UNDECIDED).all()
+    check = basins.verify(80)
+    assert (check.compared, check.wrong, check.undecided) == (0, 0, 80)
+    assert (check.low, check.high) == (0.0, 1.0)
+
+
+def test_undecided_starts_reach_from_right_to_wrong():
+    from cellmap.basins.record import Verification
+
+    found = Verification.of(5, 50, undecided=45)
+    assert found.fraction == 0.1
+    assert found.low == Verification.of(5, 95).low
+    assert found.high == Verification.of(50, 95).high
+
+
+def test_verify_is_reproducible():
+    basins = planted(find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(500.0, 30)), 90, 0)
+    assert basins.verify(100) == basins.verify(100)
+    assert basins.verify(100) != basins.verify(100, rng=1)
+
+
+def test_verify_leaves_out_what_has_no_answer():
+    exact = stroboscopic_map(systems.driven_pendulum())
+    icm = interpolated_map(exact, circle_grid(100.0, 64), outside="escape")
+    basins = find_basins(icm, circle_grid(100.0, 40))
+    check = basins.verify(500)
+    assert check.compared + check.excluded == 500
+    assert check.excluded / 500 == pytest.approx(basins.fractions[Label.ESCAPED].fraction, abs=0.05)
+    assert check.wrong == 0
+
+
+def test_verify_sees_what_a_coarse_table_spoils():
+    """Straight lines on 24 x 24 cells mislabel some per cent; the interval holds the true share."""
+    exact = stroboscopic_map(systems.driven_pendulum())
+    icm = interpolated_map(exact, circle_grid(550.0, 24), order=1, outside="integrate", tolerance=1e3)
+    basins = find_basins(icm, circle_grid(500.0, 60))
+    truth = find_basins(exact, basins.grid, attractors=basins.attractors)
+    share = float((truth.labels != basins.labels).mean())
+    check = basins.verify(2000)
+    assert share > 0.005
+    assert check.low <= share <= check.high
+
+
+def test_verify_does_not_trust_the_neighbourhoods():
+    """An ellipsoid that is far too large, planted from outside, spoils labels; exact integration to the end sees it."""
+    exact = LINE
+    attractors = find_attractors(exact, [[0.5], [-0.5]])
+    big = tuple(
+        replace(a, neighbourhood=replace(a.neighbourhood, metrics=np.full((1, 1, 1), 0.25))) for a in attractors
+    )
+    basins = find_basins(exact, CellGrid((-1.0,), (1.0,), (100,)), attractors=big)
+    assert len(set(basins.labels.tolist())) == 1
+    assert basins.verify(200).fraction == pytest.approx(0.5, abs=0.1)
