@@ -312,12 +312,10 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
         "iterate fewer points at a time",
     )
     orbits = Orbits.starting(initial_conditions.reshape(-1, point_map.dimension))
-    lower, turn = turns_of(point_map.coordinates)
-    orbits.wrap(lower, turn)
+    orbits.wrap(*turns_of(point_map.coordinates))
     orbits.rotations[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
     parts = slices(len(orbits), CHUNK)
-
     for number, images in completed(
         range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), client, label
     ):
