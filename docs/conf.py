@@ -65,7 +65,6 @@ sphinx_gallery_conf = {
     "backreferences_dir": "auto/backreferences",
     "doc_module": ("cellmap", "systems"),
     "image_scrapers": (FigureScraper(),),
-    "image_srcset": ["2x"],
     "capture_repr": (),
     "remove_config_comments": True,
     "abort_on_example_error": True,
@@ -87,4 +86,4 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": ["theme-version"],
 }
-html_sidebars = {page: [] for page in ("index", "how-to", "auto/tutorials/*", "auto/examples/*")}
+html_sidebars = {page: [] for page in ("index", "how-to", "auto/*/*")}

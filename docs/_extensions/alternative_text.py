@@ -19,7 +19,7 @@ class FigureScraper:
     def __call__(self, block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any], **kwargs: Any) -> str:
         """Return the figures as reStructuredText."""
         texts = iter(STATED.findall(block[1]))
-        rst = matplotlib_scraper(block, block_vars, gallery_conf, bbox_inches="tight", **kwargs)
+        rst = matplotlib_scraper(block, block_vars, gallery_conf, bbox_inches="tight", dpi=120, **kwargs)
         rst = re.sub(r"(:alt: ).*", lambda found: found[1] + next(texts, "MISSING"), rst)
         if "MISSING" in rst or next(texts, None) is not None:
             raise ValueError(

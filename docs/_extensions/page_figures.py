@@ -73,6 +73,7 @@ def draw_all(text: str, folder: Path) -> None:
             plt.close("all")
 
 
-def setup(app: Sphinx) -> None:
+def setup(app: Sphinx) -> dict[str, bool]:
     """Register the hook, before that of the studies."""
     app.connect("source-read", fill, priority=400)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

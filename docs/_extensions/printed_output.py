@@ -56,9 +56,10 @@ def compare(app: Sphinx) -> None:
             logging.getLogger(__name__).warning("%s prints\n%s\ninstead of\n%s", page.name, found, expected)
 
 
-def setup(app: Sphinx) -> None:
+def setup(app: Sphinx) -> dict[str, bool]:
     """Register the comparison, which follows the execution of the pages."""
     app.connect("builder-inited", compare, priority=900)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
 if __name__ == "__main__":

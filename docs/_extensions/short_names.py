@@ -31,4 +31,4 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, contnode: El
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the resolver."""
     app.connect("missing-reference", resolve)
-    return {"parallel_read_safe": True}
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

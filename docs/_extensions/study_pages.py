@@ -190,7 +190,8 @@ def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference", "systems-reference"]
 
 
-def setup(app: Sphinx) -> None:
+def setup(app: Sphinx) -> dict[str, bool]:
     """Register the hooks."""
     app.connect("source-read", fill_page)
     app.connect("env-get-outdated", pages_that_are_computed)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -223,7 +223,7 @@ with TemporaryDirectory() as folder:
 # - :doc:`/own-system`: angles, tolerances, phases of the section, discontinuous right-hand sides.
 # - :doc:`/how-to`: what to call for which task; :doc:`/symptoms`: what to do when a result looks wrong.
 # - :doc:`/concepts`: the ideas behind the words, with figures.
-# - :doc:`/auto/tutorials/inverted_pendulum`: the second tutorial.
+# - :doc:`/auto/tutorials/inverted_pendulum` and :doc:`/auto/tutorials/rod_on_film`: the other tutorials.
 # - :doc:`/auto/examples/index`: short programs with their figures.
 # - :doc:`/reference`: all functions.
 #
