@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
+import operator
 import re
+import sys
 from pathlib import Path
 
 import pytest
+
+import cellmap
 
 DOCS = Path(__file__).parents[1] / "docs"
 PROGRAMS = sorted(p for folder in ("tutorials", "examples") for p in (DOCS / folder).glob("*.py"))
@@ -56,3 +61,14 @@ def test_examples_are_short():
     for program in PROGRAMS:
         if program.parent.name == "examples":
             assert len(program.read_text(encoding="utf-8").splitlines()) <= 45, program.name
+
+
+def test_each_public_name_has_a_page_of_the_reference():
+    """In one of its groups, by the shortest of its names, and once."""
+    listed = re.findall(r"^   (cellmap\.\S+)$", (DOCS / "reference.md").read_text(encoding="utf-8"), re.MULTILINE)
+    rooms = [importlib.import_module(room) for room in sorted({name.rpartition(".")[0] for name in listed})]
+    public = {id(getattr(r, n)) for r in rooms for n in getattr(r, "__all__", ()) if n != "__version__"}
+    modules = {id(m) for m in sys.modules.values()}
+    found = [id(operator.attrgetter(name.partition(".")[2])(cellmap)) for name in listed]
+    assert len(found) == len(set(found))
+    assert public - modules <= set(found)

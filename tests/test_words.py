@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 
 PACKAGES = ("cellmap", "systems", "studies")
-"""Packages whose docstrings, comments and messages are read; of tests docstrings and comments are."""
+"""Packages whose docstrings, comments and messages are read; of tests and of the site docstrings and comments are."""
 
 
 class Text(NamedTuple):
@@ -41,7 +41,7 @@ def pages() -> Iterator[Text]:
 
 
 def code() -> Iterator[Text]:
-    for package in (*PACKAGES, "tests"):
+    for package in (*PACKAGES, "tests", "docs"):
         for path in sorted((ROOT / package).rglob("*.py")):
             if path != Path(__file__):
                 prose = prose_of_code(path.read_text(encoding="utf-8"), messages=package in PACKAGES)

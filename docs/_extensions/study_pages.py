@@ -125,14 +125,14 @@ def hard_case_results() -> str:
 
 
 def work_precision_results() -> str:
-    """Return the tables and pictures of time against error."""
+    """Return the tables and figures of time against error."""
     folder = results("work_precision")
     text = (folder / "work_precision.md").read_text(encoding="utf-8")
     return text.replace("](", f"]({folder.relative_to(GENERATED.parent).as_posix()}/")
 
 
 def gallery() -> str:
-    """Return all studies that draw: what each is about, its pictures, and what it prints."""
+    """Return all studies that draw: what each is about, its figures, and what it prints."""
     parts = []
     for study in study_names():
         folder = results(study)

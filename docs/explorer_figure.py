@@ -1,4 +1,4 @@
-"""Draw the picture of the explorer on the pages: ``python docs/explorer_picture.py``, with Chromium on this machine."""
+"""Draw the figure of the explorer on the pages: ``python docs/explorer_figure.py``, with Chromium on this machine."""
 
 from __future__ import annotations
 
