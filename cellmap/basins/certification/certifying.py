@@ -245,7 +245,7 @@ class _Run:
         setting, orbits = self.setting, Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
         spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
         left: list[_Left] = []
-        pending, settled = ~self.slow[rows], np.zeros(len(rows), bool)
+        pending, settled, patience = ~self.slow[rows], np.zeros(len(rows), bool), self.patience[rows]
         steps = 0
         for k in range(self.periods + 1):
             found = np.empty(len(rows), np.int64)
@@ -254,18 +254,19 @@ class _Run:
                 setting.neighbourhoods, setting.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)
-            held = pending & (found >= Label.ESCAPED)
-            changed = held & (found != self.labels[rows])
-            self.labels[rows[changed]], self.times[rows[changed]] = found[changed], k
-            self.evidence[rows[held]] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
-            settled |= held
-            reach = sum(spread[:, j, j] for j in range(point_map.dimension))
-            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < self.patience[rows])
+            held = np.flatnonzero(pending & (found >= Label.ESCAPED))
+            here, labels = rows[held], found[held]
+            changed = np.flatnonzero(labels != self.labels[here])
+            self.labels[here[changed]], self.times[here[changed]] = labels[changed], k
+            self.evidence[here] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
+            settled[held] = True
+            reach = np.einsum("nii->n", spread)
+            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < patience)
             remaining = int(np.count_nonzero(pending))
             if remaining * 4 < len(rows) * 3 or k == self.periods:
                 lost, on = np.flatnonzero(~pending & ~settled), np.flatnonzero(pending)
                 left.append(_Left(rows[lost], orbits[lost], k))
-                rows, orbits, spread = rows[on], orbits[on], spread[on]
+                rows, orbits, spread, patience = rows[on], orbits[on], spread[on], patience[on]
                 pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
             if not len(rows):
                 break

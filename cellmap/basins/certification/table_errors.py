@@ -109,11 +109,14 @@ def _of_neighbours(combine: Any, values: NDArray[np.float64], grid: CellGrid) ->
 def _beside(values: NDArray[np.float64], j: int, grid: CellGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return for each cell the values of the cells before and behind it along an axis; at an end its own."""
     n = grid.shape[j]
-    steps = np.arange(n)
-    sides = (steps - 1) % n, (steps + 1) % n
-    if not grid.wraps[j]:
-        sides = np.maximum(steps - 1, 0), np.minimum(steps + 1, n - 1)
-    before, after = (np.take(values, side, axis=j) for side in sides)
+    first, last = slice(0, 1), slice(n - 1, n)
+    ends = (last, first) if grid.wraps[j] else (first, last)
+
+    def at(part: slice) -> NDArray[np.float64]:
+        return values[(slice(None),) * j + (part,)]
+
+    before = np.concatenate([at(ends[0]), at(slice(0, n - 1))], axis=j)
+    after = np.concatenate([at(slice(1, n)), at(ends[1])], axis=j)
     return before, after
 
 
