@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import cellmap
-
 DOCS = Path(__file__).parents[1] / "docs"
 PROGRAMS = sorted(p for folder in ("tutorials", "examples") for p in (DOCS / folder).glob("*.py"))
 
@@ -65,10 +63,17 @@ def test_examples_are_short():
 
 def test_each_public_name_has_a_page_of_the_reference():
     """In one of its groups, by the shortest of its names, and once."""
-    listed = re.findall(r"^   (cellmap\.\S+)$", (DOCS / "reference.md").read_text(encoding="utf-8"), re.MULTILINE)
+    text = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("reference.md", "systems-reference.md"))
+    listed = re.findall(r"^   ((?:cellmap|systems)\.\S+)$", text, re.MULTILINE)
     rooms = [importlib.import_module(room) for room in sorted({name.rpartition(".")[0] for name in listed})]
-    public = {id(getattr(r, n)) for r in rooms for n in getattr(r, "__all__", ()) if n != "__version__"}
-    modules = {id(m) for m in sys.modules.values()}
-    found = [id(operator.attrgetter(name.partition(".")[2])(cellmap)) for name in listed]
+    public = {id(getattr(room, name)): name for room in rooms for name in getattr(room, "__all__", ())}
+    unlisted = {id(thing) for thing in public_constants(rooms)} | {id(module) for module in sys.modules.values()}
+    found = [id(operator.attrgetter(name.partition(".")[2])(sys.modules[name.partition(".")[0]])) for name in listed]
     assert len(found) == len(set(found))
-    assert public - modules <= set(found)
+    assert not {name for key, name in public.items() if key not in unlisted and key not in found}
+
+
+def public_constants(rooms):
+    """Return dimensions, lengths and versions, which are explained where they are used."""
+    things = [getattr(room, name) for room in rooms for name in getattr(room, "__all__", ())]
+    return [thing for thing in things if isinstance(thing, float | str | tuple)]

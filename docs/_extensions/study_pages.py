@@ -17,12 +17,10 @@ from types import ModuleType
 
 from sphinx.application import Sphinx
 
-import systems
 import systems.lab
 from studies import hard_cases
 from studies.__main__ import study_names
 
-SYSTEMS = "<!-- everything that systems exports -->"
 LABORATORY = "<!-- everything that systems.lab exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
 WORK_PRECISION = "<!-- what accuracy costs -->"
@@ -42,38 +40,6 @@ def exports(package: ModuleType) -> str:
         parts += headed((inspect.getdoc(sys.modules[module]) or module).split("\n\n")[0].replace("\n", " "))
         parts += [f"```{{eval-rst}}\n{directive(package, name)}\n```" for name in names]
     return "\n\n".join(parts)
-
-
-SECTIONS = {
-    "Scenes": "scenes",
-    "Bodies": "pendulum compound chain chain_pendulums",
-    "Effects": "effects",
-    "Drives": "drives harmonics waves",
-    "Units": "units",
-    "Fast drives": "averaging wells release_angles",
-    "Effects and bodies of your own": "quantities forces",
-    "Dimensionless pendulum": "dimensionless",
-}
-"""Sections of the reference of the systems, with the modules of each; all others are reference systems."""
-
-
-def systems_in_sections() -> str:
-    """Return the reference of the systems as text: sections by subject, in each the public names of some modules."""
-    modules = {name: module.rpartition(".")[2] for name, module in defined_in(systems).items()}
-    section_of = {module: title for title, some in SECTIONS.items() for module in some.split()}
-    entries: dict[str, list[str]] = {title: [] for title in (*SECTIONS, "Reference systems")}
-    for name, module in modules.items():
-        if not isinstance(getattr(systems, name), CONSTANTS):
-            entries[section_of.get(module, "Reference systems")].append(name)
-    parts = []
-    for title, names in entries.items():
-        parts.append(f"## {title}")
-        parts += [f"```{{eval-rst}}\n{directive(systems, name)}\n```" for name in names]
-    return "\n\n".join(parts)
-
-
-CONSTANTS = (float, tuple)
-"""Types of names that are explained where they are used: dimensions of quantities and lengths of rods."""
 
 
 def defined_in(package: ModuleType) -> dict[str, str]:
@@ -174,7 +140,6 @@ def computes() -> bool:
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
     pages = {
-        SYSTEMS: systems_in_sections,
         LABORATORY: lambda: exports(systems.lab),
         HARD_CASES: computed(hard_case_results),
         WORK_PRECISION: computed(work_precision_results),
@@ -187,7 +152,7 @@ def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
     """Name the pages that change with the code, whether or not their own text has."""
-    return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference", "systems-reference"]
+    return ["accuracy-and-cost", "gallery", "hard-cases", "laboratory-reference"]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
