@@ -33,6 +33,7 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
     "page_figures",
+    "plain_notebooks",
     "printed_output",
     "short_names",
     "study_pages",

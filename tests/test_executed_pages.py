@@ -15,13 +15,24 @@ DOCS = Path(__file__).parents[1] / "docs"
 PROGRAMS = sorted(p for folder in ("tutorials", "examples") for p in (DOCS / folder).glob("*.py"))
 
 
-@pytest.fixture(scope="module")
-def comparison():
+def extension(name):
     pytest.importorskip("sphinx")
-    place = DOCS / "_extensions" / "printed_output.py"
-    module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("printed_output", place))
+    place = DOCS / "_extensions" / f"{name}.py"
+    module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location(name, place))
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return extension("printed_output")
+
+
+def test_notebooks_have_no_roles():
+    plain = extension("plain_notebooks").plain
+    text = "see :func:`~cellmap.basins.certify`, :doc:`/own-system` and :doc:`the report </the-report>`, ``a.b``"
+    assert plain(text) == "see `certify`, `own-system` and the report, `a.b`"
+    assert plain("a: `b` and ```text```") == "a: `b` and ```text```"
 
 
 @pytest.mark.parametrize(

@@ -166,6 +166,7 @@ saddle = next(orbit for orbit in orbits if orbit.kind == "saddle")
 boundary = saddle_manifold(strobe, saddle, "stable", window, length=30)
 plot.manifolds(boundary, basins=basins)
 # sphinx_gallery_alt = "The basins, with the saddle and its stable manifold, which runs exactly along their boundary"
+# sphinx_gallery_thumbnail_number = 6
 
 # %%
 # A fractal boundary
@@ -226,5 +227,3 @@ with TemporaryDirectory() as folder:
 # - :doc:`/auto/tutorials/inverted_pendulum` and :doc:`/auto/tutorials/rod_on_film`: the other tutorials.
 # - :doc:`/auto/examples/index`: short programs with their figures.
 # - :doc:`/reference`: all functions.
-#
-# sphinx_gallery_thumbnail_number = 6

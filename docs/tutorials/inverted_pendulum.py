@@ -94,6 +94,7 @@ for ax, millimetres in zip(axes, (2, 3, 4, 10), strict=True):
     cells = sum(int((basins.labels == k).sum()) for k in inverted)
     print(f"{millimetres} mm: {len(basins.attractors)} attractors, {cells} of 40,000 cells lead to the inverted state")
 # sphinx_gallery_alt = "Basins at 2, 3, 4 and 10 mm: one colour, a smooth inverted basin that grows, and a fractal mixture"
+# sphinx_gallery_thumbnail_number = 3
 
 # %%
 # The number 7,104 at 3 mm is that of an independent program. At 10 mm a swing of four periods coexists with
@@ -126,5 +127,3 @@ plot.basins(flipping)
 # - :doc:`/bifurcations`: branches of rotations and swings, period-doubling cascades.
 # - :doc:`/laboratory`: the parameters of a real rod from a film.
 # - :doc:`/gallery`: the studies that reproduce the figures of the report.
-#
-# sphinx_gallery_thumbnail_number = 3

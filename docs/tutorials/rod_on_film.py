@@ -57,6 +57,7 @@ times, angles = motion.times, motion.angles[:, 0]
 right.plot(times, angles)
 right.set(xlabel="t (s)", ylabel="angle (rad)", title="angle of the rod")
 # sphinx_gallery_alt = "A frame with the tracked positions along an arc, and the decaying oscillation of the angle"
+# sphinx_gallery_thumbnail_number = 1
 
 # %%
 # Length and damping
@@ -109,5 +110,3 @@ for label, fraction in basins.fractions.items():
 
 # %%
 # :doc:`/laboratory` has the details: hidden markers, dry friction, double pendulums, accelerometers.
-#
-# sphinx_gallery_thumbnail_number = 1
