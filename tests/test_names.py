@@ -22,7 +22,7 @@ from cellmap.orbits import zero_one_test_of_series
 
 ROOMS = (
     *("maps", "orbits", "bifurcations", "attractors", "basins", "sets"),
-    *("analysis.fractal", "analysis.resilience", "analysis.boundary", "plot", "explorer"),
+    *("analysis.fractal", "analysis.resilience", "analysis.boundary", "exchange", "plot", "explorer"),
 )
 
 FORMER = {

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import one_of
+from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
 from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
@@ -33,7 +34,7 @@ class ContinuationInterrupt(KeyboardInterrupt):
 
 
 @dataclass(frozen=True, eq=False)
-class BasinContinuation:
+class BasinContinuation(ConvertsToXarray):
     """Attractors and basin fractions as functions of a parameter.
 
     Parameters

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import affordable_number, one_of
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray, ShownAsHtml
 from .._lib.randomness import Rng
 from .._lib.signatures import checked
 from .._lib.threads import slices
@@ -49,7 +50,7 @@ class Fraction:
 
 
 @dataclass(frozen=True, eq=False)
-class Basins:
+class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     """Basins of attraction: labels of initial conditions, and the attractors.
 
     Parameters

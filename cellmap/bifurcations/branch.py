@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number
+from .._lib.conversions import ConvertsToDataFrame
 from .._lib.signatures import checked
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
@@ -72,7 +73,7 @@ class Bifurcation:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(ConvertsToDataFrame):
     """Branch of periodic orbits in one parameter.
 
     Parameters

@@ -20,6 +20,7 @@ from .._lib.checks import (
     shown,
     whole_number,
 )
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Status
@@ -34,7 +35,7 @@ _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none":
 
 
 @dataclass(frozen=True, eq=False)
-class BifurcationDiagram:
+class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
     """Bifurcation diagram: sampled orbits against a parameter.
 
     A branch is one initial condition followed in one direction: all of them upwards, then all downwards.

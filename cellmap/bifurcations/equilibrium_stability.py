@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import affordable_number, claim_memory, finite_number
+from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
@@ -80,7 +81,7 @@ class Boundary:
 
 
 @dataclass(frozen=True, eq=False)
-class StabilityMap:
+class StabilityMap(ConvertsToXarray):
     """Stability map of an equilibrium or a periodic orbit over two parameters.
 
     Parameters

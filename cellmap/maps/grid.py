@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from .._compiled.kernels.blocks import MOST_TURNS
 from .._compiled.kernels.box_images import locate_rows
 from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
+from .._lib.conversions import ShownAsHtml
 from .._lib.signatures import checked
 from .coordinates import Coordinate, turns_of
 
 
 @dataclass(frozen=True)
-class CellGrid:
+class CellGrid(ShownAsHtml):
     """A box of equal cells.
 
     Cells are half-open: a cell contains its lower edges, not its upper ones.  A periodic axis covers one period of an

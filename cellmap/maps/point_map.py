@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
 from .._lib.checks import claim_memory, warn_caller, whole_number
+from .._lib.conversions import ShownAsHtml
 from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
@@ -61,7 +62,7 @@ class Iterate:
 
 
 @dataclass(frozen=True, eq=False)
-class PointMap:
+class PointMap(ShownAsHtml):
     """A map of phase space to itself: stroboscopic, Poincaré, interpolated or discrete.
 
     Construct it with :func:`stroboscopic_map`, :func:`section_map`, :func:`interpolated_map` or :func:`discrete_map`.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.conversions import ShownAsHtml
 from ..maps.coordinates import Coordinate
 from .invariant_circle import InvariantCircle
 
@@ -78,7 +79,7 @@ class Cover:
 
 
 @dataclass(frozen=True, eq=False)
-class Attractor:
+class Attractor(ShownAsHtml):
     """An attractor of a point map.
 
     Parameters

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._compiled.kernels.stretching import append_steps
 from .._lib.checks import claim_memory, whole_number
+from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import Coordinate, wrap
@@ -21,7 +22,7 @@ from ..maps.tangent import tangent
 
 
 @dataclass(frozen=True, eq=False)
-class ExponentField:
+class ExponentField(ConvertsToXarray):
     """Finite-time Lyapunov exponents over a grid of initial conditions.
 
     Parameters

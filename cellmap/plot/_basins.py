@@ -63,7 +63,7 @@ def basins(
     grid = plane_of(basins)
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
-    show_cells(ax, _painted(basins, palette, shade), grid, basins.coordinates)
+    show_cells(ax, painted(basins, palette, shade), grid, basins.coordinates)
     if show_attractors:
         _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
@@ -74,7 +74,7 @@ def basins(
     return ax
 
 
-def _painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
+def painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
     """Colours of all cells, rows from bottom to top."""
     labels, times = np.squeeze(basins.labels).T, np.squeeze(basins.settling_time).T
     image = np.empty((*labels.shape, 3))

@@ -389,7 +389,7 @@ def test_picture_can_be_written(pendulum, shade, tmp_path):
 def test_import_loads_no_heavy_library(module):
     program = (
         f"import {module}, sys; "
-        "heavy = ('matplotlib', 'sklearn', 'h5py', 'scipy.integrate', 'scipy.ndimage', 'pandas'); "
+        "heavy = ('matplotlib', 'sklearn', 'h5py', 'scipy.integrate', 'scipy.ndimage', 'pandas', 'xarray'); "
         "print([m for m in heavy if m in sys.modules])"
     )
     output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout

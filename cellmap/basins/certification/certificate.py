@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.conversions import ConvertsToXarray, ShownAsHtml
 from ...attractors.labels import Label
 from ...maps.orbit_batch import Cost
 from ..record import Basins
@@ -30,7 +31,7 @@ class Evidence(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class Certificate(ShownAsHtml, ConvertsToXarray):
     """Basins with the evidence for each label.
 
     Parameters

@@ -229,6 +229,8 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "inverse_stroboscopic_map": lambda: {"system": rotating()},
     "plot_eigenvector": lambda: {"index": 1},
     "plot_draw": lambda: {"result": sample("Basins")},
+    "to_dataframe": lambda: {"result": sample("Basins")},
+    "to_xarray": lambda: {"result": sample("Basins")},
     "plot_fit": lambda: {"result": sample("Fit")},
     "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
     "load_basins": lambda: {"path": saved_basins()},
@@ -248,7 +250,8 @@ def saved_basins() -> Path:
 
 
 ROOMS = (
-    "maps orbits bifurcations attractors basins sets analysis analysis.fractal analysis.resilience analysis.boundary"
+    "maps orbits bifurcations attractors basins sets analysis analysis.fractal analysis.resilience analysis.boundary "
+    "exchange"
 )
 
 

@@ -1,0 +1,2 @@
+from .datasets import to_xarray as to_xarray
+from .tables import to_dataframe as to_dataframe

@@ -1,0 +1,138 @@
+"""Results as tables of pandas, where a table is their natural form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .._lib.checks import is_sequence, shown
+from ..basins.record import Basins
+from ..bifurcations.branch import Bifurcation, Branch
+from ..bifurcations.diagram import BifurcationDiagram
+from ..maps.coordinates import Coordinate
+from ..orbits.attractor import Attractor, distinct_names
+from .optional import pandas_package
+
+
+def to_dataframe(result: Any) -> Any:
+    """Return a result as a table of pandas.
+
+    The method `to_dataframe` of Basins, Branch and BifurcationDiagram does the same.
+
+    Parameters
+    ----------
+    result : Basins, sequence of Attractor, Branch, sequence of Bifurcation, or BifurcationDiagram
+        Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them; a
+        branch one for each of its points; a diagram one for each recorded point.
+
+    Returns
+    -------
+    pandas.DataFrame
+        State variables have columns of their names, with an underscore where another column has that name.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pandas is not installed.
+    TypeError
+        For anything else.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, find_attractors
+    >>> wells = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"), "two wells")
+    >>> table = to_dataframe(find_attractors(wells, [[0.5, 0.0], [-0.5, 0.0]]))
+    >>> table[["kind", "period", "x", "largest_multiplier"]].round(3)
+              kind  period      x  largest_multiplier
+    0  fixed point       1  0.707                 0.5
+    1  fixed point       1 -0.707                 0.5
+    """
+    frame = _columns(result)
+    return pandas_package().DataFrame(frame)
+
+
+def _columns(result: Any) -> dict[str, Any]:
+    if isinstance(result, Basins):
+        shares = [result.fractions[k] for k in range(len(result.attractors))]
+        return {
+            **_attractor_columns(result.attractors),
+            "fraction": np.array([s.fraction for s in shares]),
+            "standard_error": np.array([s.standard_error for s in shares]),
+            "count": np.array([s.count for s in shares], np.int64),
+        }
+    if isinstance(result, Branch):
+        return _branch_columns(result)
+    if isinstance(result, BifurcationDiagram):
+        return _diagram_columns(result)
+    if is_sequence(result) and len(result):
+        if all(isinstance(row, Attractor) for row in result):
+            return _attractor_columns(result)
+        if all(isinstance(row, Bifurcation) for row in result):
+            return _bifurcation_columns(result)
+    raise TypeError(
+        f"result={shown(result)}: give Basins, a Branch, a BifurcationDiagram, or a sequence of Attractor or of "
+        "Bifurcation"
+    )
+
+
+def _attractor_columns(attractors: Sequence[Attractor]) -> dict[str, Any]:
+    first = np.array([a.points[0] for a in attractors])
+    fixed = "name kind period largest_multiplier largest_exponent verified fraction standard_error count"
+    names = _different(attractors[0].coordinates if attractors else (), fixed)
+    return {
+        "name": list(distinct_names(attractors)),
+        "kind": [str(a.kind) for a in attractors],
+        "period": np.array([a.period for a in attractors], np.int64),
+        **{name: first[:, j] for j, name in enumerate(names)},
+        "largest_multiplier": np.array([_largest(a) for a in attractors]),
+        "largest_exponent": np.array([a.exponents[0] for a in attractors]),
+        "verified": np.array([a.verified for a in attractors], bool),
+    }
+
+
+def _branch_columns(branch: Branch) -> dict[str, Any]:
+    names = _different(branch.point_map.coordinates, f"{branch.parameter} largest_multiplier unstable")
+    return {
+        branch.parameter: branch.values,
+        **{name: branch.points[:, j] for j, name in enumerate(names)},
+        "largest_multiplier": np.abs(branch.multipliers[:, 0]),
+        "unstable": branch.unstable,
+    }
+
+
+def _bifurcation_columns(found: Sequence[Bifurcation]) -> dict[str, Any]:
+    return {
+        "kind": [str(b.kind) for b in found],
+        "value": np.array([b.value for b in found]),
+        "point": [tuple(b.point.tolist()) for b in found],
+        "before": np.array([b.before for b in found], np.int64),
+        "after": np.array([b.after for b in found], np.int64),
+        "place": np.array([b.place for b in found], np.int64),
+    }
+
+
+def _diagram_columns(diagram: BifurcationDiagram) -> dict[str, Any]:
+    shape = diagram.points.shape[:-1]
+    branch, value, step = (index.ravel() for index in np.indices(shape))
+    names = _different(diagram.coordinates, f"branch direction {diagram.parameter} step period")
+    return {
+        "branch": branch,
+        "direction": np.array(diagram.directions, object)[branch],
+        diagram.parameter: diagram.values[value],
+        "step": step,
+        **{name: diagram.points[..., j].ravel() for j, name in enumerate(names)},
+        "period": diagram.period[branch, value],
+    }
+
+
+def _different(coordinates: Sequence[Coordinate], fixed: str) -> list[str]:
+    """Return the names of coordinates; those of other columns have an underscore more."""
+    taken = set(fixed.split())
+    return [c.name + "_" * (c.name in taken) for c in coordinates]
+
+
+def _largest(attractor: Attractor) -> float:
+    """Return the largest modulus of the multipliers; NaN where an attractor has none."""
+    return float(np.abs(attractor.multipliers).max()) if attractor.multipliers.size else float("nan")
