@@ -82,7 +82,7 @@ def test_a_rotation_ends_in_its_fold_and_doubles_on_its_curve(pendulum: PointMap
     rotation = periodic_orbit(pendulum, [2.52, 320.4])
     branch = continue_orbit(pendulum, rotation, "amplitude", 0.001, 0.06)
     fold, doubling = branch.bifurcations
-    x, y = np.linspace(0.001, 0.06, 60), np.linspace(45.0, 55.0, 11)
+    x, y = np.linspace(0.001, 0.06, 40), np.linspace(45.0, 55.0, 5)
     found = stability_map(pendulum, rotation, ("amplitude", x), ("frequency", y))
     edge = continue_bifurcation(branch, fold, "frequency", (0.0001, 0.06), (40.0, 60.0))
     order = np.argsort(edge.values[:, 1])

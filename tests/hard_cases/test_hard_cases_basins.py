@@ -179,6 +179,9 @@ def test_weakly_attracting_cycles_are_found(weak):
     assert [abs(a.multipliers[0]) for a in found] == pytest.approx([size for _, size in expected], abs=1e-4)
     ends = exact.iterate(initial_conditions.reshape(-1, 2), 6000).points
     assert (np.sum([inside(a.neighbourhood, ends, exact) for a in found], axis=0) == 1).all()
+    basins = find_basins(exact, initial_conditions.reshape(-1, 2), attractors=found)
+    assert (basins.labels >= 0).all()
+    assert all(inside(found[k].neighbourhood, ends[basins.labels == k], exact).all() for k in range(len(found)))
 
 
 def inside(region: Neighbourhood, points: np.ndarray, exact: PointMap) -> np.ndarray:
