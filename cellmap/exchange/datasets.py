@@ -104,7 +104,7 @@ def _basins_tree(basins: Basins, more: dict[str, tuple[Any, dict[str, Any]]], at
         "labels": (basins.labels, {"long_name": "label of the attractor", **flags(labels, basins.labels.dtype)}),
         "settling_time": (
             basins.settling_time,
-            {"long_name": "step of the map in which the orbit entered a trapping region; -1 without attractor"},
+            {"long_name": "settling time in steps of the map", "comment": "-1 without attractor"},
         ),
         **more,
     }

@@ -1,4 +1,4 @@
-"""What can be taken away: a script that computes the image again, and a file with the basins."""
+"""What can be taken away: a script that computes the image again, and files with the basins."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from ..basins.live import LiveFrame
 from ..basins.store import save_basins
+from ..exchange.datasets import to_xarray
 from ..maps.system import ForcedSystem
 from .explored import Explored
 from .view import View
@@ -86,3 +87,11 @@ def hdf5(frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
         path = Path(folder) / "basins.h5"
         save_basins(frame.basins, path)
         return {"name": "basins.h5", "media": "application/x-hdf5"}, path.read_bytes()
+
+
+def netcdf(frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
+    """Return a netCDF file of the basins, for other programs; it needs xarray and h5netcdf."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "basins.nc"
+        to_xarray(frame.basins).to_netcdf(path, engine="h5netcdf")
+        return {"name": "basins.nc", "media": "application/x-netcdf"}, path.read_bytes()

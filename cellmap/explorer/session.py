@@ -306,4 +306,5 @@ _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},
     "hdf5": lambda images, asked: downloads.hdf5(images.seen()[1]),
+    "netcdf": lambda images, asked: downloads.netcdf(images.seen()[1]),
 }

@@ -278,7 +278,12 @@ def test_a_mistake_is_selected_in_the_text(page: Page) -> None:
 def test_the_script_is_downloaded_and_runs(page: Page, tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
     after(page, put(page, "keep", 0.7))
     names: dict[str, Any] = {"__name__": "script"}
-    for button, name in (("#script", "basins.py"), ("#png", "basins.png"), ("#hdf5", "basins.h5")):
+    for button, name in (
+        ("#script", "basins.py"),
+        ("#png", "basins.png"),
+        ("#hdf5", "basins.h5"),
+        ("#netcdf", "basins.nc"),
+    ):
         with page.expect_download() as download:
             page.click(button)
         download.value.save_as(tmp_path / name)
@@ -286,6 +291,7 @@ def test_the_script_is_downloaded_and_runs(page: Page, tmp_path: Any, capsys: py
     exec(text, {**names, "system": WELLS})
     assert "bit by bit" in capsys.readouterr().out
     assert (tmp_path / "basins.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "basins.nc").read_bytes().startswith(b"\x89HDF")
 
 
 def test_it_fits_on_a_phone_and_in_the_dark(browser: Browser, explorer: Explorer) -> None:

@@ -118,7 +118,7 @@ class RandomPage:
         elif kind == "garbage":
             await socket.send(draw.choice(GARBAGE))
         elif kind == "question":
-            question = draw.choice(("quality", "verify", "script", "hdf5", "orbit", "diagram"))
+            question = draw.choice(("quality", "verify", "script", "hdf5", "netcdf", "orbit", "diagram"))
             point = [draw.choice((0.0, 0.3, 1e9, 1e300)) for _ in range(draw.randint(1, 2))]
             await self.send(socket, question, point=point, parameter="keep", lower=0.5, upper=0.7)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
+import sys
 import threading
 import time
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 from PIL import Image
 from served_pages import DUFFING, WELLS, WINDOW, Page, assert_same_image, connected, upright
 
@@ -85,6 +87,21 @@ def test_the_file_is_one_of_basins(page: Page, tmp_path: Any) -> None:
     file = page.ask("hdf5")
     (tmp_path / file["name"]).write_bytes(file["data"])
     assert_same_image(frame, numbers, load_basins(tmp_path / file["name"]), upright)
+
+
+def test_the_netcdf_file_has_the_labels(page: Page, tmp_path: Any) -> None:
+    page.image()
+    image, file = page.ask("hdf5"), page.ask("netcdf")
+    for one in (image, file):
+        (tmp_path / one["name"]).write_bytes(one["data"])
+    with xarray.open_datatree(tmp_path / file["name"], engine="h5netcdf") as tree:
+        np.testing.assert_array_equal(tree["labels"], load_basins(tmp_path / image["name"]).labels)
+
+
+def test_without_xarray_the_page_is_told_what_to_install(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    page.image()
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    assert "pip install 'cellmap-dynamics[xarray]'" in page.ask("netcdf")["message"]
 
 
 # --- the newest view wins

@@ -235,6 +235,11 @@ function removeOrbits() {
   $("orbits").hidden = true;
 }
 
+async function downloadFile(type) {
+  const file = await connection.ask({ type });
+  download(file.name, new Blob([file.data], { type: file.media }));
+}
+
 function download(name, blob) {
   const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(blob) });
   link.click();
@@ -269,7 +274,8 @@ const clicked = {
     if (request === Math.max(...views.keys())) showMeasures($("measures"), measures);
   },
   script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
-  hdf5: async () => { const file = await connection.ask({ type: "hdf5" }); download(file.name, new Blob([file.data], { type: file.media })); },
+  hdf5: () => downloadFile("hdf5"),
+  netcdf: () => downloadFile("netcdf"),
   svg: () => {
     if (!$("preview").hidden) throw new Error("image is a preview: ask again when it is complete");
     const text = svg($("image"), state.view, state.system.coordinates, picture.frame.attractors);
