@@ -1,8 +1,9 @@
-"""Figures 13, 15 and 16 of the report: decay of a free swing, and the damping that follows from it.
+"""Figures 15 and 16 of the report: decay of a free swing, and the damping that follows from it.
 
-The report lets a rod of 6.9 cm swing freely, fits the parabola a t^2 + b t + c to its decay profile, a = 0.0082 +-
-0.000687, b = -0.1979 +- 0.0054, c = 1.28 +- 0.009 (95 %), reads it as linear and so as dry friction, and finds the
-coefficient, about 2.5, by least squares of a simulated against the measured series, which part after 6 or 7 periods.
+The report lets a rod swing freely, fits the parabola a t^2 + b t + c to its decay profile, a = 0.0082 +- 0.000687, b =
+-0.1979 +- 0.0054, c = 1.28 +- 0.009 (95 %), reads it as linear and so as dry friction, and finds the coefficient, about
+2.5, by least squares of a simulated against the measured series, which part after 6 or 7 periods.  It does not say
+which rod these figures show; taken here is that of 6.9 cm, and the study `figure_13` is about that of 3.1 cm.
 Its data are not at hand, so a film is made of a rod whose profile has that very parabola, at 200 frames a second and
 with noise of the report's RMSE, and everything is measured from that film.
 
