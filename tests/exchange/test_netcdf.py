@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 
+import h5py
 import numpy as np
 import pytest
 import xarray
@@ -80,6 +81,21 @@ def test_basins_have_their_labels_where_they_belong():
     assert (tree["labels"] == Label.DIVERGED).sum() == basins.fractions[Label.DIVERGED].count
     assert json.loads(tree.attrs["params"]) == basins.params
     assert tree.attrs["map_period"] == 1.0
+
+
+def test_other_readers_of_hdf5_see_the_same(tmp_path):
+    """By h5py alone: variables, flags, and coordinates as dimension scales, as netCDF-4 has them."""
+    basins = find_basins(wells(), WINDOW)
+    basins.to_xarray().to_netcdf(tmp_path / "basins.nc", engine="h5netcdf")
+    with h5py.File(tmp_path / "basins.nc") as file:
+        labels = file["labels"]
+        assert labels.dtype == np.int16
+        np.testing.assert_array_equal(labels, basins.labels)
+        assert labels.attrs["flag_values"].tolist()[:2] == [0, 1]
+        assert [dim[0].name for dim in labels.dims] == ["/x", "/y"]
+        np.testing.assert_array_equal(file["x"], WINDOW.axis(0))
+        assert file.attrs["Conventions"] == "CF-1.11"
+        assert sorted(file["attractors/name"].asstr()[()]) == sorted(a.name for a in basins.attractors)
 
 
 def test_attractors_are_a_group_with_their_points_one_after_another():
