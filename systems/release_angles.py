@@ -111,7 +111,7 @@ def release_limits(
         raise TypeError(f"system={system!r}: give a ForcedSystem")
     if system.dimension != 2:
         raise ValueError(f"system={system!r}: give a pendulum of one joint, with two state variables")
-    middle = finite_number("near", near)
+    middle = finite_number("near", near, at_least=-1e6, at_most=1e6)
     fine = finite_number("tolerance", tolerance, at_least=1e-12, at_most=1e-2)
     moments = np.atleast_1d(np.asarray(phases, dtype=float))
     if moments.ndim != 1 or not moments.size or not np.isfinite(moments).all():
