@@ -82,7 +82,7 @@ class EffectivePotential:
             raise ValueError(f"angles: give {self.joints}, one array for each joint, and not {len(angles)}")
         try:
             arrays = [np.asarray(a, dtype=float) for a in angles]
-        except (TypeError, ValueError):
+        except (OverflowError, TypeError, ValueError):
             raise TypeError("angles: give real numbers (rad)") from None
         places = np.stack(np.broadcast_arrays(*arrays), axis=-1)
         if not np.isfinite(places).all():

@@ -328,7 +328,7 @@ def test_release_limits_of_unstable_states_are_refused() -> None:
         release_limits(double_pendulum())
     with pytest.raises(TypeError, match="give a ForcedSystem"):
         release_limits("pendulum")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="give finite numbers"):
+    with pytest.raises(ValueError, match="phases=nan: give a finite number"):
         release_limits(driven_pendulum(), phases=[np.nan])
 
 
