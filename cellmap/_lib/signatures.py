@@ -36,6 +36,7 @@ MADE_BY = {
     "EdgeOrbit": "edge_orbit",
     "ExponentField": "finite_time_exponents",
     "FatalShock": "minimal_fatal_shock",
+    "FeatureBasins": "classify_by_features",
     "FractalTest": "fractal_boundary_test",
     "GeneralizedDimensions": "generalized_dimensions",
     "KaplanYorke": "kaplan_yorke_dimension",

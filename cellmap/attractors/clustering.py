@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import finite_number, of_the_user, real_array, whole_number
+from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
-from .._lib.threads import slices
-from ..maps.coordinates import Coordinate, state_points, turns_of
+from ..maps.coordinates import Coordinate, state_points
 from ..maps.orbit_batch import Status
-from ..maps.point_map import Iterate, PointMap, follow
+from ..maps.point_map import PointMap
 from .labels import Label, label_of
+from .orbit_features import Features, extents, features_of, settled
 
-_BATCH = 4096  # orbits whose points are held at a time
 _ROUNDED = 0.05  # of the radius, within which features count as one and the same
 _SHOWN = 10_000  # sample points of a cluster
 
@@ -54,7 +52,7 @@ def cluster_orbits(
     initial_conditions: ArrayLike,
     transient: int = 1000,
     periods: int = 200,
-    features: Callable[[Iterate], ArrayLike] | None = None,
+    features: Features | None = None,
     radius: float = 0.05,
     min_size: int = 10,
 ) -> OrbitClusters:
@@ -108,22 +106,12 @@ def cluster_orbits(
     transient, periods = whole_number("transient", transient), whole_number("periods", periods, at_least=1)
     radius = finite_number("radius", radius, above=0.0)
     min_size = whole_number("min_size", min_size, at_least=1)
-    settled = follow(point_map, places.reshape(-1, point_map.dimension), transient)
-    status, parts, measured = settled.status.copy(), slices(len(settled.points), _BATCH), []
-    for part in parts:
-        begin = np.where(np.isnan(settled.points[part]), 0.0, settled.points[part])
-        orbit = point_map.orbit(begin, periods)
-        status[part] = np.maximum(status[part], orbit.status[-1])
-        given = _means(orbit) if features is None else of_the_user("features", features, orbit)
-        found = real_array("features", given)
-        if found.ndim != 2 or len(found) != len(begin):
-            raise ValueError(f"features returned the shape {found.shape}: return one of ({len(begin)}, features)")
-        measured.append(found)
-    values = np.concatenate(measured) if measured else np.empty((0, 1))
+    images, low, high = settled(point_map, places.reshape(-1, point_map.dimension), transient)
+    (values,), status = features_of(point_map, images, periods, features, (slice(None),))
     alive = np.isfinite(values).all(axis=1) & (status < Status.ESCAPED)
     values[~alive] = np.nan
     if features is None:
-        values = _scaled(values, alive, point_map.coordinates)
+        values /= extents(values, alive, point_map.coordinates, high - low)
     labels = np.where(status >= Status.ESCAPED, label_of(status), Label.UNDECIDED).astype(np.int16)
     # Orbits that have settled have equal features, of which one with their number as its weight is enough.
     distinct, which, count = np.unique(
@@ -135,38 +123,6 @@ def cluster_orbits(
         sizes = np.bincount(cluster[cluster >= 0])
         rank = np.argsort(np.argsort(-sizes, kind="stable"))
         labels[alive] = np.where(cluster >= 0, np.append(rank, 0)[cluster], Label.UNDECIDED)
-    samples = tuple(
-        settled.points[np.flatnonzero(labels == k)[:_SHOWN]] for k in range(int(labels.max(initial=-1)) + 1)
-    )
+    samples = tuple(images.points[np.flatnonzero(labels == k)[:_SHOWN]] for k in range(int(labels.max(initial=-1)) + 1))
     shape = places.shape[:-1]
     return OrbitClusters(labels.reshape(shape), values.reshape(*shape, -1), samples, point_map.coordinates)
-
-
-def _means(orbit: Iterate) -> NDArray[np.float64]:
-    """Return the features of orbits that are taken by default, two or three of each coordinate."""
-    columns = []
-    for j, turn in enumerate(turns_of(orbit.coordinates)[1]):
-        x = orbit.points[..., j]
-        if turn:
-            phase = np.exp(2j * np.pi * x / turn).mean(axis=0)
-            rotations = (x[-1] - x[0]) / turn + orbit.rotations[-1, :, j] - orbit.rotations[0, :, j]
-            columns += [phase.real, phase.imag, rotations / (len(x) - 1)]
-        else:
-            columns += [x.mean(axis=0), x.std(axis=0)]
-    return np.stack(columns, axis=-1)
-
-
-def _scaled(
-    values: NDArray[np.float64], alive: NDArray[np.bool_], coordinates: tuple[Coordinate, ...]
-) -> NDArray[np.float64]:
-    """Return features with those of lengths as fractions of the range of their coordinate."""
-    column = 0
-    for turn in turns_of(coordinates)[1]:
-        if not turn and alive.any():
-            mean, spread = values[alive, column], values[alive, column + 1]
-            extent = float((mean + spread).max() - (mean - spread).min())
-            values[:, column : column + 2] /= (
-                extent if extent > 1e-9 * np.abs(mean).max() else np.abs(mean).max() or 1.0
-            )
-        column += 3 if turn else 2
-    return values

@@ -25,6 +25,8 @@ class Label(IntEnum):
     """The call ended before the initial condition was labelled, as its limit of time or a cancellation asked for."""
     OUT_OF_STEPS = -6
     """The integrator did not reach the end of a period, or any correct digit, with the largest number of steps."""
+    DOUBTFUL = -7
+    """Features of its orbit are those of no group, or of different ones in time."""
 
 
 LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower().replace("_", " ") for k in Label}

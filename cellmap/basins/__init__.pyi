@@ -1,3 +1,5 @@
+from .by_features import FeatureBasins as FeatureBasins
+from .by_features import classify_by_features as classify_by_features
 from .certification.certificate import Certificate as Certificate
 from .certification.certificate import Evidence as Evidence
 from .certification.certifying import certify as certify

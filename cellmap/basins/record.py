@@ -113,23 +113,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     @property
     def fractions(self) -> dict[int, Fraction]:
         """Fraction of the initial conditions for each label: all attractors, then the other labels that occur."""
-        total, counts = self.labels.size, self._counts()
-        result = {}
-        for label in [*range(len(self.attractors)), *(label for label in LABEL_NAMES if counts[label])]:
-            count = counts[label]
-            share = count / total
-            result[label] = Fraction(share, float(np.sqrt(share * (1 - share) / total)), count)
-        return result
-
-    def _counts(self) -> dict[int, int]:
-        """Count each label; a block at a time, for labels may be more than memory holds."""
-        lowest = min(LABEL_NAMES)
-        counts = np.zeros(len(self.attractors) - lowest, np.int64)
-        labels = self.labels.reshape(-1)
-        for part in slices(labels.size, BLOCK):
-            numbers = labels[part].astype(np.int64) - lowest
-            counts += np.bincount(numbers, minlength=len(counts))[: len(counts)]
-        return {lowest + k: int(count) for k, count in enumerate(counts)}
+        return fractions_of(self.labels, len(self.attractors))
 
     @checked
     def verify(self, n_samples: int = 1000, *, rng: Rng = 0) -> Verification:
@@ -168,6 +152,27 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
             n_samples,
             rng,
         )
+
+
+def fractions_of(labels: NDArray[np.int16], n_attractors: int) -> dict[int, Fraction]:
+    """Return the fraction of each label; labels are counted a block at a time, for they may be more than memory holds.
+
+    Examples
+    --------
+    >>> fractions_of(np.array([0, 0, 1, -3], np.int16), 2)[0]
+    Fraction(fraction=0.5, standard_error=0.25, count=2)
+    """
+    lowest, total = min(LABEL_NAMES), labels.size
+    numbers = np.zeros(n_attractors - lowest, np.int64)
+    flat = labels.reshape(-1)
+    for part in slices(total, BLOCK):
+        numbers += np.bincount(flat[part].astype(np.int64) - lowest, minlength=len(numbers))[: len(numbers)]
+    counts = {lowest + k: int(count) for k, count in enumerate(numbers)}
+    result = {}
+    for label in [*range(n_attractors), *(label for label in LABEL_NAMES if counts[label])]:
+        share = counts[label] / total
+        result[label] = Fraction(share, float(np.sqrt(share * (1 - share) / total)), counts[label])
+    return result
 
 
 def basins_memory(initial_conditions: int, checkpoint: bool = False) -> int:

@@ -17,6 +17,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
 from .._lib.checks import is_sequence, shown, whole_number
+from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
@@ -27,7 +28,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axe
     return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
 
 
-def plane_of(basins: Basins) -> CellGrid:
+def plane_of(basins: Basins | FeatureBasins) -> CellGrid:
     """Return the grid of basins that has two axes of more than one cell."""
     if basins.grid is None or sum(n > 1 for n in basins.grid.shape) != 2:
         raise ValueError(f"basins of {basins.name}: a figure needs a grid with two axes of more than one cell")

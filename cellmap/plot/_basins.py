@@ -10,15 +10,16 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from .._lib.signatures import checked
+from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
-from ..orbits.attractor import Kind, distinct_names
+from ..orbits.attractor import Kind
 from ._axes import axes_or_new, legend_below, plane_of, show_cells
 from ._colours import label_colours
 
 
 @checked
 def basins(
-    basins: Basins,
+    basins: Basins | FeatureBasins,
     *,
     ax: Axes | None = None,
     colours: Mapping[int, Any] | None = None,
@@ -30,14 +31,14 @@ def basins(
 
     Parameters
     ----------
-    basins : Basins
+    basins : Basins or FeatureBasins
         Basins on a grid with two axes of more than one cell; further axes of one cell make it a slice.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
     colours : mapping of int to colour, optional
         Colours of some labels; others keep the default ones.
     shade : bool, optional
-        Draw initial conditions with long settling times in lighter colours.
+        Draw initial conditions with long settling times in lighter colours; FeatureBasins have none.
     show_attractors : bool, optional
         Mark the attractors' points.
     legend : bool, optional
@@ -67,27 +68,31 @@ def basins(
     if show_attractors:
         _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
-        names = dict(enumerate(distinct_names(basins.attractors)))
         shares = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
-        legend_below(ax, [(palette[k], f"{names.get(k) or basins.label_name(k)}: {s}") for k, s in shares.items()])
+        legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in shares.items()])
     ax.set_title(basins.name)
     return ax
 
 
-def painted(basins: Basins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
+def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
     """Colours of all cells, rows from bottom to top."""
-    labels, times = np.squeeze(basins.labels).T, np.squeeze(basins.settling_time).T
+    labels = np.squeeze(basins.labels).T
     image = np.empty((*labels.shape, 3))
     for label, colour in palette.items():
         image[labels == label] = colour
-    if shade and (times > 0).any():
+    if shade and isinstance(basins, Basins) and (basins.settling_time > 0).any():
+        times = np.squeeze(basins.settling_time).T
         lateness = np.log1p(np.maximum(times, 0)) / np.log1p(times.max())
         image += (1.0 - image) * (0.7 * np.where(times >= 0, lateness, 0.0))[..., None]
     return image
 
 
-def _mark_attractors(ax: Axes, basins: Basins, wide: list[int]) -> None:
-    """Draw the points of attractors that lie in the window; a chaotic or quasi-periodic one as a cloud."""
+def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) -> None:
+    """Draw the points of attractors that lie in the window; a chaotic, quasi-periodic or unknown one as a cloud."""
+    if isinstance(basins, FeatureBasins):
+        for points in basins.representatives:
+            ax.plot(*points[:, wide].T, ".", markersize=3, color="black", scalex=False, scaley=False)
+        return
     for attractor in basins.attractors:
         places = attractor.points[:, wide]
         if attractor.kind in (Kind.CHAOTIC, Kind.QUASIPERIODIC):

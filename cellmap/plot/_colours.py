@@ -10,6 +10,7 @@ from matplotlib.colors import is_color_like, to_rgb
 
 from .._lib.checks import shown
 from ..attractors.labels import Label
+from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
 
 Colour = tuple[float, float, float]
@@ -30,9 +31,10 @@ CODE_COLOURS: dict[int, str] = {
     Label.NO_RETURN: "0.24",
     Label.UNLABELLED: "white",
     Label.OUT_OF_STEPS: "#6b4423",
+    Label.DOUBTFUL: "#7a8a5c",
 }
 """Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled, out of
-steps."""
+steps, doubtful."""
 
 
 def colour_of(number: int) -> Colour:
@@ -61,7 +63,7 @@ def one_colour(colour: Any, default: Any) -> Any:
     return colour
 
 
-def label_colours(basins: Basins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
+def label_colours(basins: Basins | FeatureBasins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
     """Return the colour of each label that occurs."""
     chosen = chosen_colours(colours)
     palette = {}

@@ -29,6 +29,7 @@ FIGURES = {
     "EdgeOrbit": "edge_orbit",
     "EscapeRate": "fit",
     "ExponentField": "exponent_field",
+    "FeatureBasins": "basins",
     "Fit": "fit",
     "FractalTest": "basin_entropy",
     "GeneralizedDimensions": "generalized_dimensions",

@@ -5,9 +5,10 @@ const COLOURS = [
   "#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF",
   "#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485",
 ];
-// escaped, diverged, undecided, did not return, unlabelled, out of steps
+// escaped, diverged, undecided, did not return, unlabelled, out of steps, doubtful
 const CODES = {
   "-1": [184, 184, 184], "-2": [115, 115, 115], "-3": [0, 0, 0], "-4": [61, 61, 61], "-5": [255, 255, 255], "-6": [107, 68, 35],
+  "-7": [122, 138, 92],
 };
 
 export function colourOf(number) {

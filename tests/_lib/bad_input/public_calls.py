@@ -235,6 +235,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
     "load_basins": lambda: {"path": saved_basins()},
     "cluster_orbits": lambda: {"initial_conditions": POINTS, "transient": 2, "periods": 2},
+    "classify_by_features": lambda: {"initial_conditions": POINTS, "transient": 2, "periods": 2, "min_size": 2},
     "rebuild_map": lambda: {"source": wells(), "recipe": dict(wells().recipe)},
     "recompute_basins": lambda: {"basins": sample("Basins"), "source": wells()},
     "set_threads": lambda: {"count": 2},
