@@ -104,8 +104,8 @@ def classify_by_features(
     attractors in many dimensions.  Here the orbit of each initial condition is described by a few numbers, and those
     with like numbers are one group.  Nothing is proved: attractors that the features do not distinguish are one
     group, as are features that are scattered without gaps, and one attractor is several groups if its orbits have
-    different features.  Initial conditions are doubtful if their features are those of no group, or if the first and the
-    second half of the periods speak for different groups, as they do on orbits that have not settled.
+    different features.  Initial conditions are doubtful if their features are those of no group, or if the first and
+    the second half of the periods speak for different groups, as they do on orbits that have not settled.
 
     Parameters
     ----------

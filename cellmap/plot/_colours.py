@@ -31,7 +31,7 @@ CODE_COLOURS: dict[int, str] = {
     Label.NO_RETURN: "0.24",
     Label.UNLABELLED: "white",
     Label.OUT_OF_STEPS: "#6b4423",
-    Label.DOUBTFUL: "#7a8a5c",
+    Label.DOUBTFUL: "#8a8a00",
 }
 """Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled, out of
 steps, doubtful."""

@@ -8,7 +8,7 @@ const COLOURS = [
 // escaped, diverged, undecided, did not return, unlabelled, out of steps, doubtful
 const CODES = {
   "-1": [184, 184, 184], "-2": [115, 115, 115], "-3": [0, 0, 0], "-4": [61, 61, 61], "-5": [255, 255, 255], "-6": [107, 68, 35],
-  "-7": [122, 138, 92],
+  "-7": [138, 138, 0],
 };
 
 export function colourOf(number) {
