@@ -95,7 +95,7 @@ def classify_by_features(
     clusterer: Any = None,
     transient: int = 1000,
     periods: int = 200,
-    resolution: float = 0.05,
+    resolution: float = 0.02,
     min_size: int = 10,
 ) -> FeatureBasins:
     """Group initial conditions by features of their orbits, where trapping regions of attractors cannot be verified.
@@ -129,6 +129,8 @@ def classify_by_features(
     resolution : float, optional
         Distance of features, above 0.  Orbits that a chain of others joins, each within this distance of the next, are
         never in different groups, whatever the estimator says.
+        Attractors with features closer than this are one group; with much less than 4 / `periods`, phases of one cycle
+        may be several.
     min_size : int, optional
         Number of orbits, at least 2, that are a group if their features are alike; fewer that lie apart are doubtful.
 
