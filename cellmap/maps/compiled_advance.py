@@ -99,20 +99,19 @@ def recorded(
 
     Points and full rotations have the shape (periods, n, d), status (periods, n).
     """
-    compiled = isinstance(advance, CompiledAdvance) and advance.step.kind != NOT_COMPILED
-    step = advance.step if isinstance(advance, CompiledAdvance) else UNKNOWN_STEP
-    one_by_one = not compiled or step.table.function != 0
+    compiled = advance if isinstance(advance, CompiledAdvance) else None
+    step = UNKNOWN_STEP if compiled is None else compiled.step
+    one_by_one = step.kind == NOT_COMPILED or step.table.function != 0
     for some in portions(periods, _COSTLY * len(orbits)):
         check_stop()
         points, rotations = np.empty((some, *orbits.points.shape)), np.empty((some, *orbits.points.shape), np.int64)
         status = np.empty((some, len(orbits)), np.uint8)
-        if one_by_one:
+        if compiled is None or one_by_one:
             for k in range(some):
                 check_stop()
                 advance(orbits, 1)
                 points[k], rotations[k], status[k] = orbits.points, orbits.rotations, orbits.status
         else:
-            assert isinstance(advance, CompiledAdvance)
             made = record(step, orbits.points, orbits.rotations, orbits.status, points, rotations, status)
-            orbits.work.evaluations += made * advance.stages
+            orbits.work.evaluations += made * compiled.stages
         yield points, rotations, status

@@ -8,31 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from maps_to_interpolate import ORDERS, circle, cylinder, line, torus
 from scipy.interpolate import BSpline, NdBSpline
 from scipy.ndimage import map_coordinates
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
 from cellmap._compiled.codegen.lookup import BLOCK, lookup_kernel
 from cellmap._compiled.codegen.spline_basis import WIDTH, basis_polynomials
-
-ORDERS = (1, 3, 5)
-
-
-def circle(x, p):
-    return (x[0] + 0.4 + 0.9 * sin(x[0]) + 0.2 * cos(2 * x[0]),)
-
-
-def line(x, p):
-    return (0.7 * sin(2 * x[0]) + 0.1 * x[0] ** 2,)
-
-
-def torus(x, p):
-    return x[0] + 0.5 * sin(x[1]), x[1] + 0.3 + 0.8 * sin(x[0]) * cos(x[1])
-
-
-def cylinder(x, p):
-    y = 0.8 * x[1] + 0.5 * sin(x[0])
-    return x[0] + y, y
 
 
 def plane(x, p):
