@@ -170,23 +170,18 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
             scratch.made[0] = periods
             return ASKS_FOR_WAITING if step.table.function != 0 else ASKS_FOR_POOL
         points, rotations, status = rows.points[:moving], rows.rotations[:moving], rows.status[:moving]
-        if step.kind == FLOW:
-            made = integrate(step.motion, points, rotations, status, step.lower, step.turn, periods)
-        else:
-            d = step.discrete
-            made = iterate(
-                d.function,
-                d.context,
-                d.parameters,
-                d.bound,
-                points,
-                rotations,
-                status,
-                step.lower,
-                step.turn,
-                periods,
-            )
-        counts[APPLIED] += made
+        counts[APPLIED] += apply_exact_map(step, points, rotations, status, periods)
+
+
+@loop
+def apply_exact_map(step, points, rotations, status, periods):
+    """Move orbits on by some periods of a compiled map, flow or function; return the steps or applications made."""
+    if step.kind == FLOW:
+        return integrate(step.motion, points, rotations, status, step.lower, step.turn, periods)
+    f = step.discrete
+    return iterate(
+        f.function, f.context, f.parameters, f.bound, points, rotations, status, step.lower, step.turn, periods
+    )
 
 
 @inlined

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ..loops import loop
-from .labelling import FLOW
-from .periods import integrate, iterate
+from .labelling import apply_exact_map
 
 
 @loop
@@ -16,13 +15,7 @@ def record(step, points, rotations, status, places, turned, states):
     """
     total = 0
     for period in range(places.shape[0]):
-        if step.kind == FLOW:
-            total += integrate(step.motion, points, rotations, status, step.lower, step.turn, 1)
-        else:
-            f = step.discrete
-            total += iterate(
-                f.function, f.context, f.parameters, f.bound, points, rotations, status, step.lower, step.turn, 1
-            )
+        total += apply_exact_map(step, points, rotations, status, 1)
         for k in range(points.shape[0]):
             states[period, k] = status[k]
             for j in range(points.shape[1]):
