@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import functools
 import logging
 import os
 import shutil
@@ -21,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from .memory import memory_available
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
+_NOT_A_CALLER = _PACKAGE, functools.__file__
 _ALWAYS_FREE = 2**24  # bytes
 
 
@@ -213,9 +215,9 @@ def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
 def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
     """Warn at the line outside of this package that called into it."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_NOT_A_CALLER):
         frame, level = frame.f_back, level + 1
-    warnings.warn(message, category, stacklevel=level - 1)
+    warnings.warn(message, category, stacklevel=level)
 
 
 def affordable_number(name: str, value: Any, each: int, at_least: int = 0) -> int:

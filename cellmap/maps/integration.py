@@ -21,6 +21,7 @@ from .._compiled.kernels.periods import PROBE, Motion, integrate
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
 from .orbit_batch import Orbits, portions
+from .reversals import warn_of_reversals
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
@@ -36,6 +37,7 @@ def flow(
     The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
     """
     turn, known = turns_of(system.axes)[1], formulas(system)
+    warn_of_reversals(known)
     chosen = Flow(
         kernel=_kernel(known, method, rtol),
         parameters=_values(system),

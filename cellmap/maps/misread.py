@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from .._compiled.codegen.trace import State
 from .coordinates import Coordinate
 
 
@@ -19,10 +20,12 @@ def misread(
     functions, names = ("rhs" if switches is None else "rhs or switches"), [c.name for c in axes]
     listed = ", ".join(names)
     text = str(error)
-    if isinstance(error, AttributeError) and type(error.obj) is tuple:
+    if isinstance(error, AttributeError) and isinstance(error.obj, State):
         return ValueError(
             f"{functions} reads x.{error.name}: x is a plain tuple; begin with `{listed} = x`, or write x[0], x[1], ..."
         )
+    if isinstance(error, AttributeError) and "can't set" in text:
+        return TypeError(f"{functions} sets a parameter, which stays as it is: use a name of its own ({text})")
     if isinstance(error, AttributeError):
         return ValueError(f"{functions} asks for a parameter that params lacks ({error})")
     if isinstance(error, IndexError):

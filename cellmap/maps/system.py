@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._compiled.codegen.captured import captured
 from .._compiled.codegen.rebind import over_arrays
-from .._compiled.codegen.trace import parameter_record
+from .._compiled.codegen.trace import State, StateChangedError, parameter_record
 from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
@@ -172,12 +173,12 @@ class ForcedSystem:
         surface the mean of both sides is returned.
         """
         if self.switches is None:
-            return tuple(self.rhs(t, tuple(x), self.parameters))
+            return tuple(self.rhs(t, State(x), self.parameters))
         own = self.signs(t, x)
         chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
         if len(chosen) != len(own):
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
-        return tuple(self.rhs(t, tuple(x), self.parameters, chosen))
+        return tuple(self.rhs(t, State(x), self.parameters, chosen))
 
     def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
@@ -237,6 +238,7 @@ class ForcedSystem:
         functions = "rhs" if self.switches is None else "rhs with its switches"
         failure: Exception | None = None
         checked = False
+        before = captured(self.rhs)
         # No place where somebody lets a forcing jump: there a time and the same one a period later may see other sides.
         for fraction in (0.01370521, 0.21093467, 0.47316089, 0.83052713):
             t = fraction * self.length
@@ -249,6 +251,8 @@ class ForcedSystem:
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
+            except StateChangedError:
+                raise
             except (AttributeError, IndexError, TypeError) as error:
                 raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
             if len(now) != self.dimension:
@@ -271,6 +275,11 @@ class ForcedSystem:
                         f"an angle of period {c.period:g}; give period= its period, or the name alone if it is no angle"
                     )
             checked = True
+        if captured(self.rhs) != before:
+            raise ValueError(
+                "rhs changes a value outside of it: it must depend on t, x and p alone, for it is not called in the "
+                "order of time. Declare events at which the state jumps as impacts=[Impact(guard, reset)]"
+            )
         if not checked:
             raise ValueError(
                 f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from collections.abc import Callable
 from functools import partial
 from math import cos, floor, inf, nan, pi, sin, sqrt
@@ -208,6 +209,82 @@ def test_right_hand_sides_that_misread_their_arguments(rhs, coordinates, message
     """The message names what was meant."""
     with pytest.raises((TypeError, ValueError), match=message):
         ForcedSystem(rhs, {"d": 0.1}, 2 * pi, coordinates)
+
+
+def writes(t, x, p):
+    if x[0] < 0.0:
+        x[1] = -x[1]
+    return x[1], -x[0]
+
+
+def multiplies(t, x, p):
+    x *= -1
+    return x[1], -x[0]
+
+
+def reverses(t, x, p):
+    q, v = x
+    if q < p.wall:
+        v = -p.e * v
+    return v, cos(t) - q
+
+
+def reverses_a_copy(t, x, p):
+    x = np.array(x)
+    if x[0] < p.wall:
+        x[1] = -x[1]
+    return x[1], cos(t) - x[0]
+
+
+def bends_upwards(t, x, p):
+    q, v = x
+    if q < p.wall and v < 0.0:
+        v = abs(v)
+    return v, cos(t) - q
+
+
+@pytest.mark.parametrize("rhs", [writes, multiplies])
+def test_a_state_that_is_written_to_is_refused(rhs):
+    """On whichever side of a branch; the message names what was meant."""
+    with pytest.raises(TypeError, match=r"changes the state x .* declare impacts=\[Impact\(guard, reset\)\]"):
+        stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("q", "v")))
+
+
+def test_a_right_hand_side_without_a_memory():
+    """What it would remember of its last call is no event: it is not called in the order of time."""
+    last = [1.0]
+
+    def remembers(t, x, p):
+        last[0] = x[0]
+        return x[1], -last[0]
+
+    with pytest.raises(ValueError, match=r"changes a value outside of it: .* impacts="):
+        ForcedSystem(remembers, {}, 1.0, ("q", "v"))
+
+
+@pytest.mark.parametrize("rhs", [reverses, reverses_a_copy, bends_upwards])
+def test_a_reversed_velocity_is_warned_of(rhs):
+    system = ForcedSystem(rhs, {"wall": 0.0, "e": 0.8}, 2 * pi, ("q", "v"))
+    with pytest.warns(UserWarning, match=r"reverses a velocity: q changes with v .* impacts=") as caught:
+        stroboscopic_map(system)
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [
+        lambda t, x, p: (x[1], -x[0] - 0.3 * abs(x[1]) * x[1]),  # drag
+        lambda t, x, p: (x[1], -50.0 * x[0] if x[0] < 0.0 else -x[0]),  # a soft wall
+        lambda t, x, p: (-x[1] if sin(t) < 0.0 else x[1], -x[0]),  # gears change with time
+        lambda t, x, p: (abs(x[1]), -x[0]),  # a ratchet
+        lambda t, x, p: (2.0 * x[1] if x[0] > 0.0 else x[1], -x[0]),
+        lambda t, x, p: (x[1] - x[0] if x[0] > 0.0 else x[1], -x[0]),
+    ],
+)
+def test_other_branches_are_not_warned_of(rhs):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("q", "v")))
 
 
 def test_parameters_are_read_only():

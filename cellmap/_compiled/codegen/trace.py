@@ -27,6 +27,25 @@ CONSTANT, TIMED, STATEFUL = range(3)
 """What an expression depends on: parameters alone, time as well, or the state."""
 
 
+class StateChangedError(TypeError):
+    """A function changes the state that it is given."""
+
+
+class State(tuple[Any, ...]):
+    """State variables as functions receive them: what would change them is an error that says what to write."""
+
+    __slots__ = ()
+
+    def _refused(self, *_: Any) -> Any:
+        raise StateChangedError(
+            "a function changes the state x that it is given, which has no effect on the motion: begin with "
+            "`q, v = x` and compute with those names. Where the state of a flow is meant to jump, as a velocity that "
+            "an impact reverses, declare impacts=[Impact(guard, reset)]"
+        )
+
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refused
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """Expressions of the components of a function of time, state and parameters."""
@@ -49,8 +68,8 @@ class Trace:
         def run() -> Sequence[Any]:
             try:
                 twin = rebind(function, elementary_functions())
-                return tuple(self.graph.lift(e) for e in twin(self.time, self.states, record, *further))
-            except UntraceableError:
+                return tuple(self.graph.lift(e) for e in twin(self.time, State(self.states), record, *further))
+            except (StateChangedError, UntraceableError):
                 raise
             except Exception as error:
                 raise UntraceableError(f"{type(error).__name__}: {error}") from error
