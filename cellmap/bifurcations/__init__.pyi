@@ -1,7 +1,6 @@
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .branch import Bifurcation as Bifurcation
-from .branch import BifurcationKind as BifurcationKind
 from .branch import Branch as Branch
 from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
@@ -15,6 +14,10 @@ from .equilibrium_stability import critical_values as critical_values
 from .equilibrium_stability import stability_map as stability_map
 from .floquet import FloquetResult as FloquetResult
 from .floquet import floquet_multipliers as floquet_multipliers
+from .kinds import BifurcationKind as BifurcationKind
+from .normal_forms import Criticality as Criticality
+from .normal_forms import NormalForm as NormalForm
+from .normal_forms import normal_form as normal_form
 from .orbit_continuation import continue_orbit as continue_orbit
 from .orbit_continuation import switch_branch as switch_branch
 from .stability_curves import BoundaryCurve as BoundaryCurve

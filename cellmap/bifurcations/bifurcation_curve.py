@@ -13,7 +13,8 @@ from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .arclength import SolutionPoint, continuation_steps, corrected
-from .branch import Bifurcation, BifurcationKind, Branch
+from .branch import Bifurcation, Branch
+from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem, orbit_problem
 
 _DIFFERENCE = 1e-5  # of test functions, in scaled unknowns

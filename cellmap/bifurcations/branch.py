@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,24 +17,9 @@ from ..orbits.multipliers import unstable_count
 from ..orbits.newton import closed_orbit
 from ..orbits.periodic_orbit import PeriodicOrbit
 from .arclength import corrected
+from .kinds import BifurcationKind
+from .normal_forms import NormalForm, form_at
 from .orbit_equations import OrbitProblem
-
-
-class BifurcationKind(StrEnum):
-    """Kinds of bifurcations of periodic orbits in one parameter."""
-
-    FOLD = "fold"
-    """Saddle-node: two orbits meet, and the branch turns back."""
-    PERIOD_DOUBLING = "period doubling"
-    """A multiplier crosses the unit circle at -1."""
-    PITCHFORK = "pitchfork"
-    """A multiplier crosses at +1, where the branch meets one that exists on one side of the parameter value only."""
-    TRANSCRITICAL = "transcritical"
-    """A multiplier crosses at +1, where the branch intersects one that continues on both sides."""
-    NEIMARK_SACKER = "Neimark-Sacker"
-    """A complex pair of multipliers crosses the unit circle; without damping two pairs collide on it (Krein)."""
-    DEGENERATE = "degenerate"
-    """Several multipliers cross together, by symmetry or coincidence; the bifurcating branches are not determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +51,16 @@ class Bifurcation:
     place: int
     _unknowns: NDArray[np.float64] = field(repr=False)
     _along: NDArray[np.float64] = field(repr=False)
+    _problem: OrbitProblem = field(repr=False)
     _branch_direction: NDArray[np.float64] | None = field(repr=False, default=None)
+
+    @functools.cached_property
+    def normal_form(self) -> NormalForm | None:
+        """Normal form with its coefficient, super- or subcritical; computed when it is first asked for.
+
+        None where several multipliers cross together.
+        """
+        return form_at(self._problem, self._unknowns, self.kind)
 
     def __repr__(self) -> str:
         return f"Bifurcation({self.kind} at {self.value:.12g}, {self.before} -> {self.after} unstable)"

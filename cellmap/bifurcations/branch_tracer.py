@@ -13,8 +13,9 @@ from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
 from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
-from .branch import Bifurcation, BifurcationKind, Branch
+from .branch import Bifurcation, Branch
 from .detection import TESTS, Detector
+from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem
 
 _REFUSALS = 6  # halvings of a step on which more seems to happen than is found

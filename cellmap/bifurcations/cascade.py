@@ -13,8 +13,9 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from ..orbits.periodic_orbit import PeriodicOrbit
 from .arclength import corrected
-from .branch import Bifurcation, BifurcationKind, Branch
+from .branch import Bifurcation, Branch
 from .branch_tracer import BranchTracer, born_orbit
+from .kinds import BifurcationKind
 from .orbit_equations import begin_orbit, orbit_problem
 
 _STEP = 0.02  # of the parameter's interval that is looked at

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from ..maps.coordinates import wrap
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one, unstable_count
 from .arclength import ContinuationStep, SolutionPoint
-from .branch import Bifurcation, BifurcationKind
+from .branch import Bifurcation
 from .branch_points import crossing
+from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem
 
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
@@ -186,6 +187,7 @@ class Detector:
             place=0,
             _unknowns=unknowns,
             _along=along,
+            _problem=problem,
             _branch_direction=branch_direction,
         )
 

@@ -120,6 +120,16 @@ def orbit_problem(
     return OrbitProblem(exact, swept, period, np.append(sizes, spans))
 
 
+def natural_sizes(exact: PointMap, state: NDArray[np.float64], period: int) -> NDArray[np.float64]:
+    """Return the natural sizes of displacements (d,) at a state: a radian, or the size of the state, or 1."""
+    from scipy.linalg import matrix_balance
+
+    matrix = tangent(exact, state, period)[1]
+    ratios = matrix_balance(matrix, permute=False, separate=True)[1][0] if len(state) > 1 else np.ones(1)
+    still = np.column_stack([matrix, np.zeros(len(state))])
+    return _sizes(state, still, turns_of(exact.coordinates)[1], ratios, (1.0,))
+
+
 def _sizes(
     state: NDArray[np.float64],
     matrices: NDArray[np.float64],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untraced
+from .._compiled.codegen.kernel import discrete_jet_kernel, discrete_kernel, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
@@ -145,6 +145,16 @@ class Discrete(MapSpec[PointMap]):
             return None
         function = swept_function(self.function, len(self.coordinates), tuple(self.params), names)
         return replace(self, function=function, coordinates=swept_axes(self.coordinates, names))
+
+    def curve_step(self, order: int) -> Callable[[Orbits], None] | None:
+        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
+        d = len(self.coordinates)
+        kernel = discrete_jet_kernel(_timeless(self.function), d, tuple(self.params), order)
+        if kernel is None or self._formulas:
+            return None
+        parameters, anywhere = np.array([float(v) for v in self.params.values()]), np.zeros((order + 1) * d)
+        advance = DiscreteAdvance(kernel, parameters, _BOUND, anywhere, anywhere)
+        return lambda orbits: advance(orbits, 1)
 
     @property
     def recipe(self) -> dict[str, Any]:

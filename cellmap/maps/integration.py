@@ -13,6 +13,7 @@ from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
     PeriodKernel,
     flow_kernel,
+    jet_flow_kernel,
     switching_kernel,
     tangent_flow_kernel,
 )
@@ -101,6 +102,21 @@ def tangent_flow(
     if kernel is None:
         return None
     largest = np.full(2 * system.dimension, np.inf)
+    fewest = _fewest_steps(known, length, tolerance)
+    return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
+
+
+def jet_flow(
+    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, order: int, method: str
+) -> Flow | None:
+    """Return the motion of states with their derivatives along a curve; None where these are not known."""
+    names, known = tuple(system.params), formulas(system)
+    if known.has_events or known.unknown:
+        return None
+    kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, method)
+    if kernel is None:
+        return None
+    largest = np.full((order + 1) * system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
     return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
 

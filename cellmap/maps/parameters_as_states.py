@@ -88,6 +88,11 @@ class Swept(MapSpec[PointMap]):
         found = self._vectorised
         return None if found is None else found.swept(names)
 
+    def curve_step(self, order: int) -> Callable[[Orbits], None] | None:
+        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
+        found = self._vectorised
+        return None if found is None else found.curve_step(order)
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file."""

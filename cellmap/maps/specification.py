@@ -92,6 +92,10 @@ class MapSpec(ABC, Generic[M]):
         """Return the specification with some parameters appended to the state; None if `with_params` must serve."""
         return None
 
+    def curve_step(self, order: int) -> Callable[[Any], None] | None:
+        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
+        return None
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file, from which :func:`rebuild_map` builds the map again."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from .._lib.checks import finite_number, one_of, whole_number
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
-from .integration import Flow, flow, tangent_flow
+from .integration import Flow, flow, jet_flow, tangent_flow
 from .orbit_batch import Orbits
 from .parameters_as_states import with_states
 from .point_map import PointMap
@@ -151,6 +151,12 @@ class Stroboscopic(MapSpec[PointMap]):
         """Return the specification with some parameters appended to the state, where the formulas are known."""
         further = with_states(self.system, names)
         return None if further is None else replace(self, system=further)
+
+    def curve_step(self, order: int) -> Callable[[Orbits], None] | None:
+        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
+        s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
+        tolerance = min(self.rtol, _TANGENT_TOLERANCE)
+        return jet_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, order, method)
 
     @property
     def recipe(self) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from .._lib.signatures import checked
-from ..bifurcations.branch import Bifurcation, BifurcationKind, Branch
+from ..bifurcations.branch import Bifurcation, Branch
+from ..bifurcations.kinds import BifurcationKind
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
 from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis

@@ -19,6 +19,7 @@ from .derivative import tangent_trace
 from .emit import assignment
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
+from .jets import jet_trace
 from .lanes import StepCode, lane_module
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .module import module_in_memory
@@ -117,6 +118,22 @@ def tangent_flow_kernel(
 
 
 @kept
+def jet_flow_kernel(
+    rhs: Callable[..., Any], dimension: int, names: Names, rtol: float, order: int, method: str = "auto"
+) -> PeriodKernel | None:
+    """Compile the period of a flow along curves, (order + 1) d components; None where derivatives are not known."""
+    traced = traced_function(rhs, dimension, names)
+    if traced is None or traced.has_branches:
+        return None
+    try:
+        jet = jet_trace(traced, order)
+        chosen = choose_method(method, jet, rtol)
+        return finished(_compiled(chosen.write(jet), len(jet.states), names), chosen)
+    except UntraceableError:
+        return None
+
+
+@kept
 def switching_kernel(
     functions: Functions, dimension: int, names: Names, rtol: float, tangent: bool
 ) -> PeriodKernel | None:
@@ -169,6 +186,21 @@ def discrete_kernel(
     except UntraceableError:
         return None
     return _compiled(_application(traced), len(traced.outputs), names)
+
+
+@kept
+def discrete_jet_kernel(
+    function: Callable[..., Any], dimension: int, names: Names, order: int
+) -> CompiledPeriod | None:
+    """Compile one application of a discrete map ``f(t, x, p)`` to curves; None where derivatives are not known."""
+    traced = traced_function(function, dimension, names)
+    if traced is None or traced.has_branches:
+        return None
+    try:
+        jet = jet_trace(traced, order)
+    except UntraceableError:
+        return None
+    return _compiled(_application(jet), len(jet.outputs), names)
 
 
 @kept

@@ -1,0 +1,261 @@
+"""Normal forms of bifurcations of periodic orbits, on the centre manifold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import state_points
+from ..maps.multilinear import multilinear_forms
+from ..maps.point_map import PointMap
+from .kinds import BifurcationKind
+from .orbit_equations import OrbitProblem, natural_sizes
+
+Vector = NDArray[np.complexfloating[Any, Any]]
+
+_TOLERANCE, _OF_DIFFERENCES = 1e-12, 1e-8  # of the derivatives
+_CERTAIN = 3.0  # errors that a coefficient is away from zero
+_SINGULAR = 1e-7  # product of the unit eigenvectors of a multiplier that is not simple
+_FORMS = {
+    BifurcationKind.FOLD: "quadratic",
+    BifurcationKind.TRANSCRITICAL: "quadratic",
+    BifurcationKind.PITCHFORK: "cubic",
+    BifurcationKind.PERIOD_DOUBLING: "cubic",
+    BifurcationKind.NEIMARK_SACKER: "cubic",
+}
+
+
+class Criticality(StrEnum):
+    """What the coefficient of a normal form says of the orbits that are born."""
+
+    SUPERCRITICAL = "supercritical"
+    """The new orbits or curves exist where the old orbit is unstable on the centre manifold, and attract on it."""
+    SUBCRITICAL = "subcritical"
+    """The new orbits or curves exist where the old orbit is stable on the centre manifold, and repel on it."""
+    GENERIC = "generic"
+    """Fold or transcritical bifurcation whose quadratic coefficient is not zero."""
+    DEGENERATE = "degenerate"
+    """The coefficient is zero within its error, or not defined: a bifurcation of codimension two."""
+
+
+@dataclass(frozen=True, eq=False)
+class NormalForm:
+    """Normal form of a bifurcation of a periodic orbit, for a coordinate u (complex: w) on the centre manifold.
+
+    Parameters
+    ----------
+    kind : BifurcationKind
+        Kind of the bifurcation, with the normal form u -> u + a u^2 (fold, transcritical), u -> u + c u^3 (pitchfork),
+        u -> -u + b u^3 (period doubling) or w -> exp(i theta) w (1 + d |w|^2) (Neimark-Sacker).
+    coefficient : float
+        The coefficient a, c, b or the real part of d.  The eigenvector has length 1 in the units of the coordinates,
+        which the value depends on and its sign does not.  The sign of a follows that of the eigenvector.
+    imaginary : float
+        Imaginary part of d, the change of the rotation with |w|^2; 0 for the other kinds.
+    error : float
+        Estimate of the error of the coefficient.
+    criticality : Criticality
+        "supercritical", "subcritical", "generic" or "degenerate".
+    eigenvector, adjoint : ndarray, shape (dimension,)
+        Eigenvectors q of the monodromy matrix and p of its transpose, with |q| = 1 and p . q = 1, complex for a
+        Neimark-Sacker bifurcation; the largest component of q is real and positive.
+    exact : bool
+        Whether derivatives of the map come from its higher variational equations; else from differences of Jacobian
+        matrices, with fewer digits.
+    """
+
+    kind: BifurcationKind
+    coefficient: float
+    imaginary: float
+    error: float
+    criticality: Criticality
+    eigenvector: NDArray[np.complex128]
+    adjoint: NDArray[np.complex128]
+    exact: bool
+
+    def __repr__(self) -> str:
+        return f"NormalForm({self.criticality} {self.kind}, coefficient {self.coefficient:.9g} +- {self.error:.1g})"
+
+
+@checked
+def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, period: int = 1) -> NormalForm:
+    """Return the normal form of a bifurcation of a fixed or periodic point, at the parameters of the map.
+
+    The bifurcations that :func:`continue_orbit` returns have it as their `normal_form`.  Second and third derivatives
+    of the map are integrated with the orbit (higher variational equations), or taken from differences of Jacobian
+    matrices where the formulas of the right-hand side are unknown or not smooth.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map, at the bifurcation; for an interpolated map, its exact map is used.
+    point : array_like, shape (dimension,)
+        Point of the orbit.
+    kind : BifurcationKind
+        Kind of the bifurcation.
+    period : int, optional
+        Period of the orbit, in steps of the map.
+
+    Returns
+    -------
+    NormalForm
+        Coefficient with its error, and criticality.
+
+    Raises
+    ------
+    ValueError
+        For a kind without normal form, or a Neimark-Sacker bifurcation without a complex pair of multipliers.
+
+    References
+    ----------
+    Kuznetsov, *Elements of Applied Bifurcation Theory* (2004), section 5.4, for normal forms on the centre manifold in
+    terms of multilinear forms; Kuznetsov, Meijer, SIAM Journal on Scientific Computing 26 (2005) 1932.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
+    >>> normal_form(logistic, [2 / 3], BifurcationKind.PERIOD_DOUBLING)
+    NormalForm(supercritical period doubling, coefficient 9 +- ...)
+    """
+    if kind not in _FORMS:
+        raise ValueError(f"kind={kind!r}: choose one of {', '.join(map(repr, _FORMS))}")
+    exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
+    place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
+    found = forms_at(exact, place[None], rounds, natural_sizes(exact, place, rounds), kind)[0]
+    if found is None:
+        raise ValueError(f"kind={kind!r}: the orbit has no complex pair of multipliers")
+    return found
+
+
+def form_at(problem: OrbitProblem, unknowns: NDArray[np.float64], kind: BifurcationKind) -> NormalForm | None:
+    """Return the normal form at unknowns (d + m,) of an orbit problem; None for a kind that has none."""
+    if kind not in _FORMS:
+        return None
+    sizes = problem.scale[: problem.dimension]
+    return forms_at(problem.swept, (unknowns * problem.scale)[None], problem.period, sizes, kind)[0]
+
+
+def forms_at(
+    point_map: PointMap, points: NDArray[np.float64], period: int, sizes: NDArray[np.float64], kind: BifurcationKind
+) -> list[NormalForm | None]:
+    """Return the normal forms at points (n, D) of orbits in the first d state variables, of sizes (d,)."""
+    forms = multilinear_forms(point_map, points, period, sizes)
+    found: list[NormalForm | None] = []
+    for k in range(len(points)):
+        first, second = (
+            _Reduction.of(kind, forms.linear[w, k], forms.quadratic[w, k], forms.cubic[w, k], sizes) for w in (0, 1)
+        )
+        found.append(None if first is None or second is None else first.finished(second, sizes, forms.exact))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduction:
+    """Coefficient of a normal form, and the eigenvectors, in natural sizes.
+
+    The critical multiplier is `off` the value that it should have; relative errors of derivatives change the
+    coefficient by as much times `sensitivity`.
+    """
+
+    kind: BifurcationKind
+    coefficient: complex
+    off: float
+    sensitivity: float
+    right: NDArray[np.complex128]
+    left: NDArray[np.complex128]
+
+    @classmethod
+    def of(
+        cls,
+        kind: BifurcationKind,
+        a: NDArray[np.float64],
+        b: NDArray[np.float64],
+        c: NDArray[np.float64],
+        sizes: NDArray[np.float64],
+    ) -> _Reduction | None:
+        """Reduce a map with the derivatives A, B, C to the centre manifold; None without a complex pair."""
+        unit = np.eye(len(a))
+        critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
+        multipliers = np.linalg.eigvals(a).astype(complex)
+        if kind is BifurcationKind.NEIMARK_SACKER:
+            upper = multipliers[multipliers.imag > 0.0]
+            if not len(upper):
+                return None
+            nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
+            critical = nearest / abs(nearest)
+        left, singular, right = np.linalg.svd(a - critical * unit)
+        q, p = right[-1].conj(), left[:, -1].conj()
+        across = abs(p @ q)
+        largest = np.argmax(np.abs(q * sizes))
+        q = q * abs(q[largest]) / q[largest] / np.linalg.norm(q * sizes)
+        off = float(np.abs(multipliers - critical).min())
+        if across < _SINGULAR:
+            return cls(kind, complex(np.nan), off, np.inf, q, p)
+        p = p / (p @ q)
+
+        def two(u: Vector, v: Vector) -> Vector:
+            return np.asarray(np.einsum("ijk,j,k", b, u, v))
+
+        def projected(u: Vector) -> complex:
+            terms.append(float(np.abs(p) @ np.abs(u)))
+            return complex(p @ u)
+
+        def solved(matrix: NDArray[Any], rhs: Vector) -> Vector:
+            gaps.append(float(np.linalg.svd(matrix, compute_uv=False)[-1]))
+            return np.asarray(np.linalg.solve(matrix, rhs))
+
+        terms, gaps = list[float](), [float(singular[-2]) if len(a) > 1 else 1.0]
+        three = np.asarray(np.einsum("ijkl,j,k,l", c, q, q, q.conj()))
+        try:
+            match kind:
+                case BifurcationKind.PERIOD_DOUBLING:
+                    value = (projected(three) + projected(3.0 * two(q, solved(unit - a, two(q, q))))) / 6.0
+                case BifurcationKind.NEIMARK_SACKER:
+                    mean = solved(unit - a, two(q, q.conj()))
+                    double = solved(critical**2 * unit - a, two(q, q))
+                    value = projected(three) + projected(2.0 * two(q, mean)) + projected(two(q.conj(), double))
+                    value /= 2.0 * critical
+                case BifurcationKind.PITCHFORK:
+                    bordered = np.block([[unit - a, q[:, None]], [p[None], np.zeros((1, 1))]])
+                    bent = solved(bordered, np.append(two(q, q), 0.0))[:-1]
+                    value = (projected(three) + projected(3.0 * two(q, bent))) / 6.0
+                case _:
+                    value = 0.5 * projected(two(q, q))
+        except np.linalg.LinAlgError:
+            value = complex(np.nan)
+        gap = min(1.0, *gaps)
+        condition = (1.0 + float(np.abs(a).max())) / (across * gap) if gap else np.inf
+        return cls(kind, value, off, condition * sum(terms), q, p)
+
+    def finished(self, other: _Reduction, sizes: NDArray[np.float64], exact: bool) -> NormalForm:
+        """Return the normal form, with an error from another evaluation."""
+        value = self.coefficient
+        tolerance = _TOLERANCE if exact else _OF_DIFFERENCES
+        error = max((tolerance + self.off) * self.sensitivity, abs(value - other.coefficient))
+        known = bool(abs(value.real) > _CERTAIN * error)
+        positive = value.real > 0.0
+        if not known:
+            criticality = Criticality.DEGENERATE
+        elif _FORMS[self.kind] == "quadratic":
+            criticality = Criticality.GENERIC
+        elif positive == (self.kind is BifurcationKind.PERIOD_DOUBLING):
+            criticality = Criticality.SUPERCRITICAL
+        else:
+            criticality = Criticality.SUBCRITICAL
+        return NormalForm(
+            kind=self.kind,
+            coefficient=value.real,
+            imaginary=value.imag if self.kind is BifurcationKind.NEIMARK_SACKER else 0.0,
+            error=error,
+            criticality=criticality,
+            eigenvector=self.right * sizes,
+            adjoint=self.left / sizes,
+            exact=exact,
+        )

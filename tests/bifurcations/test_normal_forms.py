@@ -1,0 +1,252 @@
+"""Normal forms of bifurcations: closed forms of discrete maps, differences of independent integrations of flows."""
+
+from __future__ import annotations
+
+from math import atan2, hypot, pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap.bifurcations import Bifurcation, BifurcationKind, Criticality, NormalForm, normal_form
+from systems import driven_pendulum, duffing_oscillator, henon_map, logistic_map
+
+FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
+PITCHFORK, TRANSCRITICAL = BifurcationKind.PITCHFORK, BifurcationKind.TRANSCRITICAL
+NEIMARK_SACKER = BifurcationKind.NEIMARK_SACKER
+
+
+def form(bifurcation: Bifurcation) -> NormalForm:
+    found = bifurcation.normal_form
+    assert found is not None
+    assert found.kind is bifurcation.kind
+    return found
+
+
+def assert_meets(found: NormalForm, expected: complex, criticality: str) -> None:
+    """Compare with a closed form, to 1e-8 and to the error that is stated."""
+    coefficient = complex(found.coefficient, found.imaginary)
+    assert abs(coefficient - expected) <= min(1e-8, found.error)
+    assert found.error <= 1e-8 * (1.0 + abs(expected))
+    assert found.criticality == criticality
+    assert found.exact
+
+
+# Discrete maps: the multilinear forms are those of polynomials, inserted into the formulas by hand.
+
+
+def test_the_logistic_map() -> None:
+    # f'' = -2 mu: a = f''/2 at 0, and b = f''^2/4 where f' = -1.
+    exact = logistic_map(2.0)
+    transcritical, doubling = continue_orbit(exact, periodic_orbit(exact, [0.5]), "mu", 0.5, 4.0).bifurcations
+    assert_meets(form(transcritical), -1.0, "generic")
+    assert_meets(form(doubling), 9.0, "supercritical")
+
+
+def test_the_henon_map() -> None:
+    # q = (1, b)/n and p = (1, 1) n/(1 + b) at the fold, q = (1, -b)/n and p = (1, -1) n/(1 + b) at the doubling.
+    exact, b = henon_map(0.2, 0.3), 0.3
+    fold, doubling = continue_orbit(
+        exact, periodic_orbit(exact, [0.5, 0.2]), "a", -1.0, 1.4, max_points=300
+    ).bifurcations
+    n = sqrt(1.0 + b**2)
+    assert_meets(form(fold), 0.25 * (1.0 - b) ** 2 / ((1.0 + b) * n), "generic")
+    assert_meets(form(doubling), (0.75 * (1.0 - b) ** 2) ** 2 / (n**2 * (1.0 - b**2)), "supercritical")
+
+
+@pytest.mark.parametrize("c", [1.0, 0.7])
+def test_the_delayed_logistic_map(c: float) -> None:
+    # At r = 2 theta = pi/3 and d = -(1 + i sqrt(3)) 2 c^2/(1 + c^2).
+    exact = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[1]), p.c * x[0]), {"r": 1.7, "c": c}, ("x", "y"))
+    (found,) = continue_orbit(exact, periodic_orbit(exact, [0.4 / c, 0.4]), "r", 1.5, 2.3).bifurcations
+    assert_meets(form(found), -(1.0 + 1j * sqrt(3.0)) * 2.0 * c**2 / (1.0 + c**2), "supercritical")
+
+
+@pytest.mark.parametrize("r", [-0.1, 0.3, 1.4])
+def test_the_generalised_henon_map(r: float) -> None:
+    """Map (y, alpha - beta x - y^2 + R x y) of Gonchenko, Kuznetsov, Meijer, SIAM J. Appl. Dyn. Syst. 4 (2005) 407."""
+    exact = discrete_map(
+        lambda x, p: (x[1], p.alpha - p.beta * x[0] - x[1] ** 2 + p.R * x[0] * x[1]),
+        {"alpha": 0.0, "beta": 1.0, "R": r},
+        ("x", "y"),
+    )
+    # At the fixed point x the determinant is beta - R x and the trace (R - 2) x.
+    x = 0.4
+    beta = 1.0 + r * x
+    exact = exact.with_params(alpha=x + beta * x + x * x - r * x * x, beta=beta)
+    cosine = 0.5 * (r - 2.0) * x
+    mu = complex(cosine, sqrt(1.0 - cosine**2))
+    p2 = -mu * sqrt(2.0) / (1.0 - mu**2)
+
+    def quadratic(u: NDArray[Any], v: NDArray[Any]) -> Any:
+        return -2.0 * u[1] * v[1] + r * (u[0] * v[1] + u[1] * v[0])
+
+    def resolvent(z: complex) -> NDArray[Any]:
+        return np.array([1.0, z]) / (z * z - 2.0 * cosine * z + 1.0)
+
+    q = np.array([1.0, mu]) / sqrt(2.0)
+    mean, double = quadratic(q, q.conj()) * resolvent(1.0), quadratic(q, q) * resolvent(mu**2)
+    d = 0.5 * mu.conjugate() * p2 * (2.0 * quadratic(q, mean) + quadratic(q.conj(), double))
+    assert_meets(normal_form(exact, [x, x], NEIMARK_SACKER), d, "supercritical" if d.real < 0.0 else "subcritical")
+
+
+@pytest.mark.parametrize(("coupling", "kind"), [(-0.1, DOUBLING), (0.9, PITCHFORK)])
+def test_coupled_logistic_maps(coupling: float, kind: BifurcationKind) -> None:
+    # Out of phase, q = (1, -1)/sqrt(2), the multiplier is m f' with m = 1 - 2 coupling, and the coefficient
+    # m f''^2/(4 (1 - f')).
+    def pair(x: Any, p: Any) -> Any:
+        f = [p.r * u * (1.0 - u) for u in x]
+        return (1.0 - p.c) * f[0] + p.c * f[1], (1.0 - p.c) * f[1] + p.c * f[0]
+
+    m, critical = 1.0 - 2.0 * coupling, -1.0 if kind is DOUBLING else 1.0
+    r = 2.0 - critical / m
+    exact = discrete_map(pair, {"r": r - 0.1, "c": coupling}, ("x", "y"))
+    x = 1.0 - 1.0 / (r - 0.1)
+    branch = continue_orbit(exact, periodic_orbit(exact, [x, x]), "r", r - 0.2, r + 0.1)
+    (found,) = branch.of_kind(kind)
+    c = m * (2.0 * r) ** 2 / (4.0 * (r - 1.0))
+    assert_meets(form(found), c, "supercritical" if (c > 0.0) is (kind is DOUBLING) else "subcritical")
+
+
+def test_the_second_iterate_has_the_coefficients_of_the_first() -> None:
+    # At a doubling with x -> -x + b x^3 the second iterate is x -> x - 2 b x^3.
+    exact = logistic_map(3.0)
+    twice = normal_form(exact, [2.0 / 3.0], PITCHFORK, 2)
+    assert_meets(twice, -18.0, "supercritical")
+
+
+def test_a_coefficient_that_vanishes_is_degenerate() -> None:
+    # x -> -x + x^2 - x^3 + ...: b = f'''/6 + f''^2/4 = 0 where f = -x + s x^2 - s^2 x^3.
+    for s in (0.5, 3.0):
+        exact = discrete_map(lambda x, p: (-x[0] + p.s * x[0] ** 2 - p.s**2 * x[0] ** 3,), {"s": s}, ("x",))
+        found = normal_form(exact, [0.0], DOUBLING)
+        assert found.criticality is Criticality.DEGENERATE
+        assert abs(found.coefficient) <= found.error < 1e-9
+
+
+def test_a_double_multiplier_has_no_coefficient() -> None:
+    sheared = discrete_map(lambda x, p: (x[0] + x[1], x[1] + x[0] ** 2), {"s": 1.0}, ("x", "y"))
+    found = normal_form(sheared, [0.0, 0.0], FOLD)
+    assert found.criticality is Criticality.DEGENERATE
+    assert np.isnan(found.coefficient)
+
+
+def test_units_change_the_coefficient_and_not_the_criticality() -> None:
+    # In the unit s of x the coefficient of x^3 is multiplied by s^2.
+    for s in (1e-6, 1e5):
+        exact = discrete_map(lambda x, p: (3.0 * x[0] * (1.0 - x[0] / p.s),), {"s": s}, ("x",))
+        found = normal_form(exact, [2.0 / 3.0 * s], DOUBLING)
+        assert found.coefficient * s**2 == pytest.approx(9.0, rel=1e-11)
+        assert found.criticality is Criticality.SUPERCRITICAL
+
+
+# Formulas that are unknown, and formulas with branches: differences of Jacobian matrices.
+
+
+def test_differences_serve_where_no_formulas_are_known() -> None:
+    # Known to be -1 - i sqrt(3); atan2 has no derivative in formulas.
+    exact = discrete_map(
+        lambda x, p: (p.r * hypot(x[0], 0.0) * (1.0 - x[1]), x[0] + 0.0 * atan2(x[0], x[1])), {"r": 2.0}, ("x", "y")
+    )
+    found = normal_form(exact, [0.5, 0.5], NEIMARK_SACKER)
+    assert not found.exact
+    assert abs(complex(found.coefficient, found.imaginary) + 1.0 + 1j * sqrt(3.0)) <= found.error < 1e-6
+    assert found.criticality is Criticality.SUPERCRITICAL
+
+
+# Flows.
+
+
+def images(system: ForcedSystem, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return images (n, 2) over one period by SciPy's DOP853, all in one integration."""
+    columns = np.asarray(states).T
+
+    def rhs(t: float, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = flat.reshape(columns.shape)
+        return np.array([system.derivative(t, tuple(s)) for s in x.T]).T.ravel()
+
+    end = solve_ivp(rhs, (0.0, system.length), columns.ravel(), "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    return end.reshape(columns.shape).T
+
+
+STENCILS = {
+    1: np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]),
+    2: np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]),
+    3: np.array([-7 / 240, 3 / 10, -169 / 120, 61 / 30, 0, -61 / 30, 169 / 120, -3 / 10, 7 / 240]),
+}
+"""Central differences of order 8, 8 and 6."""
+
+
+class Differences:
+    """Derivatives of a map of two variables from its images on lines, in units of displacements."""
+
+    def __init__(self, system: ForcedSystem, state: Any, sizes: Any, step: float) -> None:
+        lines = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+        self.sizes, offsets = np.array(sizes), step * np.arange(-4, 5)
+        places = np.array(state) + offsets[None, :, None] * lines[:, None] * self.sizes
+        found = images(system, places.reshape(-1, 2)).reshape(places.shape) / self.sizes
+        self.along = {k: np.einsum("s,lsi->li", w, found) / step**k for k, w in STENCILS.items()}
+
+    def one(self, u: Any) -> Any:
+        return self.along[1][0] * u[0] + self.along[1][1] * u[1]
+
+    def two(self, u: Any, v: Any) -> Any:
+        xx, yy, plus, minus = self.along[2]
+        return xx * u[0] * v[0] + yy * u[1] * v[1] + 0.25 * (plus - minus) * (u[0] * v[1] + u[1] * v[0])
+
+    def three(self, u: Any) -> Any:
+        xxx, yyy, plus, minus = self.along[3]
+        xyy, xxy = (plus + minus - 2.0 * xxx) / 6.0, (plus - minus - 2.0 * yyy) / 6.0
+        return xxx * u[0] ** 3 + 3.0 * xxy * u[0] ** 2 * u[1] + 3.0 * xyy * u[0] * u[1] ** 2 + yyy * u[1] ** 3
+
+    def coefficient(self, kind: BifurcationKind) -> float:
+        """Return the coefficient by the formulas for maps of the plane, where (I - A)^-1 is known by eigenvectors."""
+        matrix = np.column_stack([self.one((1.0, 0.0)), self.one((0.0, 1.0))])
+        values, vectors = np.linalg.eig(matrix)
+        k = int(np.argmin(np.abs(values - (-1.0 if kind is DOUBLING else 1.0))))
+        vectors = vectors / np.linalg.norm(vectors * self.sizes[:, None], axis=0)
+        q, left = vectors[:, k], np.linalg.inv(vectors)
+        q, p = (s * np.sign((q * self.sizes)[np.argmax(np.abs(q * self.sizes))]) for s in (q, left[k]))
+        if kind is FOLD:
+            return float(0.5 * p @ self.two(q, q))
+        parts = left @ self.two(q, q)
+        others = values != values[k] if kind is PITCHFORK else np.full(2, True)
+        parts = np.divide(parts, 1.0 - values, out=np.zeros_like(parts), where=others)
+        return float(p @ (self.three(q) + 3.0 * self.two(q, vectors @ parts)) / 6.0)
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> PointMap:
+    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+
+
+def test_the_inverted_pendulum(pendulum: PointMap) -> None:
+    branch = continue_orbit(pendulum, periodic_orbit(pendulum, [pi, 0.0]), "amplitude", 0.001, 0.014)
+    for bifurcation, criticality in zip(branch.bifurcations, ("subcritical", "supercritical"), strict=True):
+        found = form(bifurcation)
+        assert found.criticality == criticality
+        system = driven_pendulum(amplitude=bifurcation.value)
+        expected = Differences(system, [pi, 0.0], (1.0, 30.0 * pi), 0.01).coefficient(bifurcation.kind)
+        assert found.coefficient == pytest.approx(expected, rel=1e-5)
+        assert found.error < 1e-9
+
+
+def test_the_hanging_pendulum_doubles_supercritically(pendulum: PointMap) -> None:
+    (doubling,) = continue_orbit(pendulum, periodic_orbit(pendulum, [0.0, 0.0]), "amplitude", 0.001, 0.014).bifurcations
+    system = driven_pendulum(amplitude=doubling.value)
+    expected = Differences(system, [0.0, 0.0], (1.0, 30.0 * pi), 0.01).coefficient(DOUBLING)
+    assert form(doubling).coefficient == pytest.approx(expected, rel=1e-5)
+    assert form(doubling).criticality is Criticality.SUPERCRITICAL
+
+
+def test_a_fold_of_the_forced_duffing_oscillator() -> None:
+    exact = stroboscopic_map(duffing_oscillator(damping=0.1, forcing=0.3, frequency=1.5), rtol=1e-12, atol=1e-12)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "frequency", 1.2, 1.9)
+    for fold in branch.of_kind(FOLD):
+        system = duffing_oscillator(damping=0.1, forcing=0.3, frequency=fold.value)
+        expected = Differences(system, fold.point, (1.0, 1.0), 0.02).coefficient(FOLD)
+        assert form(fold).coefficient == pytest.approx(expected, rel=1e-5)
+        assert form(fold).criticality is Criticality.GENERIC
