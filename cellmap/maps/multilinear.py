@@ -83,12 +83,11 @@ def _tensors(values: NDArray[np.float64], directions: NDArray[np.float64], order
     weights = [factorial(order) // prod(factorial(index.count(i)) for i in set(index)) for index in indices]
     design = np.prod(directions[:, indices], axis=-1) * weights
     coefficients = np.einsum("cm,nmi->nic", np.linalg.pinv(design), values)
-    tensor = np.empty((len(values), d, *(d,) * order))
+    tensor = np.empty((*(d,) * order, *values.shape[::2]))
     for c, index in enumerate(indices):
-        places: set[tuple[int, ...]] = set(permutations(index))
-        for place in places:
-            tensor[(..., *place)] = coefficients[..., c]
-    return tensor
+        for place in permutations(index):
+            tensor[place] = coefficients[..., c]
+    return np.moveaxis(tensor, (-2, -1), (0, 1))
 
 
 def _from_differences(
