@@ -192,3 +192,11 @@ def test_seeds_of_parts_come_from_a_generator_too():
 def test_what_rng_may_be(rng, error, message):
     with pytest.raises(error, match=message):
         zero_one_test_of_series(series(), 20, rng=rng)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_function_has_the_name_of_a_file_beside_it(room):
+    """Once the file is imported, its name would be that of the module."""
+    folder = Path(cellmap.__file__).parent.joinpath(*room.split("."))
+    public = re.findall(r"as (\w+)", (folder / "__init__.pyi").read_text())
+    assert not [name for name in public if (folder / f"{name}.py").exists()]

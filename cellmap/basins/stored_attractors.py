@@ -30,7 +30,7 @@ def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> t
 def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     put_text(group, "kind", str(attractor.kind))
     put_text(group, "name", attractor.name)
-    group.attrs.update(period=attractor.period, turns=attractor.rotations)
+    group.attrs.update(period=attractor.period, turns=attractor.rotations, grazing=attractor.grazing_distance)
     for name in ("points", "multipliers", "exponents"):
         group[name] = getattr(attractor, name)
     for part in ("neighbourhood", "cover", "circle"):
@@ -77,6 +77,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         neighbourhood=neighbourhood,
         cover=cover,
         circle=circle,
+        grazing_distance=float(group.attrs.get("grazing", np.inf)),
     )
 
 

@@ -15,7 +15,7 @@ from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
 from ..orbits.newton import closed_orbit
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import corrected
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at

@@ -13,7 +13,7 @@ from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from ..orbits.attractor import Attractor
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines
 from .floquet import linearise, swept_values
 from .orbit_grid import follow_over

@@ -11,7 +11,7 @@ from .._lib.checks import finite_number, finite_points, whole_number
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected, tangent_of
 from .branch import Bifurcation, Branch
 from .branch_tracer import BranchTracer, born_orbit

@@ -13,7 +13,7 @@ from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint
 
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit

@@ -14,7 +14,7 @@ from ..maps.coordinates import difference
 from ..maps.orbit_batch import CHUNK, Status
 from ..maps.point_map import PointMap, follow
 from ..orbits.attractor import Attractor
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import Matrices
 from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 

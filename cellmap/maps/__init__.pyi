@@ -1,6 +1,7 @@
 from .coordinates import Coordinate as Coordinate
 from .coordinates import angle as angle
 from .discrete import discrete_map as discrete_map
+from .grazing import grazing_distance as grazing_distance
 from .grid import CellGrid as CellGrid
 from .impacts import Impact as Impact
 from .interpolation.interpolated import interpolated_map as interpolated_map

@@ -88,7 +88,7 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
     ndarray, shape (..., dimension, dimension)
         Entry (i, j) is the derivative of component i of the image with respect to component j of the initial condition.
         It is computed from the variational equation, or by central differences of order 6 if the right-hand side cannot
-        be traced.
+        be traced.  Where the orbit grazes a surface, see :func:`grazing_distance`, there is no derivative.
 
     Examples
     --------

@@ -10,9 +10,9 @@ from .exponent_fields import finite_time_exponents as finite_time_exponents
 from .invariant_circle import InvariantCircle as InvariantCircle
 from .lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .lyapunov import lyapunov_spectrum as lyapunov_spectrum
-from .periodic_orbit import OrbitKind as OrbitKind
-from .periodic_orbit import PeriodicOrbit as PeriodicOrbit
-from .periodic_orbit import jury_margins as jury_margins
+from .orbit_kinds import OrbitKind as OrbitKind
+from .orbit_kinds import PeriodicOrbit as PeriodicOrbit
+from .orbit_kinds import jury_margins as jury_margins
 from .periodic_search import find_periodic_orbits as find_periodic_orbits
 from .periodic_search import periodic_orbit as periodic_orbit
 from .zero_one import zero_one_test as zero_one_test

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from math import isclose, pi
+from math import inf, isclose, pi
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .._lib.conversions import ShownAsHtml
 from ..maps.coordinates import Coordinate
+from ..maps.grazing import GRAZING
 from .invariant_circle import InvariantCircle
 
 
@@ -106,6 +107,9 @@ class Attractor(ShownAsHtml):
         Names and units.
     circle : InvariantCircle or None
         Curves of a quasi-periodic attractor, with its rotation number and, for a limit cycle, its period in time.
+    grazing_distance : float
+        Of a periodic attractor, how near it comes to grazing a surface of impacts or of a discontinuity, see
+        :func:`cellmap.maps.grazing_distance`.
     """
 
     kind: Kind
@@ -118,6 +122,12 @@ class Attractor(ShownAsHtml):
     neighbourhood: Neighbourhood | None = None
     cover: Cover | None = None
     circle: InvariantCircle | None = None
+    grazing_distance: float = inf
+
+    @property
+    def grazes(self) -> bool:
+        """Whether a periodic attractor touches a surface to a part of 1e-6, so that its multipliers mean nothing."""
+        return self.grazing_distance <= GRAZING
 
     @property
     def verified(self) -> bool:
@@ -162,8 +172,8 @@ class Attractor(ShownAsHtml):
             return (
                 f"Attractor({self.name}, largest exponent {self.exponents[0]:.2g}, {self.exponents[-1]:.4g} the least)"
             )
-        place = ", ".join(f"{v:.6g}" for v in self.points[0])
-        return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g})"
+        place, grazes = ", ".join(f"{v:.6g}" for v in self.points[0]), ", grazes" if self.grazes else ""
+        return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g}{grazes})"
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import difference, wrap
+from ..maps.grazing import grazing_distance
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from .attractor import Attractor, Kind
 from .multipliers import multipliers_of
-from .periodic_orbit import PeriodicOrbit
+from .orbit_kinds import PeriodicOrbit
 
 _ITERATIONS = 25
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
@@ -153,7 +154,8 @@ def closed_orbit(
     first = int(np.lexsort((*-rounded.T[::-1], np.round(np.linalg.norm(points / scale, axis=-1), 6)))[0])
     points, matrices = np.roll(points, -first, axis=0), np.roll(matrices, -first, axis=0)
     matrix = functools.reduce(np.matmul, matrices[::-1])
-    return PeriodicOrbit(period, points, rotations, matrix, multipliers_of(matrix), exact.coordinates, exact.params)
+    multipliers, grazing = multipliers_of(matrix), float(grazing_distance(exact, points).min())
+    return PeriodicOrbit(period, points, rotations, matrix, multipliers, exact.coordinates, exact.params, grazing)
 
 
 def stable_orbit(
@@ -166,7 +168,10 @@ def stable_orbit(
     kind = Kind.ROTATING if any(orbit.rotations) else Kind.FIXED_POINT if orbit.period == 1 else Kind.PERIODIC
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(orbit.multipliers)) / orbit.period
-    return Attractor(kind, orbit.period, orbit.points, orbit.rotations, orbit.multipliers, exponents, orbit.coordinates)
+    return Attractor(
+        kind, orbit.period, orbit.points, orbit.rotations, orbit.multipliers, exponents, orbit.coordinates,
+        grazing_distance=orbit.grazing_distance,
+    )  # fmt: skip
 
 
 def _follow(

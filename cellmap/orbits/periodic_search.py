@@ -15,7 +15,7 @@ from ..maps.grid import CellGrid, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from .newton import closed_orbit, damped_newton, resolution
-from .periodic_orbit import PeriodicOrbit
+from .orbit_kinds import PeriodicOrbit
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution

@@ -16,7 +16,7 @@ from ..analysis.boundary.manifolds import Manifold
 from ..analysis.boundary.saddle_sets import ChaoticSaddle
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
-from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit
 from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
 from ._basins import basins as draw_basins
 

@@ -9,7 +9,7 @@ PERIOD = "int64* float64* int64* float64 float64 float64* float64* int64"
 """Arguments of a period: ``advance(context, x, steps, start, period, p, error, orbits)``."""
 
 array_at = ArrayAt()
-"""``array_at(address, shape)`` is the array of a shape whose elements are at an address."""
+"""``array_at(address, shape)`` is the array of a shape whose elements are at an address; floats at a whole number."""
 
 
 @by_address

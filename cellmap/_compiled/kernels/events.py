@@ -105,7 +105,7 @@ def _root_between(a, degree, low, high, x):
 
 
 @inlined
-def _load_event(event, least, factor, shift, a, length):
+def load_event(event, least, factor, shift, a, length):
     """Copy the coefficients of ``least + factor event``, from one of them on; return the sum of their sizes."""
     total = 0.0
     for k in range(length - shift):
@@ -123,7 +123,7 @@ def _leaves_between(event, shift, a, length):
     first = NEVER
     for factor in (-1.0, 1.0):
         begins = shift if factor * event[0] < 0.0 else 0
-        _load_event(event, 0.5, factor, begins, a, length)
+        load_event(event, 0.5, factor, begins, a, length)
         first = min(first, first_root(a, length - 1 - begins))
     return first
 
@@ -149,7 +149,7 @@ def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, ti
     first = NEVER
     for e in range(count):
         shift, event = int(fresh[e]), series[(size + e) * length * LANES :]
-        total = _load_event(event, 0.0, 1.0, shift, a, length)
+        total = load_event(event, 0.0, 1.0, shift, a, length)
         if not total < np.inf:
             errors[:] = 1e300  # a mode that cannot be told is no mode
             return NO_EVENT

@@ -23,12 +23,15 @@ from .blocks import LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .collisions import begin_at_impacts, collide
 from .events import NO_EVENT, land
+from .grazing import RECORDS, watch
 from .switching import begin_on_surface, follow, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
 
-CONTEXT = 11  # numbers, and one more for each surface
+CONTEXT = 12  # numbers, and one more for each surface
+WATCHED = 11
+"""Place in the context of the address where it is kept how near orbits come to grazing, 0 where nothing is."""
 
 
 @inlined
@@ -107,18 +110,22 @@ def period(single):
 
         The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
         coordinates and of surfaces, the order, whether lanes that slide are brought back at the end, whether surfaces
-        depend on the sides of others, the address of impacts or 0, and for each surface what its switch does.
+        depend on the sides of others, the address of impacts or 0, that of what :mod:`.grazing` keeps of each orbit or
+        0, and for each surface what its switch does.
         """
         addresses = array_at(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
         coupled, impacts = addresses[9], addresses[10]
         count = 1 if single else addresses[6]
+        watched = addresses[WATCHED]
+        kept = array_at(watched, orbits * RECORDS * count)
         counts = array_at(context, CONTEXT + count)[CONTEXT:]
         blocks = -(-orbits // LANES)
         x, error = array_at(blocks_of_states, (blocks, size, LANES)), array_at(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
         local = (size + count) * length
-        flag = (local + size + 2) * LANES
+        moved = (local + size) * LANES  # by the last step, 0 where a lane is at the end
+        flag = moved + 2 * LANES
         errors_row = size + 1 + 2 * count
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
@@ -170,17 +177,29 @@ def period(single):
             moving = 1
             while moving and rounds:
                 rounds -= 1
+                if watched != 0:
+                    series[moved : moved + LANES] = 0.0
                 _step(addresses, lanes, series, p, end, rate, used, size, count, flag)
                 # No steps at all: one is tried, for its error alone, and no event is looked for.
                 if steps[b] == 0:
                     break
                 moving = 0
                 for i in range(used):
-                    if series[flag + i] > 0.0:
+                    if series[flag + i] > 0.0 or (watched != 0 and series[moved + i] > 0.0):
                         t = _load(lanes, i, state, signs, slides, errors, fresh)
                         landed = land(
                             series[i:], state, signs, slides, counts, errors, fresh, hits, a, held, t, order, end
                         )
+                        if watched != 0:
+                            until = 1.0
+                            if landed > NO_EVENT:
+                                until = (landed - series[moved + LANES + i]) / series[moved + i]
+                            else:
+                                hits[:] = 0.0
+                            watch(
+                                series[i:], slides, counts, hits, until, a, size, order,
+                                kept[(b * LANES + i) * RECORDS * count :],
+                            )  # fmt: skip
                         if landed > NO_EVENT:
                             t = landed
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)

@@ -320,11 +320,12 @@ class Expressions:
 
     def _array_at(self, address: Value | Known, shape: Value | Known) -> Value:
         assert isinstance(address, Value)
-        assert isinstance(address.kind, PointerKind)
+        kind, begin = address.kind, address.register
+        if not isinstance(kind, PointerKind):
+            kind, begin = PointerKind(FLOAT), self.writer.value(f"inttoptr i64 {begin} to ptr")
         is_tuple = isinstance(shape, Value) and isinstance(shape.kind, TupleKind)
         lengths = [self.numbers.converted(one, WHOLE) for one in (self.items(shape) if is_tuple else [shape])]
-        kind = ArrayKind(address.kind.element, len(lengths))
-        return Value(kind, (address.register, *(length.register for length in lengths)))
+        return Value(ArrayKind(kind.element, len(lengths)), (begin, *(length.register for length in lengths)))
 
     def _called(self, what: Deferred, given: list[Value | Known]) -> Value:
         values = [self.numbers.number(value) if isinstance(value, Known) else value for value in given]

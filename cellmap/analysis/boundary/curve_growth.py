@@ -12,7 +12,7 @@ from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
 from ...maps.inverse import Step, extra_turns, preimages, preimages_along
 from ...maps.point_map import PointMap, follow
-from ...orbits.periodic_orbit import PeriodicOrbit
+from ...orbits.orbit_kinds import PeriodicOrbit
 
 _BEGINNING = 1e-6  # scaled length of the fundamental segment's distance from the saddle
 _STRAIGHT = 0.2  # radians between neighbouring pieces of a curve, at most,

@@ -15,7 +15,7 @@ from ...basins.classification import Labeller, labeller, own_label, places_of, s
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, state_points, wrap
 from ...maps.point_map import PointMap, follow
-from ...orbits.periodic_orbit import PeriodicOrbit
+from ...orbits.orbit_kinds import PeriodicOrbit
 from ...orbits.periodic_search import periodic_orbit
 from ..resilience.shock_search import nearest_foreign
 

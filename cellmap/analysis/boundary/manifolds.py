@@ -13,7 +13,7 @@ from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
 from ...maps.tangent import jacobian
-from ...orbits.periodic_orbit import PeriodicOrbit
+from ...orbits.orbit_kinds import PeriodicOrbit
 from .curve_growth import GrowingCurve, ManifoldBranch, growth_of
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import real_array, shown
 from ..maps.coordinates import Coordinate
+from ..maps.grazing import GRAZING
 from .multipliers import MARGIN, unstable_count
 
 
@@ -51,6 +53,9 @@ class PeriodicOrbit:
         State variables.
     params : mapping of str to float
         Parameters of the map.
+    grazing_distance : float
+        How near the orbit comes to grazing a surface of impacts or of a discontinuity, see
+        :func:`cellmap.maps.grazing_distance`.
     """
 
     period: int
@@ -60,10 +65,17 @@ class PeriodicOrbit:
     multipliers: NDArray[np.complex128]
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
+    grazing_distance: float = inf
 
     def __repr__(self) -> str:
         place = ", ".join(f"{v:.6g}" for v in self.points[0])
-        return f"PeriodicOrbit({self.name}, period {self.period}, at ({place}), |multiplier| {self._moduli[0]:.4g})"
+        size = f"{self._moduli[0]:.4g}" + ", grazes" * self.grazes
+        return f"PeriodicOrbit({self.name}, period {self.period}, at ({place}), |multiplier| {size})"
+
+    @property
+    def grazes(self) -> bool:
+        """Whether the orbit touches a surface to a part of 1e-6, so that `matrix` and `multipliers` mean nothing."""
+        return self.grazing_distance <= GRAZING
 
     @property
     def _moduli(self) -> NDArray[np.float64]:

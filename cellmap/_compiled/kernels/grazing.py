@@ -1,0 +1,65 @@
+"""How near an orbit comes to touching a surface without passing through it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..loops import inlined
+from .blocks import LANES
+from .events import load_event
+
+DEPTH, EXTENT = range(2)
+"""What is kept for a surface: the least depth of a turning point, and the largest distance from the surface."""
+
+RECORDS = 2
+
+_PARTS = 16  # of a step, in each of which a turning point is looked for
+_HALVINGS = 60
+
+
+@inlined
+def _with_slopes(a, degree, x):
+    value, slope, bend = a[degree], 0.0, 0.0
+    for k in range(degree - 1, -1, -1):
+        bend = bend * x + slope
+        slope = slope * x + value
+        value = value * x + a[k]
+    return value, slope, 2.0 * bend
+
+
+@inlined
+def watch(series, slides, counts, hits, until, a, size, order, records):
+    """Keep how near a lane came to each surface on which it turned round, in a step up to a fraction of it.
+
+    Where it passes through, the turning point lies behind the surface: as far as the motion there, without the surface,
+    would have led.  ``records`` has RECORDS numbers for each surface.
+    """
+    for e in range(slides.size):
+        if slides[e] > 0.0 or counts[e] == 1:
+            continue
+        if not load_event(series[(size + e) * (order + 1) * LANES :], 0.0, 1.0, 0, a, order + 1) < np.inf:
+            continue
+        kept = records[RECORDS * e :]
+        value, slope, bend = _with_slopes(a, order, 0.0)
+        kept[EXTENT] = max(kept[EXTENT], abs(value))
+        low = 0.0
+        for part in range(_PARTS):
+            high = until * (part + 1.0 + 1e-6) / _PARTS
+            before = slope
+            value, slope, bend = _with_slopes(a, order, high)
+            kept[EXTENT] = max(kept[EXTENT], abs(value))
+            if before < 0.0 and slope >= 0.0:
+                left, right = low, high
+                for _ in range(_HALVINGS):
+                    middle = 0.5 * (left + right)
+                    value, slope, bend = _with_slopes(a, order, middle)
+                    if slope < 0.0:
+                        left = middle
+                    else:
+                        right = middle
+                kept[DEPTH] = min(kept[DEPTH], abs(value))
+                value, slope, bend = _with_slopes(a, order, high)
+            low = high
+        value, slope, bend = _with_slopes(a, order, until)
+        if hits[e] > 0.0 and slope <= 0.0 and bend > 0.0:
+            kept[DEPTH] = min(kept[DEPTH], 0.5 * slope * slope / bend)

@@ -1,0 +1,141 @@
+"""Grazing: orbits that touch a surface of impacts, or of a discontinuity, without passing through it."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._compiled.codegen.filippov import SwitchingTrace
+from .._compiled.codegen.kernel import traced_switching
+from .._compiled.codegen.trace import evaluated
+from .._compiled.kernels.blocks import LANES
+from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
+from .._compiled.kernels.switching_period import WATCHED
+from .._lib.checks import whole_number
+from .._lib.signatures import checked
+from .coordinates import state_points, wrap
+from .discrete import Discrete
+from .integration import Flow
+from .point_map import PointMap
+from .stroboscopic import Stroboscopic
+
+GRAZING = 1e-6
+"""Distance from grazing, as :func:`grazing_distance` measures it, up to which an orbit counts as one that grazes."""
+
+_STEPS = 64, 1024
+_PLACES = 64
+_ITERATIONS = 8
+
+
+@checked
+def grazing_distance(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
+    """Return how near orbits come to grazing: to touching a surface of impacts or of a discontinuity tangentially.
+
+    At grazing the saltation matrix is infinite on one side and the identity on the other, so that a Jacobian matrix and
+    its multipliers have no meaning there; near grazing they hold in a neighbourhood as small as this distance.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        A stroboscopic map; for an interpolated map, the exact map behind it is used.
+    points : array_like, shape (..., dimension)
+        Initial conditions.
+    periods : int, optional
+        Steps of the map.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        The least distance from a surface at which an orbit turns round, before it or, where it passes through with a
+        small velocity, behind it (the depth that it would reach if there were no surface).  In units of the largest
+        distance from the surface that is seen on the orbit.  Infinite for orbits that turn round at no surface, for
+        smooth systems, and for discrete maps; NaN where surfaces are not known (other maps, right-hand sides without
+        formulas), or where the orbit ends.
+
+    References
+    ----------
+    Nordmark, Journal of Sound and Vibration 145 (1991) 279.
+
+    Examples
+    --------
+    >>> from math import cos, pi
+    >>> from cellmap import ForcedSystem, stroboscopic_map
+    >>> from cellmap.maps import Impact
+    >>> wall = Impact(lambda t, x, p: p.gap - x[0], lambda t, x, p: (x[0], -0.8 * x[1]))
+    >>> mass = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {"gap": 1.0}, 2 * pi, ("q", "v"), impacts=[wall])
+    >>> grazing_distance(stroboscopic_map(mass), [[0.5, 0.0], [0.999, 0.0]]).round(4)
+    array([0.3333, 0.0005])
+    """
+    exact = point_map.without_table
+    places = state_points("points", points, exact.coordinates)
+    number = whole_number("periods", periods)
+    spec = exact.spec
+    if not isinstance(spec, Stroboscopic):
+        return np.full(places.shape[:-1], np.inf if isinstance(spec, Discrete) else np.nan)
+    traced = _surfaces(spec)
+    if traced is None and spec.motion.unknown_formulas:
+        return np.full(places.shape[:-1], np.nan)
+    found = np.full(places[..., 0].size, np.inf)
+    matters = [] if traced is None else _where_flows_differ(traced)
+    if any(matters):
+        flat = places.reshape(-1, exact.dimension)
+        for _ in range(number):
+            flat, distances = _watched(spec.motion, wrap(flat, exact.coordinates))
+            found = np.minimum(found, distances[:, matters].min(axis=1))
+    return np.asarray(found.reshape(places.shape[:-1]))
+
+
+def _surfaces(spec: Stroboscopic) -> SwitchingTrace | None:
+    """Return the formulas of a map whose period is integrated from event to event."""
+    if spec.motion.kernel.advance.context.size <= WATCHED or spec.motion.kernel.own_steps:
+        return None
+    system = spec.system
+    found = traced_switching(system.functions, system.dimension, tuple(system.params))
+    return None if isinstance(found, str) else found
+
+
+@functools.lru_cache(maxsize=256)
+def _where_flows_differ(traced: SwitchingTrace) -> list[bool]:
+    """Tell at which surfaces there are impacts, or vector fields that differ on both sides."""
+    base, rng = traced.free_motion, np.random.default_rng(0)
+    found = []
+    inputs = {e: rng.uniform(0.1, 1.0, _PLACES) for e in (*base.states, base.time)}
+    inputs |= {e: np.full(_PLACES, rng.uniform(0.1, 1.0)) for e in base.parameters}
+    inputs |= {base.graph.node("sign", value=e): np.ones(_PLACES) for e in range(len(traced.surfaces))}
+    for e, surface in enumerate(traced.surfaces):
+        there = dict(inputs)
+        for _ in range(_ITERATIONS):
+            height, *normal = evaluated([surface, *traced.normals[e]], there)
+            square = sum(n * n for n in normal)
+            with np.errstate(all="ignore"):
+                there |= {x: there[x] - n * height / square for x, n in zip(base.states, normal, strict=True)}
+        height, *jump = evaluated([surface, *traced.jumps[e]], there)
+        size = np.max([np.broadcast_to(np.abs(j), _PLACES) for j in jump], axis=0)
+        close = np.abs(height) < 1e-9
+        continuous = bool((close & (size > 1e-6)).sum() == 0) and bool(close.any())
+        found.append(bool(traced.impacts and traced.impacts[e]) or not (continuous or traced.counts[e]))
+    return found
+
+
+def _watched(motion: Flow, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return images (n, d) of points, and how near they come to each surface, shape (n, surfaces)."""
+    n, d = points.shape
+    context = motion.kernel.advance.context.copy()
+    surfaces = len(context) - WATCHED - 1
+    kept = np.zeros((n, surfaces, RECORDS))
+    kept[..., DEPTH] = np.inf
+    context[WATCHED] = kept.ctypes.data
+    rows = np.concatenate([points, points[:1].repeat(-n % LANES, axis=0)]).reshape(-1, LANES, d)
+    x = np.ascontiguousarray(rows.swapaxes(1, 2))
+    expected = 4.0 * motion.steps_at(points, _STEPS[0])
+    steps = max(motion.fewest_steps, int(np.clip(np.nan_to_num(expected, posinf=_STEPS[1]), *_STEPS)))
+    errors = np.zeros_like(x)
+    advance = type(motion.kernel.advance)(motion.kernel.advance.address, motion.kernel.advance.code, context)
+    advance(x, np.full(len(x), steps), motion.begin, motion.length, motion.parameters, errors, n)
+    images = x.swapaxes(1, 2).reshape(-1, d)[:n]
+    ended = ~(errors.swapaxes(1, 2).reshape(-1, d)[:n] < 1e300).all(axis=1)
+    distances = kept[..., DEPTH] / np.maximum(kept[..., EXTENT], 1e-300)
+    distances[ended | ~np.isfinite(images).all(axis=1)] = np.nan
+    return images, distances

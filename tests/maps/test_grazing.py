@@ -1,0 +1,99 @@
+"""Grazing of impact surfaces, against closed forms of the linear oscillator."""
+
+from __future__ import annotations
+
+from math import cos, pi, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, stroboscopic_map
+from cellmap.basins import load_basins, save_basins
+from cellmap.maps import Impact, grazing_distance, jacobian, section_map
+from cellmap.orbits import periodic_orbit
+
+WALL = Impact(lambda t, x, p: p.gap - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
+FREE = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {"gap": 1.0, "e": 0.8}, 2 * pi, ("q", "v"), impacts=[WALL])
+FORCED = ForcedSystem(
+    lambda t, x, p: (x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)),
+    {"damping": 0.1, "force": 1.0, "omega": 0.8, "gap": 1.0, "e": 0.7},
+    lambda p: 2 * pi / p.omega,
+    ("q", "v"),
+    impacts=[WALL],
+)
+AMPLITUDE = 1.0 / sqrt((1 - 0.8**2) ** 2 + (2 * 0.1 * 0.8) ** 2)
+
+
+@pytest.mark.parametrize("reach", [0.5, 0.9, 1 - 1e-6, 1.0])
+def test_distance_from_a_wall_that_is_not_reached(reach):
+    """Oscillations between -a and a, with the wall at 1."""
+    found = grazing_distance(stroboscopic_map(FREE), [[0.0, reach], [reach, 0.0]])
+    assert found == pytest.approx((1 - reach) / (1 + reach), abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [1e-2, 1e-4, 1e-6])
+def test_impact_at_a_small_velocity(speed):
+    """The wall decelerates nothing: without it the mass would come to rest speed^2/2 behind it.
+
+    The saltation matrix has -(1 + e)/speed below its diagonal of -e, between the rotations of free motion.
+    """
+    exact, reach = stroboscopic_map(FREE, rtol=1e-12, atol=1e-12), sqrt(1 + speed**2)
+    back = sqrt(1 + (0.8 * speed) ** 2)
+    depth = grazing_distance(exact, [0.0, reach])
+    assert depth == pytest.approx(speed**2 / 2 / (1 + back), rel=1e-3 + 1e-13 / speed**2)
+
+    def turn(t):
+        return np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])
+
+    first = np.arctan2(1.0, speed)
+    expected = turn(2 * pi - first) @ [[-0.8, 0.0], [-1.8 / speed, -0.8]] @ turn(first)
+    if speed > 1e-5:
+        assert jacobian(exact, [0.0, reach]) == pytest.approx(expected, rel=1e-4, abs=1e-2)
+
+
+@pytest.mark.parametrize(("beyond", "grazes"), [(1e-3, False), (1e-5, False), (1e-6, True), (0.0, True)])
+def test_periodic_orbit_that_grazes(beyond, grazes):
+    """The wall stands where the linear oscillator turns round, or a part of its amplitude behind that."""
+    exact = stroboscopic_map(FORCED.with_params(gap=AMPLITUDE * (1 + beyond)), rtol=1e-12, atol=1e-12)
+    linear = stroboscopic_map(FORCED.with_params(gap=10.0))
+    orbit = periodic_orbit(exact, periodic_orbit(linear, [0.0, 0.0]).points[0])
+    assert orbit.grazing_distance == pytest.approx(beyond / (2 + beyond), rel=1e-5, abs=1e-12)
+    assert orbit.grazes is grazes
+    assert ("grazes" in repr(orbit)) is grazes
+
+
+def test_distance_over_several_periods():
+    """The transient of a damped oscillator turns round nearest to the wall in its first period."""
+    exact, place = stroboscopic_map(FORCED.with_params(force=0.0)), [0.99, 0.0]
+    each = [grazing_distance(exact, exact.iterate(place, k).points) for k in range(3)]
+    assert grazing_distance(exact, place, periods=3) == min(each)
+
+
+def test_attractors_keep_it_in_files(tmp_path):
+    basins = find_basins(stroboscopic_map(FORCED.with_params(gap=AMPLITUDE * 1.01)), CellGrid((-1, -1), (1, 1), (4, 4)))
+    (near,) = (a for a in basins.attractors if a.grazing_distance < 0.01)
+    assert near.grazing_distance == pytest.approx(0.01 / 2.01, rel=1e-4)
+    save_basins(basins, tmp_path / "near.h5")
+    assert [a.grazing_distance for a in load_basins(tmp_path / "near.h5").attractors] == [
+        a.grazing_distance for a in basins.attractors
+    ]
+
+
+def test_surfaces_of_a_discontinuity_count_and_kinks_do_not():
+    """A force that begins with a jump at q = 1, or with a kink there."""
+
+    def distance(force):
+        system = ForcedSystem(
+            lambda t, x, p: (x[1], -x[0] - (force(x[0]) if x[0] > 1 else 0.0)), {}, 2 * pi, "q v".split()
+        )
+        return grazing_distance(stroboscopic_map(system), [0.9, 0.0])
+
+    assert distance(lambda q: 0.5) == pytest.approx(0.1 / 1.9)
+    assert distance(lambda q: 5.0 * (q - 1)) == np.inf
+
+
+def test_maps_without_surfaces():
+    smooth = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v"))
+    assert grazing_distance(stroboscopic_map(smooth), [[1.0, 0.0]] * 3).tolist() == [np.inf] * 3
+    assert grazing_distance(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [1.0]) == np.inf
+    assert np.isnan(grazing_distance(section_map(smooth, ("v", 0.0, -1)), [1.0]))
