@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_switching
-from .._compiled.codegen.trace import evaluated
 from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
-from .._compiled.kernels.switching_period import WATCHED
+from .._compiled.kernels.switching_period import COUNT, WATCHED
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from .coordinates import state_points, wrap
@@ -25,8 +22,6 @@ GRAZING = 1e-6
 """Distance from grazing, as :func:`grazing_distance` measures it, up to which an orbit counts as one that grazes."""
 
 _STEPS = 64, 1024
-_PLACES = 64
-_ITERATIONS = 8
 
 
 @checked
@@ -96,35 +91,17 @@ def _surfaces(spec: Stroboscopic) -> SwitchingTrace | None:
     return None if isinstance(found, str) else found
 
 
-@functools.lru_cache(maxsize=256)
 def _where_flows_differ(traced: SwitchingTrace) -> list[bool]:
     """Tell at which surfaces there are impacts, or vector fields that differ on both sides."""
-    base, rng = traced.free_motion, np.random.default_rng(0)
-    found = []
-    inputs = {e: rng.uniform(0.1, 1.0, _PLACES) for e in (*base.states, base.time)}
-    inputs |= {e: np.full(_PLACES, rng.uniform(0.1, 1.0)) for e in base.parameters}
-    inputs |= {base.graph.node("sign", value=e): np.ones(_PLACES) for e in range(len(traced.surfaces))}
-    for e, surface in enumerate(traced.surfaces):
-        there = dict(inputs)
-        for _ in range(_ITERATIONS):
-            height, *normal = evaluated([surface, *traced.normals[e]], there)
-            square = sum(n * n for n in normal)
-            with np.errstate(all="ignore"):
-                there |= {x: there[x] - n * height / square for x, n in zip(base.states, normal, strict=True)}
-        height, *jump = evaluated([surface, *traced.jumps[e]], there)
-        size = np.max([np.broadcast_to(np.abs(j), _PLACES) for j in jump], axis=0)
-        close = np.abs(height) < 1e-9
-        continuous = bool((close & (size > 1e-6)).sum() == 0) and bool(close.any())
-        found.append(bool(traced.impacts and traced.impacts[e]) or not (continuous or traced.counts[e]))
-    return found
+    struck = traced.impacts or (None,) * len(traced.surfaces)
+    return [i is not None or not all(e.vanishes for e in jump) for i, jump in zip(struck, traced.jumps, strict=True)]
 
 
 def _watched(motion: Flow, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return images (n, d) of points, and how near they come to each surface, shape (n, surfaces)."""
     n, d = points.shape
     context = motion.kernel.advance.context.copy()
-    surfaces = len(context) - WATCHED - 1
-    kept = np.zeros((n, surfaces, RECORDS))
+    kept = np.zeros((n, int(context[COUNT]), RECORDS))
     kept[..., DEPTH] = np.inf
     context[WATCHED] = kept.ctypes.data
     rows = np.concatenate([points, points[:1].repeat(-n % LANES, axis=0)]).reshape(-1, LANES, d)

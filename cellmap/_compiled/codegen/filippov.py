@@ -21,9 +21,10 @@ import numpy as np
 
 from ..kernels.collisions import RESTS, SOLID, STRIKES
 from .branches import BranchingGraph, Switch, initial_functions
+from .continuity import is_continuous
 from .derivative import along
 from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
-from .impacts import Impact, impact_of
+from .impacts import Impact, beside_rest, impact_of
 from .trace import Trace, empty_trace, evaluated
 
 
@@ -52,6 +53,13 @@ class SwitchingTrace:
     beginnings: tuple[Expression, ...]
     counts: tuple[bool, ...]
     impacts: tuple[Impact | None, ...] = ()
+
+    @property
+    def bound(self) -> tuple[int, ...]:
+        """Row by row, the sides to which switches go with a state that leaves the rest on a surface, else 0."""
+        count = len(self.surfaces)
+        rows = [i.bound if i is not None and i.rests else (0,) * count for i in self.impacts or (None,) * count]
+        return tuple(side for row in rows for side in row)
 
     @property
     def kinds(self) -> tuple[int, ...]:
@@ -127,14 +135,19 @@ def switching_trace(
 
 
 def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Expression]]) -> SwitchingTrace:
-    """Add impacts at some of the switches.  Where something else slides, nothing rests."""
+    """Add impacts at some of the switches.
+
+    A state rests beside switches that slide only if neither acts on the other, or their surface is the rest itself.
+    """
     base, graph = traced.free_motion, traced.free_motion.graph
-    slides = traced.can_slide
+    sliding = [k for k, row in enumerate(traced.gains) if not row[k].vanishes]
     impacts: list[Impact | None] = [None] * len(traced.surfaces)
     rates, gains, events = list(traced.rates), [list(row) for row in traced.gains], list(traced.events)
     components = list(traced.motion.outputs)
     for e, (guard, solid, *reset) in strikes.items():
-        impact = impacts[e] = replace(impact_of(base, guard, reset, not slides), solid=bool(solid.value))
+        impact = impacts[e] = replace(impact_of(base, guard, reset), solid=bool(solid.value))
+        beside = [beside_rest(base, impact, traced.surfaces[k], traced.normals[k], traced.jumps[k]) for k in sliding]
+        impact = impacts[e] = impact.with_bound(len(impacts), dict(zip(sliding, beside, strict=True)))
         rates[e], gains[e][e] = impact.rate, impact.acceleration
         if impact.rests:
             slide = graph.node("slide", value=e)
@@ -142,6 +155,9 @@ def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Express
                 graph.apply("add", c, graph.times(slide, f)) for c, f in zip(components, impact.push, strict=True)
             ]
             events[e] = graph.apply("sub", events[e], graph.apply("mul", slide, impact.acceleration))
+            for k in np.flatnonzero(impact.bound):
+                free = graph.apply("sub", graph.constant(1.0), slide)
+                events[k] = graph.apply("add", graph.apply("mul", free, events[k]), slide)
     return replace(
         traced,
         motion=replace(traced.motion, outputs=tuple(components)),
@@ -175,7 +191,7 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
         else graph.apply("mul", s.sign, s.function)
         for s in modes
     )
-    slides = tuple(graph.node("slide", value=i) for i in range(count))
+    slides = tuple(zero if gains[i][i].vanishes else graph.node("slide", value=i) for i in range(count))
     motion, events = base, free_events
     if any(not gains[i][i].vanishes for i in range(count)):
         held = _held_signs(graph, rates, gains, signs, slides)
@@ -234,7 +250,7 @@ def _affine(
         else:
             sides = [graph.substituted(outputs, {switch.sign: side}) for side in (one, below)]
             jump = tuple(graph.times(half, graph.minus(u, v)) for u, v in zip(*sides, strict=True))
-        jumps.append((zero,) * len(outputs) if _is_continuous(switch, jump) else jump)
+        jumps.append((zero,) * len(outputs) if is_continuous(switch, jump) else jump)
     if any(_depends(jump, signs) for jump in jumps):
         terms = [[graph.times(f, e) for e in jump] for f, jump in zip(factors, jumps, strict=True)]
         return tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True)), tuple(
@@ -253,47 +269,6 @@ def _affine(
 
 def _selects(outputs: Sequence[Expression]) -> bool:
     return any(e.operation == "select" for e in in_order(outputs))
-
-
-_SAMPLES = 64
-_HALVINGS = 60
-
-
-def _is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
-    """Whether a right-hand side has no jump where a switching function is zero.
-
-    Both are analytic, so that a jump that vanishes at many places drawn at random vanishes at all.
-    """
-    if all(e.vanishes for e in jump):
-        return True
-    if switch.counts:
-        return False
-    rng = np.random.default_rng(0)
-    inputs = [e for e in in_order([switch.function, *jump]) if not e.arguments and e.operation != "constant"]
-    ends = [{e: rng.normal(size=_SAMPLES) * 2.0 for e in inputs} for _ in range(2)]
-    for e in inputs:
-        if e.operation == "parameter":
-            ends[0][e] = ends[1][e] = np.abs(ends[0][e])
-        if e.operation == "sign":
-            ends[0][e] = ends[1][e] = np.where(ends[0][e] > 0.0, 1.0, -1.0)
-    low, high = np.zeros(_SAMPLES), np.ones(_SAMPLES)
-
-    def between(share: Any, expressions: Sequence[Expression]) -> list[Any]:
-        found = evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
-        return [np.broadcast_to(values, _SAMPLES) for values in found]
-
-    (begin,), (end,) = (between(share, [switch.function]) for share in (low, high))
-    crosses = np.asarray((begin < 0.0) & (end > 0.0) | (begin > 0.0) & (end < 0.0))
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        (value,) = between(middle, [switch.function])
-        same = (value > 0.0) == (begin > 0.0)
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    there = np.abs(np.stack(between(low, jump)))[:, crosses]
-    nearby = np.abs(np.stack(between(low + 0.1, jump)))[:, crosses]
-    usable = np.isfinite(there).all(axis=0) & np.isfinite(nearby).all(axis=0)
-    size = 1e-9 * np.maximum(nearby.max(axis=0, initial=0.0), 1e-3)
-    return bool(usable.any() and (there.max(axis=0, initial=0.0) <= size)[usable].all())
 
 
 def _held_signs(

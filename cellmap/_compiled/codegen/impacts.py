@@ -11,10 +11,11 @@ acceleration of the guard at zero, as long as it does not pull.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .derivative import along
 from .expression import Expression, Graph, in_order
@@ -30,7 +31,8 @@ class Impact:
     ``rate`` and ``acceleration`` of the guard where nothing holds it; ``landed``, ``turned``: state and deviation
     after the impact, of a deviation that further states stand for; ``stuck``, ``held``: those that begin a rest;
     ``push``: the force that holds the guard, empty where a state cannot rest; ``solid``: whether no state may begin
-    behind it.
+    behind it; ``bound``: for each switch 0, or the side to which it goes with a state that leaves the rest, if its
+    surface holds wherever a state rests.
     """
 
     rate: Expression
@@ -41,14 +43,21 @@ class Impact:
     held: tuple[Expression, ...]
     push: tuple[Expression, ...]
     solid: bool = False
+    bound: tuple[int, ...] = ()
 
     @property
     def rests(self) -> bool:
         """Whether a state can rest on the surface."""
         return bool(self.push)
 
+    def with_bound(self, count: int, sides: Mapping[int, int | None]) -> Impact:
+        """Add the sides of switches that slide; where one of them is None, a state cannot rest."""
+        if any(side is None for side in sides.values()):
+            return replace(self, push=())
+        return replace(self, bound=tuple(sides.get(k) or 0 for k in range(count)))
 
-def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], may_rest: bool) -> Impact:
+
+def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression]) -> Impact:
     """Return the expressions of an impact in a motion, whose outputs are those of a mode in which nothing is held."""
     graph, d, one = base.graph, len(base.states), base.graph.constant(1.0)
     motion = dict(zip((base.time, *base.states), (one, *base.outputs), strict=True))
@@ -65,7 +74,23 @@ def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], may_r
         for c, f, m in zip(carried, after, moving, strict=True)
     )
     impact = Impact(rate, acceleration, tuple(reset), turned, base.states, deviation, ())
-    return _with_rest(base, impact, guard, ahead) if may_rest else impact
+    return _with_rest(base, impact, guard, ahead)
+
+
+def beside_rest(
+    base: Trace, impact: Impact, surface: Expression, normal: Sequence[Expression], jump: Sequence[Expression]
+) -> int | None:
+    """Return what a switch that slides does while a state rests: 0 if neither acts on the other.
+
+    Where its function is a multiple of the guard's rate, it is zero at rest, and what is returned is the sign of the
+    factor.  Else None: the forces on both surfaces are not known one by one.
+    """
+    (pull,) = along(base.graph, [impact.rate], dict(zip(base.states, jump, strict=True)))
+    if not impact.rests or (_dot(base.graph, normal, impact.push).vanishes and pull.vanishes):
+        return 0
+    ratio = _sampled(base, base.graph.apply("div", surface, impact.rate))
+    alike = np.ptp(ratio) <= 1e-9 * np.abs(ratio).max()
+    return int(np.sign(ratio[0])) if alike else None
 
 
 def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expression, Expression]) -> Impact:
@@ -97,14 +122,17 @@ def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expre
 
 def _is_solid(base: Trace, across: Expression) -> bool:
     """Whether a divisor is not zero at places drawn at random."""
-    if across.vanishes:
-        return False
+    return not across.vanishes and bool((np.abs(_sampled(base, across)) > 1e-12).all())
+
+
+def _sampled(base: Trace, expression: Expression) -> NDArray[np.float64]:
+    """Return the values of an expression at places drawn at random."""
     rng = np.random.default_rng(0)
-    inputs = {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in in_order([across]) if not e.arguments and e.value is None}
+    inputs = {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in in_order([expression]) if not e.arguments and e.value is None}
     inputs |= {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in (*base.states, *base.parameters, base.time)}
-    inputs |= {e: np.ones(_SAMPLES) for e in in_order([across]) if e.operation == "sign"}
-    (found,) = evaluated([across], inputs)
-    return bool((np.abs(found) > 1e-12).all())
+    inputs |= {e: np.ones(_SAMPLES) for e in in_order([expression]) if e.operation == "sign"}
+    (found,) = evaluated([expression], inputs)
+    return np.broadcast_to(found, _SAMPLES)
 
 
 def _gradient(base: Trace, function: Expression) -> tuple[Expression, ...]:

@@ -54,7 +54,8 @@ def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
     project = traced.can_slide and not aligned
     sizes = (len(traced.motion.states), dimension, count, order)
-    context = np.array([*addresses, *sizes, project, traced.is_coupled, impacts, 0, *traced.kinds], dtype=np.int64)
+    numbers = (*addresses, *sizes, project, traced.is_coupled, impacts, 0, *traced.kinds, *traced.bound)
+    context = np.array(numbers, dtype=np.int64)
     move = switching_period.period(count == 1)
     return CompiledPeriod(move.address, loaded, context)
 

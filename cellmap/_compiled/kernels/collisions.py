@@ -23,8 +23,11 @@ def rests_on(rate, acceleration):
 
 
 @inlined
-def begin_rest(e, impacts, t, state, p, signs, slides, fresh, landed, turned, stuck, held, dimension):
-    """Let a lane rest on a surface, with the deviations of its neighbours, which come to rest as well."""
+def begin_rest(e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension):
+    """Let a lane rest on a surface, with the deviations of its neighbours, which come to rest as well.
+
+    Switches whose surfaces hold wherever it rests are on the side that it will leave to.
+    """
     own = e * dimension
     for first in range(dimension, state.size, dimension):
         call_impacts(impacts, t, state, state[first:], p, signs, landed, turned, stuck, held)
@@ -34,12 +37,38 @@ def begin_rest(e, impacts, t, state, p, signs, slides, fresh, landed, turned, st
     for j in range(dimension):
         state[j] = stuck[own + j]
     signs[e], slides[e], fresh[e] = 0.0, 1.0, 0.0
+    for k in range(signs.size):
+        if bound[e * signs.size + k] != 0:
+            signs[k], slides[k], fresh[k] = bound[e * signs.size + k], 0.0, 0.0
+
+
+@inlined
+def turn_sides(e, bound, kinds, values, signs, slides, leaving):
+    """Put switches on the sides where a jump of the state has left them; return how many there were.
+
+    With `leaving`, switches on surfaces that hold wherever the lane rests are on the side to which it leaves.
+    """
+    changed, count = 0, signs.size
+    for k in range(count):
+        side = 1.0 if values[k] > 0.0 else -1.0
+        if k == e or kinds[k] == COUNTS:
+            continue
+        if abs(values[k]) <= CLOSE:
+            if not leaving or bound[e * count + k] == 0:
+                continue
+            side = bound[e * count + k]
+        elif slides[k] > 0.0 and kinds[k] >= STRIKES:
+            continue
+        if side != signs[k] or slides[k] > 0.0:
+            signs[k], slides[k] = side, 0.0
+            changed += 1
+    return changed
 
 
 @inlined
 def begin_at_impacts(
-    impacts, surfaces, t, state, p, kinds, signs, slides, fresh, values, rates, gains, jumps, normals, landed, turned,
-    stuck, held,
+    impacts, surfaces, t, state, p, kinds, bound, signs, slides, fresh, values, rates, gains, jumps, normals, landed,
+    turned, stuck, held,
 ):  # fmt: skip
     """Choose the mode of a lane that begins on the surface of an impact: an impact at once, a flight, or a rest.
 
@@ -62,9 +91,11 @@ def begin_at_impacts(
         call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
     for e in range(signs.size):
         if kinds[e] >= STRIKES and abs(values[e]) <= CLOSE:
+            if turn_sides(e, bound, kinds, values, signs, slides, True) > 0:
+                call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
             if kinds[e] >= RESTS and rests_on(rates[e], gains[e, e]):
                 begin_rest(
-                    e, impacts, t, state, p, signs, slides, fresh, landed, turned, stuck, held, dimension
+                    e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension
                 )  # fmt: skip
             else:
                 signs[e], slides[e], fresh[e] = 1.0, 0.0, 1.0
@@ -72,8 +103,8 @@ def begin_at_impacts(
 
 @inlined
 def collide(
-    impacts, surfaces, t, last, end, state, p, kinds, hits, signs, slides, fresh, errors, values, rates, gains, jumps,
-    normals, landed, turned, stuck, held,
+    impacts, surfaces, t, last, end, state, p, kinds, bound, hits, signs, slides, fresh, errors, values, rates, gains,
+    jumps, normals, landed, turned, stuck, held,
 ):  # fmt: skip
     """Carry out the impacts of an event and clear their hits; return the time that it is then.
 
@@ -88,6 +119,9 @@ def collide(
         if slides[e] > 0.0:
             signs[e], slides[e] = 1.0, 0.0
             fresh[e] = 2.0 if gains[e, e] > _FALLS else 3.0
+            for k in range(count):
+                if bound[e * count + k] != 0:
+                    fresh[k] = fresh[e] - 1.0
             continue
         if struck > 0 and rates[e] > 0.0:
             fresh[e] = 1.0  # what has happened at another surface takes the state away from this one
@@ -107,15 +141,14 @@ def collide(
         for j in range(dimension):
             state[j] = landed[own + j]
         call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
+        if turn_sides(e, bound, kinds, values, signs, slides, False) > 0:
+            call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
         if abs(values[e]) > CLOSE:
             signs[e], fresh[e] = 1.0 if values[e] > 0.0 else -1.0, 0.0
         elif kinds[e] >= RESTS and rests_on(rates[e], gains[e, e]):
-            begin_rest(e, impacts, t, state, p, signs, slides, fresh, landed, turned, stuck, held, dimension)
+            begin_rest(e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension)
         else:
             signs[e], fresh[e] = 1.0 if rates[e] > 0.0 else -1.0, 1.0
-        for k in range(count):
-            if k != e and kinds[k] != COUNTS and slides[k] == 0.0 and abs(values[k]) > CLOSE:
-                signs[k] = 1.0 if values[k] > 0.0 else -1.0
     for e in range(count):
         if kinds[e] >= STRIKES and hits[e] > 0.0:
             signs[e], fresh[e], hits[e] = 1.0 if rates[e] > 0.0 else -1.0, 1.0, 0.0

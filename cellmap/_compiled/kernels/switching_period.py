@@ -30,8 +30,8 @@ FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
 
 CONTEXT = 12  # numbers, and one more for each surface
-WATCHED = 11
-"""Place in the context of the address where it is kept how near orbits come to grazing, 0 where nothing is."""
+COUNT, WATCHED = 6, 11
+"""Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
 
 
 @inlined
@@ -111,15 +111,17 @@ def period(single):
         The context holds the four addresses, the numbers of state variables (with those of tangent vectors), of
         coordinates and of surfaces, the order, whether lanes that slide are brought back at the end, whether surfaces
         depend on the sides of others, the address of impacts or 0, that of what :mod:`.grazing` keeps of each orbit or
-        0, and for each surface what its switch does.
+        0; for each surface what its switch does; and, surface by surface, the sign with which each switch leaves it
+        together with the state that leaves a rest there, 0 where a rest leaves the switch alone.
         """
         addresses = array_at(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
         coupled, impacts = addresses[9], addresses[10]
-        count = 1 if single else addresses[6]
+        count = 1 if single else addresses[COUNT]
         watched = addresses[WATCHED]
         kept = array_at(watched, orbits * RECORDS * count)
-        counts = array_at(context, CONTEXT + count)[CONTEXT:]
+        described = array_at(context, CONTEXT + count + count * count)
+        counts, bound = described[CONTEXT : CONTEXT + count], described[CONTEXT + count :]
         blocks = -(-orbits // LANES)
         x, error = array_at(blocks_of_states, (blocks, size, LANES)), array_at(blocks_of_errors, (blocks, size, LANES))
         length = order + 1
@@ -169,8 +171,8 @@ def period(single):
                     )  # fmt: skip
                     if impacts != 0:
                         begin_at_impacts(
-                            impacts, addresses[SURFACES], t, state, p, counts, signs, slides, fresh, values, rates,
-                            gains, jumps, normals, jumped, turned, stuck, bent,
+                            impacts, addresses[SURFACES], t, state, p, counts, bound, signs, slides, fresh, values,
+                            rates, gains, jumps, normals, jumped, turned, stuck, bent,
                         )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
             rounds = 8 * steps[b] + (1024 if impacts == 0 else 16384)
@@ -206,8 +208,8 @@ def period(single):
                             project(state, values, normals, hits, slides, on_surface, held)
                             if impacts != 0:
                                 t = collide(
-                                    impacts, addresses[SURFACES], t, end - 1e-12 * period, end, state, p, counts, hits,
-                                    signs, slides, fresh, errors, values, rates, gains, jumps, normals,
+                                    impacts, addresses[SURFACES], t, end - 1e-12 * period, end, state, p, counts, bound,
+                                    hits, signs, slides, fresh, errors, values, rates, gains, jumps, normals,
                                     jumped, turned, stuck, bent,
                                 )  # fmt: skip
                             entered = switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after)
