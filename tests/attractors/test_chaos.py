@@ -122,6 +122,17 @@ def test_record_of_a_chaotic_attractor(pendulum):
     assert repr(a).startswith("Attractor(chaotic, largest exponent 0.8")
 
 
+def test_a_chaotic_attractor_on_an_interpolated_map():
+    """Henon's map is quadratic, so cubic interpolation is exact: 0.419, and a sum of ln 0.3 (the determinant)."""
+    henon = systems.henon_map()
+    grid = CellGrid((-0.2, -0.1), (0.2, 0.1), (6, 6))
+    interpolated = interpolated_map(henon, CellGrid((-1.5, -0.5), (1.5, 0.5), (32, 32)), outside="integrate")
+    (a,) = find_basins(interpolated, grid, max_periods=500).attractors
+    assert a.kind is Kind.CHAOTIC
+    assert a.exponents.sum() == pytest.approx(log(0.3), abs=1e-9)
+    assert a.exponents[0] == pytest.approx(0.419, abs=0.01)
+
+
 @pytest.mark.slow
 def test_interpolated_map_is_chaotic_alike(pendulum):
     icm = interpolated_map(stroboscopic_map(DAMPED), CellGrid((-pi, -4.0), (pi, 4.0), (128, 128)), outside="integrate")

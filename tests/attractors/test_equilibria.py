@@ -81,7 +81,6 @@ def held_in_the_plane(t, x, p, s):
     return x[2], x[3], -x[0] - p.limit * s[0], -2.0 * x[1] - p.limit * s[1]
 
 
-@pytest.mark.slow
 def test_a_set_of_two_dimensions() -> None:
     """Two blocks on springs: held in the rectangle |x| <= limit, |y| <= limit/2."""
     system = ForcedSystem(

@@ -17,7 +17,6 @@ from systems.lab import free_pendulum, quadratic_decay, swing_envelope
 mpl.use("Agg")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("film", [4.0, 8.0])
 def test_a_simulated_rod_has_the_parabola_of_the_report(film: float) -> None:
     """Averaging and extremes are two ways; they agree to a small part of the report's own intervals."""

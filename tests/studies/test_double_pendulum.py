@@ -9,10 +9,11 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 matplotlib.use("Agg")
 
-from cellmap import load_basins
+from cellmap import load_basins, stroboscopic_map
 from studies import _chains, double_stability, figure_18, figure_20, flipping_basins, triple_stability
 
 
@@ -71,6 +72,49 @@ def test_pushes_and_distances() -> None:
     turned = initial_conditions + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
     assert figure_20.distance(turned, figure_20.UP_DOWN) == pytest.approx([0.0, 0.0], abs=1e-14)
     assert figure_20.distance(turned, figure_20.DOWN_UP) == pytest.approx([pi, pi])
+
+
+def test_pushes_that_return_and_that_flip() -> None:
+    """SciPy flips the pendulum by the push that the scan calls the quickest, and keeps it there from then on."""
+    point_map = stroboscopic_map(figure_20.SYSTEM)
+    found = figure_20.scan(point_map, "inner", 7)
+    assert found.ends.tolist() == [0, 1, 1, 1, 1, 1, 1]
+    low, high = found.least
+    assert 0.0 < high - low < 1e-6
+    assert (figure_20.ends_of(point_map, "inner", np.array([low, high])) == 0).tolist() == [True, False]
+    periods = np.arange(found.periods, found.periods + 10)
+    (start,) = figure_20.pushed("inner", np.array([found.quickest]))
+    times = periods * figure_20.SYSTEM.length
+    states = solve_ivp(
+        figure_20.SYSTEM.fun, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=1e-10, atol=1e-10
+    ).y.T
+    assert (figure_20.distance(states, figure_20.DOWN_UP) < 0.1).all()
+
+
+@pytest.mark.parametrize(("name", "end", "amplitude"), [("(0, 0, 0)", 1, 2.268102e-3), ("(π, π, π)", 0, 1.955039e-3)])
+def test_the_triple_pendulum_that_hangs_and_that_stands(
+    name: str, end: int, amplitude: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The two states whose windows bound the one that all eight have in common (REFERENCES.md)."""
+    monkeypatch.setattr(triple_stability, "STATES", {name: triple_stability.STATES[name]})
+    monkeypatch.setattr(triple_stability, "DAMPINGS", (0.0,))
+    result = triple_stability.compute(3)
+    assert result.windows[0.0][name][end] == pytest.approx(amplitude, abs=5e-10)
+    assert result.decoupled[name] == pytest.approx(result.windows[0.0][name], abs=1e-13)
+
+
+def test_near_the_four_states_of_the_reference_set(capsys: pytest.CaptureFixture[str]) -> None:
+    """All four are stable at 6 mm (REFERENCES.md): the cell beside each of them returns to it, and all others end."""
+    found = flipping_basins.measured(0.006, flipping_basins.angle_slice(8, 0.0))
+    states = [tuple(np.sign(np.cos(a.points[0, :2])).tolist()) for a in found.basins.attractors]
+    assert states == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+    labels = found.basins.labels.squeeze()
+    assert (labels >= 0).all()
+    assert labels[[3, 3, 0, 0], [3, 0, 3, 0]].tolist() == [0, 1, 2, 3]
+    flipping_basins.report("at rest", found)
+    assert capsys.readouterr().out.count("Attractor(fixed point") == 4
+    figure = flipping_basins.draw(dict.fromkeys(("at rest, 60 x 60", "at rest", "rates"), found))
+    assert [ax.get_title() for ax in figure.axes] == ["at rest", "rates"]
 
 
 @pytest.mark.slow

@@ -415,3 +415,12 @@ def test_places_of_the_masses() -> None:
 def test_bad_chains_are_refused(make: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()
+
+
+def test_a_period_of_three_links_is_that_of_scipy() -> None:
+    system = triple_pendulum()
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 6)) * [pi, pi, pi, 50.0, 50.0, 50.0]
+    images = stroboscopic_map(system).iterate(initial_conditions, 1).unwrapped
+    for state, image in zip(initial_conditions, images, strict=True):
+        exact = solve_ivp(system.fun, (0.0, system.length), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        assert image == pytest.approx(exact, rel=1e-8, abs=1e-8)
