@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -18,7 +18,12 @@ Result = TypeVar("Result")
 
 _AHEAD = 4  # tasks for each thread that are under way, or done and not taken yet
 
+_KEPT = 4  # pools without work
+
 _count: int | None = None
+_idle: list[tuple[int, ThreadPoolExecutor]] = []
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_idle.clear)  # their threads stay behind
 
 
 def thread_count() -> int:
@@ -69,7 +74,7 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
                 work(task)
                 advance(1)
             return
-        pool = ThreadPoolExecutor(thread_count())
+        pool = _taken(threads := thread_count())
         try:
             futures = [pool.submit(work, task) for task in tasks]
             for future in futures:
@@ -78,8 +83,10 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
             for future in futures:
                 if future.done() and (error := future.exception()) is not None:
                     raise error
-        finally:
+        except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
+            raise
+        _given_back(threads, pool)
 
 
 def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterator[tuple[Task, Result]]:
@@ -92,7 +99,7 @@ def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterato
         for task in tasks:
             yield task, work(task)
         return
-    pool, rest = ThreadPoolExecutor(threads), iter(tasks)
+    pool, rest = _taken(threads), iter(tasks)
     under_way: dict[Future[Result], Task] = {}
     try:
         under_way |= {pool.submit(work, task): task for task in islice(rest, _AHEAD * threads)}
@@ -108,7 +115,26 @@ def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterato
     except BaseException:
         pool.shutdown(wait=True, cancel_futures=True)
         raise
-    pool.shutdown()
+    _given_back(threads, pool)
+
+
+def _taken(threads: int) -> ThreadPoolExecutor:
+    """Return a pool for one call alone, with threads that run already where a call before has left some."""
+    with suppress(IndexError):  # calls in other threads take pools as well
+        while True:
+            count, pool = _idle.pop()
+            if count == threads:
+                return pool
+            pool.shutdown(wait=False)
+    return ThreadPoolExecutor(threads)
+
+
+def _given_back(threads: int, pool: ThreadPoolExecutor) -> None:
+    """Keep a pool whose tasks are all done for the next call: threads take a millisecond to start."""
+    if len(_idle) < _KEPT:
+        _idle.append((threads, pool))
+    else:
+        pool.shutdown(wait=False)
 
 
 @contextmanager

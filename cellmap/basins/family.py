@@ -66,6 +66,7 @@ class Family:
         self._known: OrderedDict[Any, Member] = OrderedDict()
         self._memory: dict[int, Attractor] = {}
         self._last: Member | None = None  # made last
+        self._phased: tuple[float | None, MapSpec[PointMap] | None] = (None, None)  # at the phase asked for last
 
     def member(self, changed: Mapping[str, float], phase: float | None, stop: Stop) -> Member:
         """Return a map with the attractors that can be followed to it from the map before, or a draft of it."""
@@ -74,14 +75,18 @@ class Family:
             stop.check()
             place = self._known.pop(key, None)
             if place is None:
-                spec = self._base.specified.with_params({**self._base.params, **changed}) if changed else None
-                if phase is not None:
-                    spec = (self._base.specified if spec is None else spec).with_phase(phase)
-                place = self._drafted(spec, phase, key)
+                place = self._drafted(self._specification(changed, phase), phase, key)
             self._known[key] = self._last = place
             while len(self._known) > _KEPT:
                 self._known.popitem(last=False)
             return place
+
+    def _specification(self, changed: Mapping[str, float], phase: float | None) -> MapSpec[PointMap] | None:
+        """Return what a map is built from, None for the family's own."""
+        if phase is not None and phase != self._phased[0]:
+            self._phased = phase, self._base.specified.with_phase(phase)
+        spec = None if phase is None else self._phased[1]
+        return (spec or self._base.specified).with_params({**self._base.params, **changed}) if changed else spec
 
     def _drafted(self, spec: MapSpec[PointMap] | None, phase: float | None, key: Any) -> Member:
         """Return a map, and the orbits to which attractors can be followed from where they were."""

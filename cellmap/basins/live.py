@@ -57,8 +57,17 @@ class LiveFrame(BasinFrame):
     @property
     def identity_image(self) -> NDArray[np.int16]:
         """The image with identities in the place of labels."""
+        return self._identities_of(self.image)
+
+    @property
+    def identity_samples(self) -> NDArray[np.int16]:
+        """Identities on the coarse grid alone, on which every initial condition has its label."""
+        labels = self.basins.labels
+        return self._identities_of(labels[(slice(None, None, self.stride),) * labels.ndim])
+
+    def _identities_of(self, labels: NDArray[np.int16]) -> NDArray[np.int16]:
         numbers = np.array([*sorted(LABEL_NAMES), *self.identities], np.int16)
-        return np.asarray(numbers[self.image - min(LABEL_NAMES)])
+        return np.asarray(numbers[labels - min(LABEL_NAMES)])
 
 
 class LiveFrames(Iterator[LiveFrame]):

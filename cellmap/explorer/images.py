@@ -102,16 +102,18 @@ def described(explored: Explored) -> dict[str, Any]:
 
 
 def picture(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
-    """Return the description of a frame and its pixels."""
-    raster = view.raster(frame.identity_image)
+    """Return the description of a frame and its pixels; those of a preview are those of its coarse grid."""
+    raster = view.raster(frame.identity_samples if frame.preview else frame.identity_image)
     kind, data = pixels(raster)
-    height, width = raster.shape
+    height, width = view.raster(frame.basins.labels).shape
     attractors = dict(sorted(frame.attractors.items()))
     counts = np.bincount(raster.ravel() - LOWEST, minlength=max(attractors, default=0) - LOWEST + 1)
     names = distinct_names(tuple(attractors.values()))
     return {
         "width": width,
         "height": height,
+        "rows": raster.shape[0],
+        "columns": raster.shape[1],
         "pixels": kind,
         "stride": frame.stride,
         "complete": frame.complete,

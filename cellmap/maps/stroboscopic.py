@@ -145,7 +145,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def with_phase(self, phase: float) -> Stroboscopic:
         """Return the specification with another phase of the forcing."""
-        return replace(self, phase=phase)
+        return self if phase == self.phase else replace(self, phase=phase)
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""

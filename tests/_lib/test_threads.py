@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
@@ -107,6 +108,37 @@ def test_who_stops_reading_results_stops_the_rest(threads: int) -> None:
     assert len(begun) < 100
     with pytest.raises(ZeroDivisionError):
         list(results_of([1, 0, 2], lambda task: 1 // task))
+
+
+def test_threads_serve_one_call_after_another_and_several_at_once() -> None:
+    set_threads(2)
+
+    def meet(_: int) -> None:
+        together.wait()
+
+    def both(task: int) -> tuple[int, str]:
+        together.wait()
+        inner = dict(results_of(range(2), lambda k: 10 * task + k))
+        assert inner == {0: 10 * task, 1: 10 * task + 1}
+        return task, threading.current_thread().name
+
+    together = threading.Barrier(2, timeout=10.0)
+    names = [sorted(name for _, (_, name) in results_of(range(2), both)) for _ in range(3)]
+    assert names[0] == names[1] == names[2], "no thread was started for a later call"
+    with pytest.raises(ZeroDivisionError):
+        run_over(range(4), lambda task: 1 // task)
+    run_over(range(2), meet)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_process_that_forked_has_threads_of_its_own() -> None:
+    set_threads(2)
+    run_over(range(4), lambda _: None)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if dict(results_of(range(4), lambda task: task * task)) == {0: 0, 1: 1, 2: 4, 3: 9} else 1)
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_no_description_no_bar(capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,6 +121,7 @@ def test_a_preview_comes_before_anything_is_verified(monkeypatch: pytest.MonkeyP
     for frame in early:
         labels = frame.basins.labels[:: frame.stride, :: frame.stride]
         assert np.array_equal(labels, whole.labels[:: frame.stride, :: frame.stride])
+        assert np.array_equal(frame.identity_samples, frame.identity_image[:: frame.stride, :: frame.stride])
     assert np.array_equal(late[-1].basins.labels, whole.labels)
 
 

@@ -80,7 +80,7 @@ class Page:
 
 def numbers_of(frame: dict[str, Any]) -> NDArray[np.int64]:
     codes = np.frombuffer(frame["data"], np.dtype(frame["pixels"]).newbyteorder("<"))
-    return codes.reshape(frame["height"], frame["width"]).astype(int) + LOWEST
+    return codes.reshape(frame["rows"], frame["columns"]).astype(int) + LOWEST
 
 
 @contextlib.contextmanager

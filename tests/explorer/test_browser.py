@@ -20,7 +20,9 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, stroboscopic_map
+from cellmap.basins import refine_basins
 from cellmap.explorer import Explored, Explorer
+from cellmap.explorer.protocol import LOWEST
 from cellmap.explorer.serving import serve
 from cellmap.plot._colours import COLOURS
 
@@ -164,6 +166,20 @@ def test_the_image_follows_a_slider(page: Page) -> None:
     assert_shown(page, find_basins(WELLS.with_params(keep=keep), WINDOW))
     after(page, put(page, "keep", 0.75))
     assert_shown(page, find_basins(WELLS.with_params(keep=0.75), WINDOW))
+
+
+@pytest.mark.parametrize("shape", [(23, 30), (16, 17)])
+def test_a_preview_is_spread_as_the_library_fills_its_frames(page: Page, shape: tuple[int, int]) -> None:
+    first = next(iter(refine_basins(WELLS, CellGrid((-2.0, -1.5), (2.0, 1.5), shape))))
+    assert first.stride > 1
+    known = first.basins.labels[:: first.stride, :: first.stride]
+    coarse, full = (labels.T[::-1] - LOWEST for labels in (known, first.image))
+    facts = {"width": shape[0], "height": shape[1], "columns": known.shape[0], "rows": known.shape[1]}
+    found = page.evaluate(
+        "([codes, frame]) => import('./picture.js').then((m) => Array.from(m.spread(new Uint8Array(codes), frame)))",
+        [coarse.ravel().tolist(), {**facts, "stride": first.stride}],
+    )
+    assert np.array_equal(np.reshape(found, full.shape), full)
 
 
 def test_the_window_is_changed_by_wheel_drag_box_fields_and_history(page: Page) -> None:

@@ -133,7 +133,7 @@ class RandomPage:
             self.told[facts["type"]] += 1
             if facts["type"] == "frame":
                 codes = np.frombuffer(data, facts["pixels"])
-                assert codes.size == facts["width"] * facts["height"]
+                assert codes.size == facts["rows"] * facts["columns"]
                 known = {a["identity"] for a in facts["attractors"]} | set(range(LOWEST, 0))
                 assert set((codes.astype(int) + LOWEST).tolist()) <= known
                 await socket.send(json.dumps({"type": "drawn", "frame": facts["frame"]}))

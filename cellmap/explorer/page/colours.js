@@ -33,7 +33,9 @@ function dark(number, x, y) {
 // Fills the pixels of an image from its codes, which are numbers less `lowest`.
 export function paint(image, codes, lowest, hatched) {
   const pixels = new Uint32Array(image.data.buffer);
-  const table = new Uint32Array(codes.reduce((a, b) => Math.max(a, b), 0) + 1);
+  let last = 0;
+  for (let i = 0; i < codes.length; i++) if (codes[i] > last) last = codes[i];
+  const table = new Uint32Array(last + 1);
   for (let k = 0; k < table.length; k++) {
     const [r, g, b] = colourOf(k + lowest);
     table[k] = (255 << 24) | (b << 16) | (g << 8) | r;

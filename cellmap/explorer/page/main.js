@@ -20,7 +20,9 @@ let orbits = [];
 let marked = { cross: null, box: null };
 let open = null; // cells that a certificate has left open
 let oldest = 0; // requests before this one belong to another system
-let wanted = false;
+let asking = null; // timer of the view that is sent next
+let sent = -Infinity; // when the last one was sent
+let listed = -Infinity; // when the table of attractors was made
 let drawing = false;
 
 function fail(error) {
@@ -86,7 +88,8 @@ function use(system, text, view) {
   changed();
 }
 
-// Sends the view at the next repainting of the page: values in between are dropped here already.
+const OFTEN = 15; // milliseconds between two views that are sent: values in between are dropped here already
+
 function changed() {
   removeOrbits();
   open = null;
@@ -96,16 +99,16 @@ function changed() {
   $("preview").hidden = false;
   $("quality").textContent = "The image is a preview.";
   redraw();
-  if (wanted) return;
-  wanted = true;
-  requestAnimationFrame(() => {
-    wanted = false;
-    const view = structuredClone(state.view);
-    views.set(connection.send({ type: "view", view, near: marked.near ?? null }), view);
-    for (const request of views.keys()) if (views.size > 200) views.delete(request);
-    clearTimeout(changed.later);
-    changed.later = setTimeout(() => history.replaceState(null, "", written(state)), 250);
-  });
+  asking ??= setTimeout(askForView, Math.max(0, sent + OFTEN - performance.now()));
+}
+
+function askForView() {
+  [asking, sent] = [null, performance.now()];
+  const view = structuredClone(state.view);
+  views.set(connection.send({ type: "view", view, near: marked.near ?? null }), view);
+  for (const request of views.keys()) if (views.size > 200) views.delete(request);
+  clearTimeout(changed.later);
+  changed.later = setTimeout(() => history.replaceState(null, "", written(state)), 250);
 }
 
 function arrived(frame) {
@@ -118,7 +121,10 @@ function arrived(frame) {
     });
     const newest = frame.request === Math.max(...views.keys());
     if (newest) fail("");
-    showAttractors($("attractors").tBodies[0], frame, codes);
+    if (frame.complete || performance.now() - listed > 150) {
+      showAttractors($("attractors").tBodies[0], frame, codes);
+      listed = performance.now();
+    }
     if (frame.complete) {
       const told = news(frame, names);
       if (told) $("news").textContent = told;

@@ -15,7 +15,7 @@ export class Picture {
   show(frame, view) {
     this.frame = { ...frame, view };
     const kind = frame.pixels === "uint8" ? Uint8Array : Uint16Array;
-    this.codes = new kind(frame.data.buffer, frame.data.byteOffset, frame.width * frame.height);
+    this.codes = spread(new kind(frame.data.buffer, frame.data.byteOffset, frame.columns * frame.rows), frame);
     this.repaint();
   }
 
@@ -27,9 +27,9 @@ export class Picture {
       Object.assign(this.canvas, { width, height });
     }
     const context = this.buffer.getContext("2d");
-    const image = context.createImageData(width, height);
-    paint(image, this.codes, this.lowest, this.hatched);
-    context.putImageData(image, 0, 0);
+    if (this.image?.width !== width || this.image.height !== height) this.image = context.createImageData(width, height);
+    paint(this.image, this.codes, this.lowest, this.hatched);
+    context.putImageData(this.image, 0, 0);
   }
 
   clear() {
@@ -55,6 +55,22 @@ export class Picture {
     const { width, height } = this.frame;
     return this.codes[Math.floor((1 - y) * height - 1e-9) * width + Math.floor(x * width)] + this.lowest;
   }
+}
+
+// Gives each pixel of an image the code of the coarse pixel in whose middle it lies.
+export function spread(codes, { width, height, columns, rows, stride }) {
+  if (columns === width && rows === height) return codes;
+  const filled = new codes.constructor(width * height);
+  const nearest = (i, count) => Math.min(Math.floor((i + (stride >> 1)) / stride), count - 1);
+  const across = Array.from({ length: width }, (_, i) => nearest(i, columns));
+  let before = -1;
+  for (let y = 0; y < height; y++) {
+    const row = rows - 1 - nearest(height - 1 - y, rows);
+    if (row === before) filled.copyWithin(y * width, (y - 1) * width, y * width);
+    else for (let x = 0; x < width; x++) filled[y * width + x] = codes[row * columns + across[x]];
+    before = row;
+  }
+  return filled;
 }
 
 function place(from, to, k, size) {

@@ -210,7 +210,9 @@ class Interpolated(MapSpec[PointMap]):
 
     def with_phase(self, phase: float) -> Interpolated:
         """Return the specification with another phase of the forcing."""
-        return replace(self, exact=self.exact.specified.with_phase(phase).build(), table=None)
+        exact = self.exact.specified
+        phased = exact.with_phase(phase)
+        return self if phased is exact else replace(self, exact=phased.build(), table=None)
 
     @property
     def recipe(self) -> dict[str, Any]:
