@@ -26,23 +26,7 @@ def programs(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-LONG = {
-    "accuracy-and-cost.md",
-    "analysis.md",
-    "bifurcations.md",
-    "laboratory.md",
-    "own-system.md",
-    "scenes.md",
-    "set-oriented.md",
-}
-"""Pages whose programs take more than ten seconds."""
-
-
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=[pytest.mark.slow] if p.name in LONG else []) for p in PAGES if programs(p)],
-    ids=lambda p: p.name,
-)
+@pytest.mark.parametrize("page", [p for p in PAGES if programs(p)], ids=lambda p: p.name)
 def test_programs_run(page, tmp_path, monkeypatch):
     """From top to bottom, as one program, in an empty folder; names of an earlier block serve the later ones."""
     monkeypatch.chdir(tmp_path)
@@ -116,7 +100,6 @@ def test_program_of_the_readme_is_ten_lines_and_draws_a_picture():
     assert len([line for line in text.splitlines() if line.strip()]) <= 10
 
 
-@pytest.mark.slow
 def test_what_is_said_of_a_fractal_boundary():
     """own-system.md: one label in twelve, one in 25, and fractions that agree to 0.002."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500))

@@ -42,11 +42,10 @@ from systems import (
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [
-        *[(name, 1e-9) for name in CASES if "masses" not in name and "Stribeck" not in name],
-        *[pytest.param(name, 1e-9, marks=pytest.mark.slow) for name in CASES if "Stribeck" in name],
+        *[(name, 1e-9) for name in CASES if "masses" not in name],
         *[pytest.param(name, 1e-6, marks=pytest.mark.slow) for name in CASES if "masses" in name],
         *[pytest.param(name, 1e-12, marks=pytest.mark.slow) for name in EVERY_CASE],
-        *[pytest.param("dry friction", t, marks=pytest.mark.slow) for t in (1e-4, 1e-6, 1e-13)],
+        *[("dry friction", t) for t in (1e-4, 1e-6, 1e-13)],
     ],
 )
 def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Callable[..., Array]) -> None:
@@ -121,7 +120,6 @@ def test_the_determinant_is_that_of_damping_and_jumps() -> None:
     assert seen > 5
 
 
-@pytest.mark.slow
 def test_derivatives_multiply_over_periods() -> None:
     """Three periods at once are those of the system watched at every third."""
     system = relay_at(1.5, curved)
@@ -197,7 +195,6 @@ def test_methods_without_events_are_refused(method: str) -> None:
         stroboscopic_map(table(), method=method)
 
 
-@pytest.mark.slow
 def test_events_without_end_are_reported() -> None:
     """x'' = -sign x - 0.4 sign x' comes to rest at the origin in a finite time, after infinitely many crossings."""
 
@@ -210,7 +207,6 @@ def test_events_without_end_are_reported() -> None:
     assert (images.status[1:] != Status.OK).all()
 
 
-@pytest.mark.slow
 def test_a_switching_function_without_a_value_is_reported() -> None:
     def edge(t: float, x: Any, p: Any) -> tuple[float]:
         return (x[1] + 0.0 * sqrt(x[0]),)

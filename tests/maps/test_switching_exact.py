@@ -53,7 +53,6 @@ def parabolas(x: float, v: float, tilt: float, left: float) -> tuple[float, floa
             return None
 
 
-@pytest.mark.slow
 def test_thrust_towards_a_tilted_line() -> None:
     """Ten crossings and more, between which the distance from the line is a parabola and the series ends early."""
     rng, count = np.random.default_rng(0), 0
@@ -93,7 +92,7 @@ def swings(x: float, friction: float, time: float) -> tuple[float, float]:
     return x, 0.0
 
 
-@pytest.mark.parametrize("tolerance", [*(pytest.param(t, marks=pytest.mark.slow) for t in (1e-6, 1e-12)), 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
 def test_amplitudes_fall_by_twice_the_friction_each_half_swing(tolerance: float) -> None:
     """Lorenz (1924): steps of 2 mu, and rest inside abs(x) <= mu after the number of half swings that this takes."""
     mu, time = 0.1, 9.3
@@ -106,7 +105,6 @@ def test_amplitudes_fall_by_twice_the_friction_each_half_swing(tolerance: float)
     assert 0.1 < (images.points[:, 1] == 0.0).mean() < 0.9
 
 
-@pytest.mark.slow
 def test_rest_after_many_half_swings() -> None:
     strobe = stroboscopic_map(table(friction=0.1), rtol=1e-12, atol=1e-12)
     for x in (0.95, 1.0 - 1e-9, -3.77):
@@ -114,7 +112,6 @@ def test_rest_after_many_half_swings() -> None:
 
 
 @pytest.mark.parametrize(("force", "friction", "frequency"), [(1.0, 0.3, 0.7), (1.0, 0.5, 1.3), (2.0, 0.2, 2.5)])
-@pytest.mark.slow
 def test_den_hartogs_motion_without_stops(force: float, friction: float, frequency: float) -> None:
     """Den Hartog (1931): half a period from the amplitude A to -A, mirrored in the other half.
 
@@ -137,7 +134,6 @@ def test_den_hartogs_motion_without_stops(force: float, friction: float, frequen
     assert np.linalg.det(jacobian(stroboscopic_map(system, phase=phase), start)) == pytest.approx(expected, rel=1e-7)
 
 
-@pytest.mark.slow
 def test_a_force_that_grows_beyond_the_friction_and_falls_below_it() -> None:
     """x'' = f sin t - mu sign x': slips from asin(mu/f) on, until the impulses balance; then back alike."""
     force, mu = 1.0, 0.8
@@ -166,7 +162,6 @@ def test_a_force_that_only_just_reaches_the_friction(excess: float) -> None:
     assert images.points == pytest.approx([0.2, 0.0], abs=1e-12 + 10.0 * excess)
 
 
-@pytest.mark.slow
 def test_a_square_wave_on_a_spring() -> None:
     """x'' = -2 zeta x' - x + sign(cos t): pieces of a linear flow, by matrix exponentials."""
 
@@ -186,7 +181,6 @@ def test_a_square_wave_on_a_spring() -> None:
         assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
 
 
-@pytest.mark.slow
 def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
     """A method of order 8 with fixed steps; turning, stopping and starting again lie inside of them."""
     system = table(friction=0.4, force=1.0, frequency=0.7)
@@ -219,7 +213,6 @@ def position(t: float, x: Any, p: Any) -> tuple[float]:
 
 
 @pytest.mark.parametrize("force", [-1.0, 1.0])
-@pytest.mark.slow
 def test_a_start_that_touches_a_surface_leaves_it_on_the_right_side(force: float) -> None:
     """Position and velocity zero where one spring meets another: only the acceleration tells where it goes."""
     system = ForcedSystem(two_springs, {"force": force}, 2.0 * pi, ("x", "v"), switches=position)
@@ -260,7 +253,6 @@ def test_a_surface_that_repels_is_left_to_the_side_of_the_smooth_part(side: floa
     assert still([0.0]) == pytest.approx([1.0])
 
 
-@pytest.mark.slow
 def test_a_start_on_two_surfaces() -> None:
     """Both masses at rest: held, one let go, both let go."""
     for force, table_friction, between, stuck in (
@@ -274,7 +266,6 @@ def test_a_start_on_two_surfaces() -> None:
         assert (np.abs(image - [0.1, 0.05, 0.0, 0.0]).max() < 1e-15) == stuck
 
 
-@pytest.mark.slow
 def test_what_sticks_stays_to_the_last_bit() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
     settled = strobe.iterate(starts_of((pi, 2.0), 500), 60).points

@@ -47,7 +47,7 @@ def by_scipy(system, place, periods: int):
         x = np.array(system.impacts[which].reset(t, x, p))
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in ALL])
+@pytest.mark.parametrize("name", ALL)
 def test_attractors_are_those_of_scipy(name):
     """Periodic points close by SciPy as well, and nothing is undecided, inaccurate or out of steps without a reason."""
     system, _ = ALL[name]
@@ -166,7 +166,7 @@ def test_van_der_pol_for_small_mu():
     assert sqrt(np.abs(cycle.points**2).sum(axis=1).max()) < 2.2
 
 
-@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::cellmap.maps.point_map.ToleranceWarning")  # counted below
 @pytest.mark.parametrize("name", [n for n in ALL if n not in LONG])
 def test_campaign_of_ten_thousand_initial_conditions(name):
     """Fractions of 10^4 random initial conditions agree with those of the small grid, and hardly any is undecided."""
