@@ -1,9 +1,11 @@
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
+from .bifurcation_curve import switch_curve as switch_curve
 from .branch import Bifurcation as Bifurcation
 from .branch import Branch as Branch
 from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
+from .codimension_two import CodimensionTwo as CodimensionTwo
 from .crossings import Crossing as Crossing
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram
@@ -15,6 +17,7 @@ from .equilibrium_stability import stability_map as stability_map
 from .floquet import FloquetResult as FloquetResult
 from .floquet import floquet_multipliers as floquet_multipliers
 from .kinds import BifurcationKind as BifurcationKind
+from .kinds import CodimensionTwoKind as CodimensionTwoKind
 from .normal_forms import Criticality as Criticality
 from .normal_forms import NormalForm as NormalForm
 from .normal_forms import normal_form as normal_form

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import functools
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,14 @@ from .._lib.checks import finite_number, shown, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
-from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
-from .arclength import SolutionPoint, continuation_steps, corrected
+from ..orbits.multipliers import multipliers_of
+from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
 from .branch import Bifurcation, Branch
-from .kinds import BifurcationKind
-from .orbit_equations import OrbitProblem, orbit_problem
-
-_DIFFERENCE = 1e-5  # of test functions, in scaled unknowns
-_REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
+from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
+from .fold_births import FoldBirth
+from .kinds import BifurcationKind, CodimensionTwoKind
+from .orbit_equations import orbit_problem
+from .singular_orbits import SingularOrbits
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,18 @@ class BifurcationCurve:
     points: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     ends: tuple[str, str]
+    _problem: SingularOrbits = field(repr=False)
+    _places: tuple[SolutionPoint, ...] = field(repr=False)
+
+    @property
+    def period(self) -> int:
+        """Period of the orbits in steps of the map."""
+        return self._problem.orbits.period
+
+    @functools.cached_property
+    def codimension_two(self) -> tuple[CodimensionTwo, ...]:
+        """Bifurcations of codimension two in the order of the curve; computed when they are first asked for."""
+        return points_on(self._problem, self.parameters, self._places)
 
     def __repr__(self) -> str:
         spans = ", ".join(
@@ -128,59 +141,91 @@ def continue_bifurcation(
         others = sorted(set(exact.params) - {branch.parameter})
         raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
     box = (_interval("first", first, bifurcation.value), _interval("second", second, exact.params[parameter]))
-    longest, most = (
-        finite_number("step", step, above=0.0, at_most=1.0),
-        whole_number("max_points", max_points, at_least=1),
-    )
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
     orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
     unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
-    problem = _Singular.at(orbits, bifurcation.kind, unknowns)
-    direction = np.linalg.svd(problem(unknowns)[1])[2][-1]
-    start = corrected(problem, unknowns, direction)
+    problem = SingularOrbits.at(orbits, bifurcation.kind, unknowns)
+    start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
-    low, high = np.array(box).T / np.array(spans)
-    sides = []
-    for sign in (-1.0, 1.0):
-        places, end = [start], "no convergence"
-        label = f"curve of {bifurcation.kind}" if progress else None
-        with progress_bar(most, label) as tick:
-            begin = replace(start, tangent=sign * start.tangent)
-            for part in continuation_steps(problem, begin, longest, orbits.growing):
-                there = part.end.unknowns[-2:]
-                cut = None if (there >= low).all() and (there <= high).all() else part.cut(exact.dimension, low, high)
-                last = part.end if cut is None else cut.end
-                if bifurcation.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
-                    end = "multipliers met on the real axis"
-                    break
-                places.append(last)
-                tick(1)
-                if cut is not None:
-                    end = "left the intervals"
-                elif len(places) > 3 and part.passes(begin, orbits.circles):
-                    end = "closed"
-                elif len(places) > most:
-                    end = "most points"
-                else:
-                    continue
-                break
-        sides.append((places, end))
-        if end == "closed":
-            sides.append(([start], end))
-            break
-    (back, first_end), (ahead, last_end) = sides
-    places = [*back[:0:-1], *ahead]
-    states = np.array([p.unknowns for p in places]) * orbits.scale
-    d = exact.dimension
-    return BifurcationCurve(
-        kind=bifurcation.kind,
-        parameters=names,
-        values=states[:, d:],
-        points=wrap(states[:, :d], exact.coordinates),
-        multipliers=np.array([multipliers_of(problem.matrix(p)) for p in places]),
-        ends=(first_end, last_end),
-    )
+    return _Tracer(problem, names, box, *_limits(step, max_points), progress).curve(start)
+
+
+@checked
+def switch_curve(
+    curve: BifurcationCurve,
+    point: CodimensionTwo,
+    first: tuple[float, float],
+    second: tuple[float, float],
+    step: float = 0.01,
+    max_points: int = 1000,
+    progress: bool = False,
+) -> BifurcationCurve:
+    """Continue the other curve of bifurcations through a point of codimension two.
+
+    From a 1:1 or 1:2 resonance that is the curve of Neimark-Sacker bifurcations if `curve` is one of folds or period
+    doublings, and the other way round; in the same way from points with two critical multipliers, such as fold-flip.
+    At a generalised flip a curve of folds of orbits of twice the period begins, at a degenerate pitchfork one of folds
+    of asymmetric orbits.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+        The curve on which the point was found.
+    point : CodimensionTwo
+        One of its `codimension_two`, with a `new_curve`.
+    first, second : tuple of float
+        Intervals of both parameters, in their units.
+    step, max_points, progress
+        As for :func:`continue_bifurcation`.
+
+    Returns
+    -------
+    BifurcationCurve
+        The other curve, of the kind ``point.new_curve``.
+
+    Raises
+    ------
+    ValueError
+        For a point without another curve, or where it is not found.
+
+    References
+    ----------
+    Kuznetsov, Meijer, *Numerical Bifurcation Analysis of Maps* (2019), chapter 3 for the curves at each point.
+
+    Examples
+    --------
+    >>> from cellmap import continue_orbit, discrete_map, periodic_orbit
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
+    >>> branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4)
+    >>> doublings = continue_bifurcation(branch, branch.bifurcations[0], "b", (0.0, 4.0), (-1.5, 0.9))
+    >>> doublings.codimension_two
+    (CodimensionTwo(1:2 resonance at a=3, b=-1),)
+    >>> switch_curve(doublings, doublings.codimension_two[0], (-2.0, 4.0), (-1.5, 0.9))
+    BifurcationCurve(Neimark-Sacker, ... points, a from -1 to 3, b from -1 to -1)
+    """
+    if point.new_curve is None:
+        raise ValueError(f"point={point!r}: no other curve of bifurcations of periodic orbits is followed from it")
+    names, old = curve.parameters, curve._problem.orbits
+    box = (_interval("first", first, point.values[0]), _interval("second", second, point.values[1]))
+    spans = [high - low for low, high in box]
+    rounds = 2 if point.kind is CodimensionTwoKind.GENERALISED_FLIP else 1
+    orbits = replace(old, period=rounds * old.period, scale=np.append(old.scale[:-2], spans))
+    origin = point._unknowns * old.scale / orbits.scale
+    problem = SingularOrbits.at(orbits, point.new_curve, origin)
+    tracer = _Tracer(problem, names, box, *_limits(step, max_points), progress)
+    if point.kind in {CodimensionTwoKind.GENERALISED_FLIP, CodimensionTwoKind.DEGENERATE_PITCHFORK}:
+        birth = FoldBirth.at(curve._problem, old.scale / orbits.scale, origin)
+        start, tracer = birth.fold(problem), replace(tracer, birth=birth)
+    else:
+        start = corrected(problem, origin, np.linalg.svd(problem(origin)[1])[2][-1])
+    if start is None:
+        raise ValueError(f"point={point!r}: the curve of {point.new_curve} is not found beside it")
+    return tracer.curve(start)
+
+
+def _limits(step: float, max_points: int) -> tuple[float, int]:
+    return finite_number("step", step, above=0.0, at_most=1.0), whole_number("max_points", max_points, at_least=1)
 
 
 def _interval(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
@@ -195,55 +240,64 @@ def _interval(label: str, given: tuple[float, float], value: float) -> tuple[flo
 
 
 @dataclass(frozen=True, eq=False)
-class _Singular:
-    """Equations of the orbit with the bifurcation condition, for unknowns (x, q1, q2) in units of a scale."""
+class _Tracer:
+    """Tracer of a curve of bifurcations in a rectangle of two parameters."""
 
-    orbits: OrbitProblem
-    kind: BifurcationKind
-    null: NDArray[np.float64]
-    symmetric: NDArray[np.float64]
+    problem: SingularOrbits
+    names: tuple[str, str]
+    box: tuple[tuple[float, float], tuple[float, float]]
+    longest: float
+    most: int
+    progress: bool
+    birth: FoldBirth | None = None
 
-    @classmethod
-    def at(cls, orbits: OrbitProblem, kind: BifurcationKind, unknowns: NDArray[np.float64]) -> _Singular:
-        """Set up the equations at a point of the curve."""
-        d = orbits.dimension
-        left, _, _ = np.linalg.svd(orbits(unknowns)[1][:, :d])
-        return cls(orbits, kind, left[:, -1], unknowns[:d])
+    def side(self, start: SolutionPoint) -> tuple[list[SolutionPoint], str]:
+        """Trace the curve along the tangent of a point; return the points and the reason why they end."""
+        problem, d = self.problem, self.problem.orbits.dimension
+        low, high = np.array(self.box).T / problem.orbits.scale[d:]
+        places, end = [start], "no convergence"
+        with progress_bar(self.most, f"curve of {problem.kind}" if self.progress else None) as tick:
+            for part in continuation_steps(problem, start, self.longest, problem.orbits.growing):
+                there = part.end.unknowns[-2:]
+                cut = None if (there >= low).all() and (there <= high).all() else part.cut(d, low, high)
+                last = part.end if cut is None else cut.end
+                if problem.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
+                    places += self._resonance(part, last)
+                    return places, "multipliers met on the real axis"
+                if self.birth and self.birth.is_between(part.begin, last):
+                    return places, self.birth.name
+                places.append(last)
+                tick(1)
+                if cut is not None:
+                    return places, "left the intervals"
+                if len(places) > 3 and part.passes(start, problem.orbits.circles):
+                    return places, "closed"
+                if len(places) > self.most:
+                    return places, "most points"
+        return places, end
 
-    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the monodromy matrix."""
-        return self._matrices(place.unknowns)
+    def _resonance(self, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:
+        """Return the point at which the multipliers meet on a step to a last point with real ones."""
+        real = np.sign(cosine_of_pair(self.problem.matrix(last)))
+        place = part.located(lambda p: cosine_of_pair(self.problem.matrix(p)) - real)
+        return [] if place is None or part.along(place.unknowns) <= 0.0 else [place]
 
-    def is_real(self, place: SolutionPoint) -> bool:
-        """Return whether the multipliers whose product is 1 are real."""
-        found = multipliers_of(self.matrix(place))
-        return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
-
-    def _matrices(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        d = self.orbits.dimension
-        return self.orbits(unknowns)[1][..., :d] + np.eye(d)
-
-    def _test(self, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-        unit = np.eye(matrices.shape[-1])
-        if self.kind is BifurcationKind.NEIMARK_SACKER:
-            return pairs_beside_one(np.linalg.eigvals(matrices).astype(np.complex128))
-        sign = 1.0 if self.kind is BifurcationKind.PERIOD_DOUBLING else -1.0
-        return np.asarray(np.linalg.det(matrices + sign * unit))
-
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        residual, slopes = self.orbits(unknowns)
-        d, m = self.orbits.dimension, len(unknowns)
-        offsets = _DIFFERENCE * np.eye(m)
-        around = np.concatenate([unknowns + offsets, unknowns - offsets])
-        tests = self._test(self._matrices(around))
-        gradient = (tests[:m] - tests[m:]) / (2.0 * _DIFFERENCE)
-        test = self._test(slopes[:, :d] + np.eye(d))
-        if self.kind is not BifurcationKind.PITCHFORK:
-            return np.append(residual, test), np.vstack([slopes, gradient])
-        # By symmetry the residual has no part along the left null vector, and the state none that breaks the symmetry.
-        broken = self.null @ (unknowns[:d] - self.symmetric)
-        residual = residual - (self.null @ residual) * self.null + broken * self.null
-        slopes = slopes - np.outer(self.null, self.null @ slopes)
-        slopes[:, :d] += np.outer(self.null, self.null)
-        gradient[:d] -= (gradient[:d] @ self.null) * self.null
-        return np.append(residual, test), np.vstack([slopes, gradient])
+    def curve(self, start: SolutionPoint) -> BifurcationCurve:
+        """Trace the curve on both sides of a point."""
+        ahead, last_end = self.side(start)
+        back, first_end = (
+            ([start], last_end) if last_end == "closed" else self.side(replace(start, tangent=-start.tangent))
+        )
+        places = [*back[:0:-1], *ahead]
+        orbits = self.problem.orbits
+        states, d = np.array([p.unknowns for p in places]) * orbits.scale, orbits.dimension
+        return BifurcationCurve(
+            kind=self.problem.kind,
+            parameters=self.names,
+            values=states[:, d:],
+            points=wrap(states[:, :d], orbits.point_map.coordinates),
+            multipliers=np.array([multipliers_of(self.problem.matrix(p)) for p in places]),
+            ends=(first_end, last_end),
+            _problem=self.problem,
+            _places=tuple(places),
+        )

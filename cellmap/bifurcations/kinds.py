@@ -1,4 +1,4 @@
-"""Kinds of bifurcations of periodic orbits."""
+"""Kinds of bifurcations of periodic orbits, of codimension one and two."""
 
 from __future__ import annotations
 
@@ -20,3 +20,30 @@ class BifurcationKind(StrEnum):
     """A complex pair of multipliers crosses the unit circle; without damping two pairs collide on it (Krein)."""
     DEGENERATE = "degenerate"
     """Several multipliers cross together, by symmetry or coincidence; the bifurcating branches are not determined."""
+
+
+class CodimensionTwoKind(StrEnum):
+    """Kinds of bifurcations of codimension two, points of a curve of bifurcations in two parameters."""
+
+    CUSP = "cusp"
+    """Fold whose quadratic coefficient vanishes: two curves of folds meet in a tip."""
+    GENERALISED_FLIP = "generalised flip"
+    """Period doubling whose cubic coefficient vanishes: a curve of folds of the doubled orbits begins."""
+    DEGENERATE_PITCHFORK = "degenerate pitchfork"
+    """Pitchfork whose cubic coefficient vanishes: a curve of folds of the asymmetric orbits begins."""
+    CHENCINER = "Chenciner"
+    """Neimark-Sacker bifurcation whose coefficient vanishes: a curve of folds of invariant circles begins."""
+    RESONANCE_1_1 = "1:1 resonance"
+    """Two multipliers +1 with one eigenvector: curves of folds and of Neimark-Sacker bifurcations meet."""
+    RESONANCE_1_2 = "1:2 resonance"
+    """Two multipliers -1 with one eigenvector: curves of period doublings and Neimark-Sacker bifurcations meet."""
+    RESONANCE_1_3 = "1:3 resonance"
+    """Neimark-Sacker bifurcation with multipliers exp(+-2 pi i/3)."""
+    RESONANCE_1_4 = "1:4 resonance"
+    """Neimark-Sacker bifurcation with multipliers +-i."""
+    FOLD_FLIP = "fold-flip"
+    """Multipliers +1 and -1."""
+    FOLD_NEIMARK_SACKER = "fold-Neimark-Sacker"
+    """A multiplier +1 and a complex pair on the unit circle."""
+    FLIP_NEIMARK_SACKER = "flip-Neimark-Sacker"
+    """A multiplier -1 and a complex pair on the unit circle."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,10 +13,9 @@ from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.multilinear import multilinear_forms
 from ..maps.point_map import PointMap
+from .centre_manifold import coefficient
 from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem, natural_sizes
-
-Vector = NDArray[np.complexfloating[Any, Any]]
 
 _TOLERANCE, _OF_DIFFERENCES = 1e-12, 1e-8  # of the derivatives
 _CERTAIN = 3.0  # errors that a coefficient is away from zero
@@ -150,14 +148,14 @@ def forms_at(
     found: list[NormalForm | None] = []
     for k in range(len(points)):
         first, second = (
-            _Reduction.of(kind, forms.linear[w, k], forms.quadratic[w, k], forms.cubic[w, k], sizes) for w in (0, 1)
+            Reduction.of(kind, forms.linear[w, k], forms.quadratic[w, k], forms.cubic[w, k], sizes) for w in (0, 1)
         )
         found.append(None if first is None or second is None else first.finished(second, sizes, forms.exact))
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class _Reduction:
+class Reduction:
     """Coefficient of a normal form, and the eigenvectors, in natural sizes.
 
     The critical multiplier is `off` the value that it should have; relative errors of derivatives change the
@@ -179,7 +177,7 @@ class _Reduction:
         b: NDArray[np.float64],
         c: NDArray[np.float64],
         sizes: NDArray[np.float64],
-    ) -> _Reduction | None:
+    ) -> Reduction | None:
         """Reduce a map with the derivatives A, B, C to the centre manifold; None without a complex pair."""
         unit = np.eye(len(a))
         critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
@@ -199,42 +197,12 @@ class _Reduction:
         if across < _SINGULAR:
             return cls(kind, complex(np.nan), off, np.inf, q, p)
         p = p / (p @ q)
-
-        def two(u: Vector, v: Vector) -> Vector:
-            return np.asarray(np.einsum("ijk,j,k", b, u, v))
-
-        def projected(u: Vector) -> complex:
-            terms.append(float(np.abs(p) @ np.abs(u)))
-            return complex(p @ u)
-
-        def solved(matrix: NDArray[Any], rhs: Vector) -> Vector:
-            gaps.append(float(np.linalg.svd(matrix, compute_uv=False)[-1]))
-            return np.asarray(np.linalg.solve(matrix, rhs))
-
-        terms, gaps = list[float](), [float(singular[-2]) if len(a) > 1 else 1.0]
-        three = np.asarray(np.einsum("ijkl,j,k,l", c, q, q, q.conj()))
-        try:
-            match kind:
-                case BifurcationKind.PERIOD_DOUBLING:
-                    value = (projected(three) + projected(3.0 * two(q, solved(unit - a, two(q, q))))) / 6.0
-                case BifurcationKind.NEIMARK_SACKER:
-                    mean = solved(unit - a, two(q, q.conj()))
-                    double = solved(critical**2 * unit - a, two(q, q))
-                    value = projected(three) + projected(2.0 * two(q, mean)) + projected(two(q.conj(), double))
-                    value /= 2.0 * critical
-                case BifurcationKind.PITCHFORK:
-                    bordered = np.block([[unit - a, q[:, None]], [p[None], np.zeros((1, 1))]])
-                    bent = solved(bordered, np.append(two(q, q), 0.0))[:-1]
-                    value = (projected(three) + projected(3.0 * two(q, bent))) / 6.0
-                case _:
-                    value = 0.5 * projected(two(q, q))
-        except np.linalg.LinAlgError:
-            value = complex(np.nan)
-        gap = min(1.0, *gaps)
+        value, size, gap = coefficient(kind, critical, (a, b, c), q, p)
+        gap = min(gap, float(singular[-2]) if len(a) > 1 else 1.0)
         condition = (1.0 + float(np.abs(a).max())) / (across * gap) if gap else np.inf
-        return cls(kind, value, off, condition * sum(terms), q, p)
+        return cls(kind, value, off, condition * size, q, p)
 
-    def finished(self, other: _Reduction, sizes: NDArray[np.float64], exact: bool) -> NormalForm:
+    def finished(self, other: Reduction, sizes: NDArray[np.float64], exact: bool) -> NormalForm:
         """Return the normal form, with an error from another evaluation."""
         value = self.coefficient
         tolerance = _TOLERANCE if exact else _OF_DIFFERENCES

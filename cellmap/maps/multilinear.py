@@ -36,12 +36,12 @@ class MultilinearForms:
 
 
 def multilinear_forms(
-    point_map: PointMap, points: NDArray[np.float64], periods: int, sizes: NDArray[np.float64]
+    point_map: PointMap, points: NDArray[np.float64], periods: int, sizes: NDArray[np.float64], once: bool = False
 ) -> MultilinearForms:
     """Return the derivatives of P^periods at points (n, D) by the first d state variables, of sizes (d,), with d <= D.
 
-    The higher variational equations are integrated where the formulas of the right-hand side are known.  A polynomial
-    of three variables at most follows from its values in as many directions as it has coefficients.
+    The higher variational equations are integrated where the formulas of the right-hand side are known; with `once`
+    there is no second evaluation of them.  A form follows from its values in as many directions as it has coefficients.
     """
     exact = point_map.without_table
     step = None if exact.spec is None else exact.spec.curve_step(_ORDER)
@@ -53,7 +53,7 @@ def multilinear_forms(
     linear, quadratic, cubic = found = tuple[list[NDArray[np.float64]], ...]([[], [], []])
     # Curves so long that derivatives are no smaller than the absolute tolerance asks for.
     least = max(1.0, 1.0 / float(sizes.min()))
-    for length in (least, _LONGER * least):
+    for length in (least,) if once else (least, _LONGER * least):
         curves = np.zeros((n, len(indices), _ORDER + 1, states))
         curves[:, :, 0] = points[:, None]
         curves[:, :, 1, :d] = length * directions * sizes

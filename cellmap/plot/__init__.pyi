@@ -1,5 +1,6 @@
 from ._animation import animate as animate
 from ._basins import basins as basins
+from ._bifurcation_curves import bifurcation_curves as bifurcation_curves
 from ._boundary_measures import basin_entropy as basin_entropy
 from ._boundary_measures import uncertainty_exponent as uncertainty_exponent
 from ._boundary_measures import wada as wada

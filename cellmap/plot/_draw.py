@@ -14,6 +14,7 @@ FIGURES = {
     "BasinContinuation": "basin_continuation",
     "BasinEntropy": "basin_entropy",
     "BasinStability": "basin_stability",
+    "BifurcationCurve": "bifurcation_curves",
     "BifurcationDiagram": "bifurcation_diagram",
     "BoundaryDistance": "boundary_distance",
     "BoxCount": "fit",

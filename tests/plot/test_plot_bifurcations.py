@@ -11,7 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from cellmap import angle, continue_orbit, discrete_map, periodic_orbit, plot, stability_map, stroboscopic_map
-from cellmap.bifurcations import Branch, Cascade, Crossing, StabilityMap, period_doubling_cascade, switch_branch
+from cellmap.bifurcations import (
+    Branch,
+    Cascade,
+    Crossing,
+    StabilityMap,
+    continue_bifurcation,
+    period_doubling_cascade,
+    switch_branch,
+)
 from cellmap.plot._stability import CROSSING_COLOURS
 from systems import driven_pendulum, henon_map, logistic_map
 
@@ -265,3 +273,25 @@ def test_bad_measured_points_are_refused(
     with pytest.raises(error, match=message):
         plot.stability_map(henon, measured=measured)
     assert len(plt.get_fignums()) == before
+
+
+# --- curves over two parameters
+
+
+def test_curves_of_bifurcations_have_their_points_of_codimension_two() -> None:
+    """Folds of the Henon map at a = -(1 - b)^2/4, doublings at a = 3 (1 - b)^2/4, with multipliers +-1 and b."""
+    exact = henon_map(0.2, 0.3)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -0.5, 1.4, step=0.05)
+    box = (-2.0, 4.0), (-1.5, 0.9)
+    curves = [continue_bifurcation(branch, b, "b", *box, step=0.05) for b in branch.bifurcations]
+    ax = plot.bifurcation_curves(curves)
+    assert [t.get_text() for t in ax.texts] == ["1:1", "1:2"]
+    assert legend_of(ax)[:2] == ["fold", "period doubling"]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a", "b")
+    np.testing.assert_allclose(marks(ax, "o"), [[-1.0, -1.0], [3.0, -1.0]], atol=1e-10)
+    a, b = curves[1].values.T
+    np.testing.assert_allclose(a, 0.75 * (1.0 - b) ** 2, atol=1e-11)
+    with pytest.raises(ValueError, match="same two parameters"):
+        plot.bifurcation_curves([curves[0], continue_bifurcation(branch, branch.bifurcations[0], "b", box[0], (-1, 1))])
+    with pytest.raises(TypeError, match="BifurcationCurve"):
+        plot.bifurcation_curves([branch])

@@ -1,0 +1,247 @@
+"""Bifurcations of codimension two on curves of bifurcations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import wrap
+from ..maps.multilinear import MultilinearForms, multilinear_forms
+from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
+from .arclength import ContinuationStep, SolutionPoint
+from .centre_manifold import coefficient
+from .kinds import BifurcationKind, CodimensionTwoKind
+from .normal_forms import Reduction
+from .singular_orbits import SingularOrbits
+
+_AT_PLACE = 1e-8  # part of its value at a neighbour that a test function may have where it vanishes
+_SMALL = 1e-3  # the same after a zero has been located
+_SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
+_REAL = 1e-6  # imaginary part of multipliers that are taken for real
+
+_FOLD, _FLIP = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
+_TORUS = BifurcationKind.NEIMARK_SACKER
+_CURVES = {
+    CodimensionTwoKind.GENERALISED_FLIP: {_FOLD},
+    CodimensionTwoKind.DEGENERATE_PITCHFORK: {_FOLD},
+    CodimensionTwoKind.RESONANCE_1_1: {_FOLD, _TORUS},
+    CodimensionTwoKind.RESONANCE_1_2: {_FLIP, _TORUS},
+    CodimensionTwoKind.FOLD_FLIP: {_FOLD, _FLIP},
+    CodimensionTwoKind.FOLD_NEIMARK_SACKER: {_FOLD, _TORUS},
+    CodimensionTwoKind.FLIP_NEIMARK_SACKER: {_FLIP, _TORUS},
+}
+"""Curves through points of codimension two."""
+
+_PAIRS = {CodimensionTwoKind.FOLD_NEIMARK_SACKER, CodimensionTwoKind.FLIP_NEIMARK_SACKER}
+_MET = {CodimensionTwoKind.RESONANCE_1_1, CodimensionTwoKind.RESONANCE_1_2}
+
+
+@dataclass(frozen=True, eq=False)
+class CodimensionTwo:
+    """Bifurcation of codimension two, a point of a curve of bifurcations.
+
+    Parameters
+    ----------
+    kind : CodimensionTwoKind
+        Kind of the bifurcation.
+    parameters : tuple of str
+        Names of the parameters.
+    values : ndarray, shape (2,)
+        Parameter values, in their units.
+    point : ndarray, shape (dimension,)
+        First point of the orbit, angles within their period.
+    multipliers : ndarray of complex, shape (dimension,)
+        Multipliers at the point.
+    place : int
+        The point lies between the points `place` and ``place + 1`` of the curve.
+    new_curve : BifurcationKind or None
+        Kind of the other curve that passes through the point or begins there, for :func:`switch_curve`; None if no
+        curve of bifurcations of periodic orbits is followed from there.
+    """
+
+    kind: CodimensionTwoKind
+    parameters: tuple[str, str]
+    values: NDArray[np.float64]
+    point: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    place: int
+    new_curve: BifurcationKind | None
+    _unknowns: NDArray[np.float64] = field(repr=False)
+
+    def __repr__(self) -> str:
+        where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))
+        return f"CodimensionTwo({self.kind} at {where})"
+
+
+def points_on(
+    problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint]
+) -> tuple[CodimensionTwo, ...]:
+    """Return the points of codimension two on a curve through places, in its order."""
+    tests = _Tests(problem)
+    unknowns = np.array([p.unknowns for p in places])
+    matrices, forms = problem.matrices(unknowns), tests.forms(unknowns)
+    found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
+    for k, (begin, end) in enumerate(pairwise(places)):
+        frame = tests.frame(matrices[k])
+        before, after = (tests.values(matrices[j], forms, j, frame) for j in (k, k + 1))
+        part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+        for kind in before.keys() & after.keys():
+            size = max(abs(before[kind]), abs(after[kind]))
+            at_begin, at_end = (abs(values[kind]) <= _AT_PLACE * size for values in (before, after))
+            if at_begin or at_end:
+                found[k + at_end, 0.0, kind] = end if at_end else begin
+            elif before[kind] * after[kind] < 0.0:
+                place = part.located(lambda p, kind=kind, frame=frame: tests.at(p, frame).get(kind, np.nan))  # type: ignore[misc]
+                # A test function changes its sign at a pole as well.
+                if place is not None and abs(tests.at(place, frame).get(kind, np.nan)) < _SMALL * size:
+                    found[k, abs(part.along(place.unknowns)), kind] = place
+    last = len(places) - 2
+    return tuple(
+        _point(problem, names, min(k, last), kind, place)
+        for (k, _, kind), place in sorted(found.items(), key=lambda f: f[0])
+        if tests.confirms(kind, place)
+    )
+
+
+def _point(
+    problem: SingularOrbits, names: tuple[str, str], place: int, kind: CodimensionTwoKind, at: SolutionPoint
+) -> CodimensionTwo:
+    orbits = problem.orbits
+    d, state = orbits.dimension, at.unknowns * orbits.scale
+    return CodimensionTwo(
+        kind=kind,
+        parameters=names,
+        values=state[d:],
+        point=wrap(state[:d], orbits.point_map.coordinates),
+        multipliers=multipliers_of(problem.matrix(at)),
+        place=place,
+        new_curve=next(iter(_CURVES.get(kind, set()) - {problem.kind}), None),
+        _unknowns=at.unknowns,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Tests:
+    """Test functions of the points of codimension two on a curve; each vanishes at one kind of them.
+
+    For a real multiplier eigenvectors are normalised by a `frame`, those of a point nearby, so that all is smooth.
+    """
+
+    problem: SingularOrbits
+
+    @property
+    def _critical(self) -> float:
+        return -1.0 if self.problem.kind is _FLIP else 1.0
+
+    def frame(self, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the right and the left unit eigenvector of the critical multiplier."""
+        left, _, right = np.linalg.svd(matrix - self._critical * np.eye(len(matrix)))
+        return right[-1], left[:, -1]
+
+    def forms(self, unknowns: NDArray[np.float64]) -> MultilinearForms:
+        """Return the derivatives of the map at unknowns (n, d + 2)."""
+        orbits = self.problem.orbits
+        return multilinear_forms(
+            orbits.swept, unknowns * orbits.scale, orbits.period, orbits.scale[: orbits.dimension], once=True
+        )
+
+    def at(
+        self, place: SolutionPoint, frame: tuple[NDArray[np.float64], NDArray[np.float64]]
+    ) -> dict[CodimensionTwoKind, float]:
+        """Return the test functions at a place."""
+        return self.values(self.problem.matrix(place), self.forms(place.unknowns[None]), 0, frame)
+
+    def values(
+        self,
+        matrix: NDArray[np.float64],
+        forms: MultilinearForms,
+        number: int,
+        frame: tuple[NDArray[np.float64], NDArray[np.float64]],
+    ) -> dict[CodimensionTwoKind, float]:
+        """Return the test functions at one of the points of the forms."""
+        kind = self.problem.kind
+        if not np.isfinite(matrix).all():
+            return {}
+        if kind is _TORUS:
+            return self._of_pairs(matrix, forms, number)
+        unit = np.eye(len(matrix))
+        shifted = matrix - self._critical * unit
+        bordered = np.block([[shifted, frame[1][:, None]], [frame[0][None], np.zeros((1, 1))]])
+        try:
+            inverse = np.linalg.inv(bordered)
+        except np.linalg.LinAlgError:
+            return {}
+        q, p = inverse[:-1, -1], inverse[-1, :-1]
+        others = _without(multipliers_of(matrix), self._critical)
+        found = {} if len(others) < 2 else {_with_pair(kind): float(pairs_beside_one(others))}
+        tensors = (forms.linear[0, number], forms.quadratic[0, number], forms.cubic[0, number])
+        reduced = coefficient(kind, self._critical, tensors, q, p)[0].real
+        if kind is BifurcationKind.PITCHFORK:
+            return {CodimensionTwoKind.DEGENERATE_PITCHFORK: reduced}
+        if kind is _FOLD:
+            found |= {CodimensionTwoKind.CUSP: reduced, CodimensionTwoKind.RESONANCE_1_1: float(p @ q)}
+        else:
+            found |= {CodimensionTwoKind.RESONANCE_1_2: float(p @ q)}
+            if abs(factor := _without_pole(matrix)) > _SINGULAR:
+                found[CodimensionTwoKind.GENERALISED_FLIP] = reduced * factor
+        return found | {CodimensionTwoKind.FOLD_FLIP: float(np.linalg.det(matrix + self._critical * unit))}
+
+    def resonances(self, matrix: NDArray[np.float64]) -> dict[CodimensionTwoKind, float]:
+        """Return the test functions of strong resonances on a curve of Neimark-Sacker bifurcations."""
+        if self.problem.kind is not _TORUS or not np.isfinite(matrix).all():
+            return {}
+        cosine = cosine_of_pair(matrix)
+        return {
+            CodimensionTwoKind.RESONANCE_1_1: cosine - 1.0,
+            CodimensionTwoKind.RESONANCE_1_2: cosine + 1.0,
+            CodimensionTwoKind.RESONANCE_1_3: cosine + 0.5,
+            CodimensionTwoKind.RESONANCE_1_4: cosine,
+        }
+
+    def _of_pairs(
+        self, matrix: NDArray[np.float64], forms: MultilinearForms, number: int
+    ) -> dict[CodimensionTwoKind, float]:
+        found = self.resonances(matrix)
+        multipliers = multipliers_of(matrix)
+        others = np.delete(multipliers, pair_on_circle(multipliers))
+        if len(others):
+            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = float(np.prod(others - 1.0).real)
+            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = float(np.prod(others + 1.0).real)
+        sizes = self.problem.orbits.scale[: len(matrix)]
+        tensors = (forms.linear[0, number], forms.quadratic[0, number], forms.cubic[0, number])
+        reduced = Reduction.of(self.problem.kind, *tensors, sizes)
+        factor = _without_pole(matrix)
+        if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR:
+            found[CodimensionTwoKind.CHENCINER] = reduced.coefficient.real * factor
+        return found
+
+    def confirms(self, kind: CodimensionTwoKind, place: SolutionPoint) -> bool:
+        """Return whether the pair of multipliers that a kind asks for is complex."""
+        multipliers = multipliers_of(self.problem.matrix(place))
+        if kind in _MET or (self.problem.kind is not _TORUS and kind not in _PAIRS):
+            return True
+        pair = multipliers if self.problem.kind is _TORUS else _without(multipliers, self._critical)
+        return bool(abs(pair[pair_on_circle(pair)[0]].imag) > _REAL)
+
+
+def cosine_of_pair(matrix: NDArray[np.float64]) -> float:
+    """Return half the sum of the two multipliers whose product is nearest to 1."""
+    multipliers = multipliers_of(matrix)
+    return float(multipliers[list(pair_on_circle(multipliers))].sum().real / 2.0)
+
+
+def _without_pole(matrix: NDArray[np.float64]) -> float:
+    """Return det(I - M), by which coefficients with the inverse of I - M stay finite where a multiplier is 1."""
+    return float(np.linalg.det(np.eye(len(matrix)) - matrix))
+
+
+def _without(multipliers: NDArray[np.complex128], critical: float) -> NDArray[np.complex128]:
+    return np.delete(multipliers, np.argmin(np.abs(multipliers - critical)))
+
+
+def _with_pair(kind: BifurcationKind) -> CodimensionTwoKind:
+    return CodimensionTwoKind.FLIP_NEIMARK_SACKER if kind is _FLIP else CodimensionTwoKind.FOLD_NEIMARK_SACKER
