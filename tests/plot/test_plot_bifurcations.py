@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sqrt
 from typing import Any
 
@@ -292,6 +293,6 @@ def test_curves_of_bifurcations_have_their_points_of_codimension_two() -> None:
     a, b = curves[1].values.T
     np.testing.assert_allclose(a, 0.75 * (1.0 - b) ** 2, atol=1e-11)
     with pytest.raises(ValueError, match="same two parameters"):
-        plot.bifurcation_curves([curves[0], continue_bifurcation(branch, branch.bifurcations[0], "b", box[0], (-1, 1))])
+        plot.bifurcation_curves([curves[0], replace(curves[1], parameters=("b", "a"))])
     with pytest.raises(TypeError, match="BifurcationCurve"):
         plot.bifurcation_curves([branch])
