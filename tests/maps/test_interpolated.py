@@ -38,11 +38,9 @@ def pendulum_table(pendulum) -> PointMap:
 
 # --- order of convergence
 
-LARGE = ("tube", "coupled standard maps")
-
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in SMOOTH])
+@pytest.mark.parametrize("name", SMOOTH)
 def test_order_of_convergence(name, order):
     """The error falls as h^(order + 1): slope of log(error) over three tables, each twice as fine."""
     coarsest = SMOOTH[name][3][order]

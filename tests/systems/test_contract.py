@@ -54,13 +54,8 @@ MAPS = [name for name in FACTORIES if name not in FLOWS]
 EVERY = pytest.mark.parametrize("name", FACTORIES)
 
 
-def at_once(names: list[str]) -> list[Any]:
-    """Names of which those that compile for long wait for the slow tests."""
-    return [pytest.param(name, marks=[pytest.mark.slow] if name == "triple_pendulum" else []) for name in names]
-
-
-EVERY_FLOW = pytest.mark.parametrize("name", at_once(FLOWS))
-EVERY_SMOOTH_FLOW = pytest.mark.parametrize("name", at_once(SMOOTH_FLOWS))
+EVERY_FLOW = pytest.mark.parametrize("name", FLOWS)
+EVERY_SMOOTH_FLOW = pytest.mark.parametrize("name", SMOOTH_FLOWS)
 EVERY_JUMPING_FLOW = pytest.mark.parametrize("name", JUMPING_FLOWS)
 EVERY_MAP = pytest.mark.parametrize("name", MAPS)
 ELEMENTARY = ("sin", "cos", "exp", "sqrt")
