@@ -17,6 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 MADE_BY = {
     "Attractor": "find_attractors",
     "Axes": "matplotlib.pyplot.subplots",
+    "AttractorAtlas": "attractor_atlas",
     "Ball": "largest_ball",
     "BasinContinuation": "continue_basins",
     "BasinEntropy": "basin_entropy",

@@ -1,3 +1,6 @@
+from .atlas import attractor_atlas as attractor_atlas
+from .atlas_record import AttractorAtlas as AttractorAtlas
+from .atlas_record import AttractorFamily as AttractorFamily
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .bifurcation_curve import switch_curve as switch_curve
@@ -6,6 +9,7 @@ from .branch import Branch as Branch
 from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
 from .codimension_two import CodimensionTwo as CodimensionTwo
+from .coexistence import AtlasKind as AtlasKind
 from .crossings import Crossing as Crossing
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram

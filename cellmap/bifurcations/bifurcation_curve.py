@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, shown, whole_number
+from .._lib.conversions import ConvertsToDataFrame
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
-from ..maps.coordinates import wrap
+from ..maps.coordinates import Coordinate, wrap
 from ..orbits.multipliers import multipliers_of
 from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
 from .branch import Bifurcation, Branch
@@ -23,7 +24,7 @@ from .singular_orbits import SingularOrbits
 
 
 @dataclass(frozen=True, eq=False)
-class BifurcationCurve:
+class BifurcationCurve(ConvertsToDataFrame):
     """Curve of a bifurcation in the plane of two parameters.
 
     Parameters
@@ -50,6 +51,11 @@ class BifurcationCurve:
     ends: tuple[str, str]
     _problem: SingularOrbits = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """State variables."""
+        return self._problem.orbits.point_map.coordinates
 
     @property
     def period(self) -> int:

@@ -12,6 +12,7 @@ from ..attractors.labels import LABEL_NAMES
 from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
 from ..basins.record import Basins
+from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.equilibrium_stability import StabilityMap
@@ -31,7 +32,7 @@ def to_xarray(result: Any) -> Any:
 
     Parameters
     ----------
-    result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap or ExponentField
+    result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, AttractorAtlas or ExponentField
         What is to be converted.
 
     Returns
@@ -72,7 +73,7 @@ def to_xarray(result: Any) -> Any:
 def _converted(result: Any) -> Any:
     raise TypeError(
         f"result={shown(result)}: give Basins, a Certificate, a BasinContinuation, a BifurcationDiagram, a "
-        "StabilityMap or an ExponentField"
+        "StabilityMap, an AttractorAtlas or an ExponentField"
     )
 
 
@@ -211,6 +212,25 @@ def _(result: StabilityMap) -> Any:
         f"boundary_{y}": ("boundary", points["y"]),
     }
     return xarray_package().Dataset(variables, coords=coords, attrs=about(result, "Stability map"))
+
+
+@_converted.register
+def _(result: AttractorAtlas) -> Any:
+    x, y = variable_names(result.parameters)
+    families = range(len(result.families))
+    fractions = np.array([result.fraction(k) for k in families]).reshape(len(families), result.y.size, result.x.size)
+    variables = {
+        "number": ((y, x), result.number, {"long_name": "attractors found", "units": "1"}),
+        "fractions": (("family", y, x), fractions, {"long_name": "fraction of the initial conditions", "units": "1"}),
+        "escaped": ((y, x), result.escaped, {"long_name": "orbits that terminated"}),
+        "undecided": ((y, x), result.undecided, {"long_name": "orbits that neither converged nor are chaotic"}),
+    }
+    coords = {
+        x: (x, result.x, {"long_name": result.parameters[0]}),
+        y: (y, result.y, {"long_name": result.parameters[1]}),
+        "family": ("family", np.array([family.name for family in result.families], object)),
+    }
+    return xarray_package().Dataset(variables, coords=coords, attrs=about(result, f"Attractors of {result.system}"))
 
 
 @_converted.register

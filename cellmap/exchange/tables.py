@@ -9,7 +9,10 @@ import numpy as np
 
 from .._lib.checks import is_sequence, shown
 from ..basins.record import Basins
+from ..bifurcations.atlas_record import AttractorAtlas
+from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch
+from ..bifurcations.coexistence import AtlasKind
 from ..bifurcations.diagram import BifurcationDiagram
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, distinct_names
@@ -19,13 +22,15 @@ from .optional import pandas_package
 def to_dataframe(result: Any) -> Any:
     """Return a result as a table of pandas.
 
-    The method `to_dataframe` of Basins, Branch and BifurcationDiagram does the same.
+    The method `to_dataframe` of Basins, Branch, BifurcationCurve, BifurcationDiagram and AttractorAtlas does the same.
 
     Parameters
     ----------
-    result : Basins, sequence of Attractor, Branch, sequence of Bifurcation, or BifurcationDiagram
-        Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them; a
-        branch one for each of its points; a diagram one for each recorded point.
+    result : Basins, sequence of Attractor, Branch, BifurcationCurve, sequence of Bifurcation, BifurcationDiagram, \
+AttractorAtlas
+        Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them, in an
+        atlas with their parameters; a branch or curve one for each of its points; a diagram one for each recorded
+        point.
 
     Returns
     -------
@@ -64,6 +69,10 @@ def _columns(result: Any) -> dict[str, Any]:
         }
     if isinstance(result, Branch):
         return _branch_columns(result)
+    if isinstance(result, BifurcationCurve):
+        return _curve_columns(result)
+    if isinstance(result, AttractorAtlas):
+        return _atlas_columns(result)
     if isinstance(result, BifurcationDiagram):
         return _diagram_columns(result)
     if is_sequence(result) and len(result):
@@ -72,8 +81,8 @@ def _columns(result: Any) -> dict[str, Any]:
         if all(isinstance(row, Bifurcation) for row in result):
             return _bifurcation_columns(result)
     raise TypeError(
-        f"result={shown(result)}: give Basins, a Branch, a BifurcationDiagram, or a sequence of Attractor or of "
-        "Bifurcation"
+        f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
+        "or a sequence of Attractor or of Bifurcation"
     )
 
 
@@ -99,6 +108,33 @@ def _branch_columns(branch: Branch) -> dict[str, Any]:
         **{name: branch.points[:, j] for j, name in enumerate(names)},
         "largest_multiplier": np.abs(branch.multipliers[:, 0]),
         "unstable": branch.unstable,
+    }
+
+
+def _curve_columns(curve: BifurcationCurve) -> dict[str, Any]:
+    names = _different(curve.coordinates, f"{' '.join(curve.parameters)} kind largest_multiplier argument")
+    return {
+        "kind": [str(curve.kind)] * len(curve.values),
+        **dict(zip(curve.parameters, curve.values.T, strict=True)),
+        **{name: curve.points[:, j] for j, name in enumerate(names)},
+        "largest_multiplier": np.abs(curve.multipliers[:, 0]),
+        "argument": np.angle(curve.multipliers[:, 0]),
+    }
+
+
+def _atlas_columns(atlas: AttractorAtlas) -> dict[str, Any]:
+    fixed = "kind period family count fraction largest_modulus"
+    names = _different(atlas.coordinates, f"{' '.join(atlas.parameters)} {fixed}")
+    return {
+        atlas.parameters[0]: atlas.x[atlas.columns],
+        atlas.parameters[1]: atlas.y[atlas.rows],
+        "family": atlas.family,
+        "kind": [AtlasKind(k).name.lower() for k in atlas.kind.tolist()],
+        "period": atlas.period,
+        **{name: atlas.points[:, j] for j, name in enumerate(names)},
+        "largest_modulus": atlas.modulus,
+        "count": atlas.counts,
+        "fraction": atlas.counts / atlas.settings["initial_conditions"],
     }
 
 

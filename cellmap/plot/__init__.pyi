@@ -1,4 +1,5 @@
 from ._animation import animate as animate
+from ._atlas import attractor_atlas as attractor_atlas
 from ._basins import basins as basins
 from ._bifurcation_curves import bifurcation_curves as bifurcation_curves
 from ._boundary_measures import basin_entropy as basin_entropy

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from .._lib.checks import shown
 
 FIGURES = {
+    "AttractorAtlas": "attractor_atlas",
     "Basins": "basins",
     "BasinContinuation": "basin_continuation",
     "BasinEntropy": "basin_entropy",

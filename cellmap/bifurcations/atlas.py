@@ -1,0 +1,197 @@
+"""Atlas of attractors: which attractors coexist at the points of a plane of two parameters, and where that changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
+from .._lib.signatures import checked
+from .._lib.tiles import check_client, completed
+from ..maps.coordinates import state_points, turns_of
+from ..maps.orbit_batch import Orbits
+from ..maps.parameters_as_states import swept_map
+from ..maps.point_map import PointMap
+from .atlas_curves import borders_of, curves_at
+from .atlas_families import families_of
+from .atlas_record import AttractorAtlas, AttractorFamily
+from .atlas_spreading import slow_ones, spread
+from .coexistence import AtlasKind, Attractors, Explorer
+
+_ORBITS = 32768  # in a tile
+_PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,
+_PILOT_PERIODS = 32  # after as many periods
+
+
+@checked
+def attractor_atlas(
+    point_map: PointMap,
+    x: tuple[str, ArrayLike],
+    y: tuple[str, ArrayLike],
+    initial_conditions: ArrayLike,
+    max_periods: int = 400,
+    max_period: int = 8,
+    curves: int = 12,
+    progress: bool = False,
+    client: Any = None,
+) -> AttractorAtlas:
+    """Compute which attractors coexist over a plane of two parameters, with what fractions of initial conditions.
+
+    At every point of the grid every initial condition is iterated, all in SIMD lanes.  Orbits that nearly return are
+    refined by Newton's method to periodic points.  A stable orbit gets ellipsoids: the largest, up to a quarter of the
+    extent of the initial conditions, on which images of 16 points (in the plane), on it and on all smaller ones down
+    to 1/128 by factors of 2, are nearer to the orbit.  An orbit that enters one has converged.  This is evidence, not
+    the proof that the trapping regions of :func:`find_attractors` are: compare points of interest with
+    :func:`find_basins`.  What has not converged after `max_periods` is classified by the largest Lyapunov exponent of
+    one orbit at the parameter point.
+
+    Periodic attractors are looked for at the neighbouring points too, where no initial condition may have reached them.
+    Attractors at neighbouring points form families.  Where a family ends, its orbit is continued across the border, and
+    the bifurcation found is continued through the plane, so that borders are known to rounding error instead of to a
+    cell.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; for an interpolated map, its exact map is used.  A loose tolerance, such as 1e-6, saves a third of the
+        time.
+    x, y : tuple of str and array_like
+        Name of each parameter and its values, at least 2, increasing, in its unit.
+    initial_conditions : array_like, shape (k, dimension)
+        Initial conditions at every parameter point.
+    max_periods : int, optional
+        Longest orbit.
+    max_period : int, optional
+        Longest period of periodic attractors.
+    curves : int, optional
+        Largest number of bifurcation curves; 0 for none.
+    progress : bool, optional
+        Show progress on a terminal.  Ctrl-C ends the work between two tiles.
+    client : distributed.Client, optional
+        Dask cluster that works; by default the threads of this process do.
+
+    Returns
+    -------
+    AttractorAtlas
+        Attractors, counts of initial conditions, families and curves.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For unknown or equal parameters, values that do not increase, and initial conditions that are not rows.
+    MemoryError
+        If the atlas needs more memory than is free.
+
+    References
+    ----------
+    Datseris, Luiz Rossi, Wagemakers, Chaos 33 (2023) 073151 (basin fractions over parameters); Keller, in *Applications
+    of Bifurcation Theory* (1977) 359 (curves).
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
+    >>> axes = ("a", np.linspace(0.0, 0.9, 31)), ("b", np.linspace(0.1, 0.4, 16))
+    >>> atlas = attractor_atlas(henon, *axes, [[0.0, 0.0], [0.3, 0.1]])
+    >>> atlas.families[:2]
+    (AttractorFamily(period 1, at ... parameter points), AttractorFamily(period 2, at ... parameter points))
+    >>> a, b = atlas.curves[0].values.T
+    >>> bool((abs(a - 0.75 * (1 - b)**2) < 1e-10).all())
+    True
+    """
+    exact = point_map.without_table
+    (first, across), (second, up) = (_axis(label, given, exact) for label, given in (("x", x), ("y", y)))
+    if first == second:
+        raise ValueError(f"y has the parameter {second!r} of x: give two parameters")
+    states = state_points("initial_conditions", initial_conditions, exact.coordinates)
+    if states.ndim != 2 or not len(states):
+        raise ValueError(
+            f"initial_conditions has shape {states.shape}: give rows in an array of shape (n, {exact.dimension})"
+        )
+    periods = whole_number("max_periods", max_periods, at_least=1)
+    longest = whole_number("max_period", max_period, at_least=1)
+    most = whole_number("curves", curves)
+    check_client(client)
+    shape = up.size, across.size
+    claim_memory(f"an atlas of {shape[1]} x {shape[0]}", 8 * across.size * up.size * 40, "give fewer values")
+    values = np.stack(np.broadcast_arrays(across, up[:, None]), axis=-1).reshape(-1, 2)
+    swept = swept_map(exact, first, second)
+    job = Explorer(swept, states, _extent(swept, states, values), periods, longest)
+    tile = max(1, _ORBITS // len(states))
+    label = f"atlas of {exact.name}" if progress else None
+    numbers = range(-(-len(values) // tile))
+    parts = dict(completed(numbers, lambda k: values[k * tile : (k + 1) * tile], job, client, label))
+    found = Attractors.joined(*(parts[k][0].shifted(k * tile) for k in numbers))
+    escaped, undecided = (np.concatenate([parts[k][j] for k in numbers]).reshape(shape) for j in (1, 2))
+    found = spread(job, values, shape, found, label)
+    slow = slow_ones(found)
+    undecided.ravel()[found.place[slow]] += found.count[slow]
+    found = found[np.flatnonzero(~slow)]
+    found = found[np.lexsort((found.point[:, 0], found.period, found.kind, found.place))]
+    family = families_of(found, shape)
+    borders = borders_of(found, family, shape)
+    names = (first, second)
+    label = "bifurcation curves" if progress else None
+    lines, explained = curves_at(exact, names, (across, up), found, borders, most, label)
+    return AttractorAtlas(
+        system=exact.name,
+        parameters=names,
+        x=across,
+        y=up,
+        rows=found.place // across.size,
+        columns=found.place % across.size,
+        kind=found.kind,
+        period=found.period,
+        rotations=found.rotations,
+        points=found.point,
+        modulus=found.modulus,
+        counts=found.count,
+        family=family,
+        families=_families(found, family),
+        escaped=escaped,
+        undecided=undecided,
+        curves=lines,
+        explained=float(np.mean(explained)) if explained.size else float("nan"),
+        coordinates=exact.coordinates,
+        params={key: value for key, value in exact.params.items() if key not in names},
+        settings={"initial_conditions": len(states), "max_periods": periods, "max_period": longest, "curves": most},
+    )
+
+
+def _families(found: Attractors, family: NDArray[np.int64]) -> tuple[AttractorFamily, ...]:
+    one = np.unique(family, return_index=True)[1]
+    size = np.bincount(family, minlength=len(one))
+    return tuple(
+        AttractorFamily(
+            AtlasKind(int(found.kind[k])), int(found.period[k]), tuple(found.rotations[k].tolist()), int(size[n])
+        )
+        for n, k in enumerate(one)
+    )
+
+
+def _extent(swept: PointMap, states: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the typical size of each coordinate: the period of an angle, or the span of states and of some images."""
+    d = states.shape[1]
+    some, few = values[:: -(-len(values) // _PILOTS)], states[:: -(-len(states) // _PILOTS)]
+    orbits = Orbits.starting(np.column_stack([np.tile(few, (len(some), 1)), np.repeat(some, len(few), axis=0)]))
+    swept.advance(orbits, _PILOT_PERIODS)
+    images = orbits.points[orbits.alive, :d]
+    ends = np.quantile(images, (0.05, 0.95), axis=0) if len(images) else states[:2]
+    span = np.ptp(np.concatenate([states, ends]), axis=0)
+    size = np.where(span > 0.0, span, np.where(np.abs(states[0]) > 0.0, np.abs(states[0]), 1.0))
+    turn = turns_of(swept.coordinates)[1][:d]
+    return np.where(turn > 0.0, turn, size)
+
+
+def _axis(label: str, given: tuple[str, ArrayLike], exact: PointMap) -> tuple[str, NDArray[np.float64]]:
+    try:
+        name, values = given
+    except (TypeError, ValueError):
+        raise TypeError(f"{label}={shown(given)}: give a pair of a parameter's name and its values") from None
+    known_parameter(f"{label}[0]", name, exact.params)
+    axis = monotone_values(f"{label}[1]", values)
+    if axis.size < 2 or axis[0] > axis[-1]:
+        raise ValueError(f"{label}[1]={shown(values)}: give at least 2 values in increasing order")
+    return name, axis

@@ -1,0 +1,160 @@
+"""Bifurcation curves at the borders of families in an atlas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.threads import progress_bar
+from ..maps.point_map import PointMap
+from ..orbits.newton import closed_orbit, newton
+from .bifurcation_curve import BifurcationCurve, continue_bifurcation
+from .branch import Bifurcation, BifurcationKind, Branch
+from .coexistence import Attractors
+from .orbit_continuation import continue_orbit
+
+_CLOSE = 1.5  # cells between a curve and a border that it explains
+_BEYOND = 4  # cells beyond a border up to which an orbit is followed
+_TRIES = 3  # borders of one family from which no curve is found, after which its others are left
+_STEP = 0.02  # of curves, as a fraction of the window
+_SMALLEST = 4  # parameter points of a family whose borders are looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """Borders of families: pairs of neighbouring parameter points, of which the first has the family.
+
+    ``row`` (n,) is the attractor, ``family`` (n,) its family, ``axis`` (n,) the parameter that changes and ``side``
+    (n,) the sign of the change; ``middle`` (n, 2) the point between, in units of the grid.
+    """
+
+    row: NDArray[np.int64]
+    family: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    side: NDArray[np.int64]
+    middle: NDArray[np.float64]
+
+
+def borders_of(attractors: Attractors, family: NDArray[np.int64], shape: tuple[int, int]) -> Borders:
+    """Return the borders of families of periodic orbits within the grid."""
+    ny, nx = shape
+    periodic = attractors.period > 0
+    periodic &= np.bincount(family, minlength=1)[family] >= _SMALLEST
+    keys = np.unique(family * (ny * nx) + attractors.place)
+    parts = []
+    for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        place = np.stack([attractors.place % nx, attractors.place // nx], axis=-1)
+        there = place.copy()
+        there[:, axis] += side
+        inside = (there[:, axis] >= 0) & (there[:, axis] < (nx, ny)[axis])
+        other = family * (ny * nx) + there[:, 1] * nx + there[:, 0]
+        rows = np.flatnonzero(periodic & inside & ~np.isin(other, keys))
+        ones = np.ones(len(rows), np.int64)
+        parts.append((rows, family[rows], axis * ones, side * ones, 0.5 * (place[rows] + there[rows])))
+    return Borders(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def curves_at(
+    exact: PointMap,
+    names: tuple[str, str],
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    attractors: Attractors,
+    borders: Borders,
+    most: int,
+    progress: str | None,
+) -> tuple[tuple[BifurcationCurve, ...], NDArray[np.bool_]]:
+    """Return bifurcation curves through borders, the longest border first, and which borders (n,) lie on them."""
+    explained = np.zeros(len(borders.row), bool)
+    tried = np.zeros(len(borders.row), bool)
+    curves: list[BifurcationCurve] = []
+    misses: dict[int, int] = {}
+    with progress_bar(len(explained), progress) as tick:
+        while len(curves) < most and not (explained | tried).all():
+            left = np.flatnonzero(~(explained | tried))
+            family = int(np.bincount(borders.family[left]).argmax())
+            mine = left[borders.family[left] == family]
+            border = mine[len(mine) // 2]
+            tried[border] = True
+            curve = _curve(exact, names, axes, attractors, borders, border)
+            close = np.zeros(len(explained), bool) if curve is None else _beside(curve, names, axes, borders.middle)
+            if curve is not None and (close & ~explained).any():
+                curves.append(curve)
+                tick(int(np.count_nonzero(close & ~explained)))
+                explained |= close
+            else:
+                misses[family] = misses.get(family, 0) + 1
+                if misses[family] == _TRIES:
+                    tried[mine] = True
+    return tuple(curves), explained
+
+
+def _curve(
+    exact: PointMap,
+    names: tuple[str, str],
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    attractors: Attractors,
+    borders: Borders,
+    border: int,
+) -> BifurcationCurve | None:
+    """Return the curve of the bifurcation at which an orbit loses its stability or ends across a border."""
+    row, axis, side = borders.row[border], int(borders.axis[border]), int(borders.side[border])
+    nx = len(axes[0])
+    place = attractors.place[row] % nx, attractors.place[row] // nx
+    here = {name: float(a[k]) for name, a, k in zip(names, axes, place, strict=True)}
+    along, name = axes[axis], names[axis]
+    end = float(along[np.clip(place[axis] + side * _BEYOND, 0, len(along) - 1)])
+    back = float(along[np.clip(place[axis] - side, 0, len(along) - 1)])
+    point_map = exact.with_params(**here)
+    extent = np.maximum(np.abs(attractors.point[row]), 1.0)
+    period = int(attractors.period[row])
+    solution, settled = newton(point_map, attractors.point[row][None], np.array([period]), extent)
+    if not settled[0]:
+        return None
+    orbit = closed_orbit(point_map, solution[0], period, extent)
+    low, high = min(end, back), max(end, back)
+    try:
+        branch = continue_orbit(point_map, orbit, name, low, high, step=0.1, max_points=100)
+        at = _first(branch, here[name], side)
+        if at is None:
+            return None
+        other = axes[1 - axis]
+        first, second = ((float(a[0]), float(a[-1])) for a in (along, other))
+        return continue_bifurcation(branch, at, names[1 - axis], first, second, step=_STEP, max_points=400)
+    except ValueError:
+        return None
+
+
+def _first(branch: Branch, value: float, side: int) -> Bifurcation | None:
+    """Return the bifurcation nearest to a value on one side of it at which the orbit gains or loses stability."""
+    found = [
+        b
+        for b in branch.bifurcations
+        if side * (b.value - value) >= 0.0
+        and 0 in (b.before, b.after)
+        and b.kind not in (BifurcationKind.TRANSCRITICAL, BifurcationKind.DEGENERATE)
+    ]
+    return min(found, key=lambda b: abs(b.value - value), default=None)
+
+
+def _beside(
+    curve: BifurcationCurve,
+    names: tuple[str, str],
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    middle: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Return which points (n, 2), in units of the grid, are close to a curve."""
+    from scipy.spatial import cKDTree
+
+    places = np.column_stack(
+        [
+            np.interp(curve.values[:, curve.parameters.index(name)], axis, np.arange(len(axis), dtype=float))
+            for name, axis in zip(names, axes, strict=True)
+        ]
+    )
+    pieces = np.diff(places, axis=0)
+    fine = [places]
+    for k in range(1, steps := int(np.ceil(np.abs(pieces).max(initial=0.0))) + 1):
+        fine.append(places[:-1] + pieces * (k / steps))
+    return np.asarray(cKDTree(np.concatenate(fine)).query(middle)[0] <= _CLOSE)

@@ -1,0 +1,83 @@
+"""Families of attractors in an atlas: those of neighbouring parameter points that continue each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .coexistence import Attractors
+
+_APART = 0.3  # distance of means over orbits, in extents or radians, within which neighbours continue each other
+
+
+@dataclass(frozen=True, eq=False)
+class Directory:
+    """Attractors sorted by parameter point and species, which is what kind, period and full rotations make up."""
+
+    place: NDArray[np.int64]
+    species: NDArray[np.int64]
+    centre: NDArray[np.float64]
+    order: NDArray[np.int64]
+    keys: NDArray[np.int64]
+    width: int
+
+    @classmethod
+    def of(cls, attractors: Attractors) -> Directory:
+        """Sort attractors."""
+        alike = np.column_stack([attractors.kind, attractors.period, attractors.rotations])
+        species = np.unique(alike, axis=0, return_inverse=True)[1].ravel()
+        width = int(species.max(initial=0)) + 1
+        keys = attractors.place * width + species
+        order = np.argsort(keys, kind="stable")
+        return cls(attractors.place, species, attractors.centre, order, keys[order], width)
+
+    def nearest(
+        self, species: NDArray[np.int64], centre: NDArray[np.float64], places: NDArray[np.int64], within: float = _APART
+    ) -> NDArray[np.int64]:
+        """Return the nearest attractors of some species at places, to means (n, 2 d); -1 where there is none near."""
+        best, found = np.full(len(species), within), np.full(len(species), -1)
+        rows, wanted = np.arange(len(species)), places * self.width + species
+        at = np.searchsorted(self.keys, wanted)
+        while len(rows):
+            there = (at < len(self.keys)) & (self.keys[np.minimum(at, len(self.keys) - 1)] == wanted)
+            rows, at, wanted = rows[there], at[there], wanted[there]
+            other = self.order[at]
+            apart = np.abs(centre[rows] - self.centre[other]).max(axis=-1, initial=0.0)
+            closer = apart < best[rows]
+            best[rows[closer]], found[rows[closer]] = apart[closer], other[closer]
+            at = at + 1
+        return found
+
+
+def families_of(attractors: Attractors, shape: tuple[int, int]) -> NDArray[np.int64]:
+    """Return the number of the family of each attractor, the family at most parameter points first.
+
+    Attractors of neighbouring points of the grid belong to one family if they have kind, period and full rotations in
+    common, and each is the nearest such neighbour of the other.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(attractors)
+    if not n:
+        return np.empty(0, np.int64)
+    directory = Directory.of(attractors)
+    column = attractors.place % shape[1]
+    ends = []
+    for step, inside in ((1, column < shape[1] - 1), (shape[1], attractors.place < (shape[0] - 1) * shape[1])):
+        rows = np.flatnonzero(inside)
+        there = directory.nearest(directory.species[rows], attractors.centre[rows], attractors.place[rows] + step)
+        rows, there = rows[there >= 0], there[there >= 0]
+        back = directory.nearest(directory.species[there], attractors.centre[there], attractors.place[rows])
+        ends.append(np.stack([rows, there])[:, back == rows])
+    first, second = np.concatenate(ends, axis=1)
+    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(n, n))
+    number = connected_components(links, directed=False)[1]
+    size = np.bincount(number)
+    begin = np.full(len(size), n)
+    np.minimum.at(begin, number, np.arange(n))
+    rank = np.empty(len(size), np.int64)
+    rank[np.lexsort((begin, -size))] = np.arange(len(size))
+    return rank[number]

@@ -1,0 +1,174 @@
+"""Atlases of attractors over two parameters, as records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import whole_number
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate
+from .bifurcation_curve import BifurcationCurve
+from .coexistence import AtlasKind
+
+
+@dataclass(frozen=True, eq=False)
+class AttractorFamily:
+    """Attractors of neighbouring parameter points that continue each other.
+
+    Parameters
+    ----------
+    kind : AtlasKind
+        Kind of the attractors.
+    period : int
+        Period in steps of the map; 0 without one.
+    rotations : tuple of int
+        Full rotations of each coordinate in one period.
+    size : int
+        Number of parameter points at which there is one of them.
+    """
+
+    kind: AtlasKind
+    period: int
+    rotations: tuple[int, ...]
+    size: int
+
+    @property
+    def name(self) -> str:
+        """Short description, such as ``"period 2"`` or ``"rotating, period 1, winding number +1"``."""
+        if not self.period:
+            return self.kind.name.lower().replace("quasi", "quasi-")
+        text = f"rotating, period {self.period}" if self.kind is AtlasKind.ROTATING else f"period {self.period}"
+        return text + "".join(f", winding number {t:+d}" for t in self.rotations if t)
+
+    def __repr__(self) -> str:
+        return f"AttractorFamily({self.name}, at {self.size} parameter points)"
+
+
+@dataclass(frozen=True, eq=False)
+class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
+    """Attractors and fractions of initial conditions over two parameters.
+
+    The grid has the shape (ny, nx); attractors are the n rows of a table.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    parameters : tuple of str
+        Names of the parameters along x and y.
+    x, y : ndarray, shapes (nx,) and (ny,)
+        Their values, increasing.
+    rows, columns : ndarray of int, shape (n,)
+        Place of each attractor: its parameters are ``x[columns]`` and ``y[rows]``.
+    kind : ndarray of int, shape (n,)
+        An :class:`AtlasKind`.
+    period : ndarray of int, shape (n,)
+        Period in steps of the map; 0 for quasi-periodic and chaotic ones.
+    rotations : ndarray of int, shape (n, dimension)
+        Full rotations of each coordinate in one period.
+    points : ndarray, shape (n, dimension)
+        A point of each attractor.
+    modulus : ndarray, shape (n,)
+        Largest modulus of the multipliers; for the others the factor exp(largest Lyapunov exponent) per step.
+    counts : ndarray of int, shape (n,)
+        Initial conditions whose orbits converge to it; 0 for one that was found from a neighbouring parameter point.
+    family : ndarray of int, shape (n,)
+        Place of its family in `families`.
+    families : tuple of AttractorFamily
+        Families of attractors, that at most parameter points first.
+    escaped, undecided : ndarray of int, shape (ny, nx)
+        Orbits that terminated, and orbits that neither converged nor are chaotic or quasi-periodic.
+    curves : tuple of BifurcationCurve
+        Bifurcation curves through the borders of families.
+    explained : float
+        Fraction of the borders of families of periodic orbits that lie on these curves, within 1.5 cells; NaN where
+        there are no borders.  Other borders are those of basins too small to be hit, of crises, or of families that
+        were not followed.
+    coordinates : tuple of Coordinate
+        State variables.
+    params : mapping of str to float
+        The other parameters.
+    settings : mapping
+        Arguments of :func:`attractor_atlas`.
+    """
+
+    system: str
+    parameters: tuple[str, str]
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    kind: NDArray[np.int8]
+    period: NDArray[np.int64]
+    rotations: NDArray[np.int64]
+    points: NDArray[np.float64]
+    modulus: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    family: NDArray[np.int64]
+    families: tuple[AttractorFamily, ...]
+    escaped: NDArray[np.int64]
+    undecided: NDArray[np.int64]
+    curves: tuple[BifurcationCurve, ...]
+    explained: float
+    coordinates: tuple[Coordinate, ...]
+    params: Mapping[str, float]
+    settings: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        plane = f"{self.parameters[0]} x {self.parameters[1]}: {self.x.size} x {self.y.size}"
+        most = int(self.number.max(initial=0))
+        return (
+            f"AttractorAtlas({self.system}, {plane}, {len(self.families)} families, at most {most} attractors coexist, "
+            f"{len(self.curves)} curves)"
+        )
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Number of attractors found at each parameter point, shape (ny, nx)."""
+        found = np.zeros(self.escaped.shape, np.int64)
+        np.add.at(found, (self.rows, self.columns), 1)
+        return found
+
+    @checked
+    def fraction(self, family: int) -> NDArray[np.float64]:
+        """Return the fraction of initial conditions that converge to a family, shape (ny, nx).
+
+        Parameters
+        ----------
+        family : int
+            Number of the family.
+        """
+        mine = self.family == whole_number("family", family, at_most=max(len(self.families) - 1, 0))
+        found = np.zeros(self.escaped.shape)
+        np.add.at(found, (self.rows[mine], self.columns[mine]), self.counts[mine])
+        return found / self.settings["initial_conditions"]
+
+    @cached_property
+    def classes(self) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+        """What coexists: a number for each parameter point (ny, nx), and the name of each, the most frequent first.
+
+        A name such as ``"1 + 1 rotating + 2"`` gives the periods; mirror images have equal ones.
+        """
+        texts = [self._symbol(k) for k in range(len(self.kind))]
+        order = np.lexsort((np.array(texts, object).astype(str), self.period, self.kind))
+        symbols: list[list[str]] = [[] for _ in range(self.escaped.size)]
+        for k, place in zip(order.tolist(), (self.rows * self.x.size + self.columns)[order].tolist(), strict=True):
+            symbols[place].append(texts[k])
+        names, number = np.unique([" + ".join(s) or "none" for s in symbols], return_inverse=True)
+        rank = np.argsort(-np.bincount(number.ravel()), kind="stable")
+        place = np.empty(len(rank), np.int64)
+        place[rank] = np.arange(len(rank))
+        return place[number.ravel()].reshape(self.escaped.shape), tuple(names[rank].tolist())
+
+    def _symbol(self, k: int) -> str:
+        kind, period = AtlasKind(int(self.kind[k])), int(self.period[k])
+        if not period:
+            return kind.name.lower().replace("quasi", "quasi-")
+        return f"{period} rotating" if kind is AtlasKind.ROTATING else str(period)

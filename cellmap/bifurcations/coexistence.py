@@ -1,0 +1,344 @@
+"""Attractors at many parameter points: orbits, periodic points and regions of attraction, all in SIMD lanes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.stopping import check_stop
+from ..maps.coordinates import difference, turns_of, wrap
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+from ..orbits.lyapunov_qr import exponents_along
+from .lane_regions import Regions, regions_around
+
+_FIRST_LOOK = 16  # periods before attractors are searched for,
+_STRIDE = 8  # between tests of convergence,
+_RARER = 1.25  # and factor of age between searches, at least
+_NEAR = 0.05  # distance from its image, in extents, from which a point is refined
+_ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
+_REACH = 0.25  # distance in extents that refinement may move a point
+_ITERATIONS = 8
+_CONVERGED = 1e-9  # last step of refinement, in extents
+SAME_MEAN = 1e-4
+"""Distance of means over orbits, in extents or radians, within which two attractors are one."""
+
+_SAME = 1e-6  # distance, in extents, within which points are equal
+_STABLE = 1.0 - 1e-6
+_LED = 0.3  # distance of means over orbits within which an attractor leads to its neighbour
+_EXPONENT_PERIODS = 200
+_ZERO = 0.01  # size of an exponent per period that counts as zero
+
+
+class AtlasKind(IntEnum):
+    """Kinds of attractors in an atlas."""
+
+    PERIODIC = 0
+    """Fixed point or periodic orbit."""
+    ROTATING = 1
+    """Periodic up to full rotations of an angle."""
+    QUASIPERIODIC = 2
+    """Orbits that stay bounded, do not close, and have a largest Lyapunov exponent of zero within 0.01 per period."""
+    CHAOTIC = 3
+    """Orbits with a positive Lyapunov exponent; all of one parameter point are counted as one attractor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attractors:
+    """Attractors of some parameter points, one a row; see :class:`AttractorAtlas` for the columns."""
+
+    place: NDArray[np.int64]
+    kind: NDArray[np.int8]
+    period: NDArray[np.int64]
+    rotations: NDArray[np.int64]
+    point: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    modulus: NDArray[np.float64]
+    count: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, d: int) -> Attractors:
+        """Return no rows."""
+        whole, states = np.empty(0, np.int64), np.empty((0, d))
+        kinds, turns = np.empty(0, np.int8), np.empty((0, d), np.int64)
+        return cls(whole, kinds, whole, turns, states, np.empty((0, 2 * d)), np.empty(0), whole)
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def __getitem__(self, rows: NDArray[np.int64]) -> Attractors:
+        return Attractors(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def shifted(self, by: int) -> Attractors:
+        """Return the rows with other numbers of their parameter points."""
+        return replace(self, place=self.place + by)
+
+    @classmethod
+    def joined(cls, *parts: Attractors) -> Attractors:
+        """Put rows one behind the other."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+
+@dataclass(frozen=True, eq=False)
+class Explorer:
+    """Search for the attractors of parameter points: a pure function of these."""
+
+    swept: PointMap
+    initial_conditions: NDArray[np.float64]
+    extent: NDArray[np.float64]
+    max_periods: int
+    max_period: int
+
+    def __call__(self, values: NDArray[np.float64]) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
+        """Return attractors at parameter points (n, 2), and the numbers (n,) of escaped and undecided orbits."""
+        return _Search(self, values).run()
+
+    def continued(
+        self, attractors: Attractors, values: NDArray[np.float64], place: NDArray[np.int64]
+    ) -> tuple[Attractors, NDArray[np.int64]]:
+        """Return the periodic attractors to which others lead at parameter points, and the rows of these."""
+        states = np.column_stack([attractors.point, values[place]])
+        found, rows = periodic_attractors(self, states, place, attractors.period)[:2]
+        source = attractors[rows]
+        same = (found.period == source.period) & (found.rotations == source.rotations).all(axis=-1)
+        near = np.abs(found.centre - source.centre).max(axis=-1, initial=0.0) <= _LED
+        kept = np.flatnonzero(same & near)
+        return found[kept], rows[kept]
+
+
+@dataclass(eq=False)
+class _Search:
+    """State of a search: orbits that have not converged, attractors with their regions, and counts."""
+
+    job: Explorer
+    values: NDArray[np.float64]
+    orbits: Orbits = field(init=False)
+    place: NDArray[np.int64] = field(init=False)
+    found: Attractors = field(init=False)
+    regions: Regions = field(init=False)
+
+    def __post_init__(self) -> None:
+        n, d = self.job.initial_conditions.shape
+        self.place = np.repeat(np.arange(len(self.values)), n)
+        states = np.column_stack([np.tile(self.job.initial_conditions, (len(self.values), 1)), self.values[self.place]])
+        self.orbits = Orbits.starting(wrap(states, self.job.swept.coordinates))
+        self.found, self.regions = Attractors.empty(d), Regions.empty(d)
+        self.escaped = np.zeros(len(self.values), np.int64)
+
+    @property
+    def dimension(self) -> int:
+        return self.job.initial_conditions.shape[1]
+
+    def run(self) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
+        age, look, due = 0, 0, 0.0
+        while len(self.place) and age < self.job.max_periods:
+            check_stop()
+            step = min(_FIRST_LOOK if age == 0 else _STRIDE, self.job.max_periods - age)
+            self.job.swept.advance(self.orbits, step)
+            age += step
+            self._end_escaped()
+            self._capture()
+            if age >= due and len(self.place):
+                if self._look(look):
+                    self._capture()
+                look, due = look + 1, _RARER * age
+        undecided = self._rest() if len(self.place) else np.zeros(len(self.values), np.int64)
+        return self.found, self.escaped, undecided
+
+    def _keep(self, rows: NDArray[np.bool_]) -> None:
+        self.orbits, self.place = self.orbits[rows], self.place[rows]
+
+    def _end_escaped(self) -> None:
+        alive = self.orbits.alive
+        if not alive.all():
+            np.add.at(self.escaped, self.place[~alive], 1)
+            self._keep(alive)
+
+    def _capture(self) -> None:
+        """Count the orbits that are in the region of an attractor of their parameter point, and end them."""
+        owner = self.regions.owners(self.orbits.points[:, : self.dimension], self.place, self.job.swept.coordinates)
+        np.add.at(self.found.count, owner[owner >= 0], 1)
+        self._keep(owner < 0)
+
+    def _look(self, look: int) -> bool:
+        """Refine one orbit of each parameter point that has any; tell whether that has led to attractors."""
+        first = np.flatnonzero(np.diff(self.place, prepend=-1))
+        number = np.diff(np.append(first, len(self.place)))
+        chosen = first + look * 7 % number
+        fresh, regions = self._attractors(self.orbits.points[chosen], self.place[chosen])
+        if not len(fresh):
+            return False
+        self.regions = self.regions.with_more(regions, len(self.found), len(self.values))
+        self.found = Attractors.joined(self.found, fresh)
+        return True
+
+    def _attractors(self, states: NDArray[np.float64], place: NDArray[np.int64]) -> tuple[Attractors, Regions]:
+        """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
+        job, d = self.job, self.dimension
+        near, period = _returns(job.swept, states, job.max_period, job.extent)
+        states, place = states[near], place[near]
+        fresh, _, orbit, matrices = periodic_attractors(job, states, place, period)
+        unknown = self.regions.owners(fresh.point, fresh.place, job.swept.coordinates) < 0
+        rows = np.flatnonzero(unknown & ~self._known(fresh))
+        if not len(rows):
+            return Attractors.empty(d), Regions.empty(d)
+        fresh = fresh[rows]
+        regions = regions_around(job.swept, orbit[rows], matrices[rows], fresh.period, fresh.place, job.extent)
+        held = np.flatnonzero(regions.has_any(len(rows)))
+        return fresh[held], regions.renumbered(held, len(rows))
+
+    def _known(self, fresh: Attractors) -> NDArray[np.bool_]:
+        """Return which attractors have been found before, perhaps from another of their points."""
+        apart = np.abs(fresh.centre[:, None] - self.found.centre).max(axis=-1, initial=0.0)
+        alike = (fresh.place[:, None] == self.found.place) & (fresh.period[:, None] == self.found.period)
+        return np.asarray((alike & (apart <= SAME_MEAN)).any(axis=1))
+
+    def _rest(self) -> NDArray[np.int64]:
+        """Classify the orbits that never converged, by the largest exponent of one at each parameter point."""
+        undecided = np.bincount(self.place, minlength=len(self.values))
+        first = np.flatnonzero(np.diff(self.place, prepend=-1))
+        places, d = self.place[first], self.dimension
+        states, matrices = self.orbits.points[first], np.empty((len(first), _EXPONENT_PERIODS, d, d))
+        for k in range(_EXPONENT_PERIODS):
+            check_stop()
+            images, slopes = tangent(self.job.swept, states)
+            matrices[:, k] = slopes[:, :d, :d]
+            states = wrap(images, self.job.swept.coordinates)
+        exponents, errors = exponents_along(matrices)
+        largest, error = exponents[:, 0], errors[:, 0]
+        with np.errstate(invalid="ignore"):
+            chaotic = largest > np.maximum(_ZERO, 5.0 * error)
+            neutral = np.abs(largest) <= _ZERO
+        rows = np.flatnonzero(chaotic | neutral)
+        kind = np.where(chaotic, AtlasKind.CHAOTIC, AtlasKind.QUASIPERIODIC).astype(np.int8)
+        no_rotations = np.zeros((len(rows), d), np.int64)
+        rest = Attractors(
+            places[rows],
+            kind[rows],
+            np.zeros(len(rows), np.int64),
+            no_rotations,
+            states[rows, :d],
+            np.zeros((len(rows), 2 * d)),
+            np.exp(largest[rows]),
+            undecided[places[rows]],
+        )
+        undecided[places[rows]] = 0
+        self.found = Attractors.joined(self.found, rest)
+        return undecided
+
+
+def periodic_attractors(
+    job: Explorer, states: NDArray[np.float64], place: NDArray[np.int64], period: NDArray[np.int64]
+) -> tuple[Attractors, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the stable periodic orbits beside states (n, d + 2), the rows of their states, orbits and derivatives."""
+    d = len(job.extent)
+    points, good = _refined(job.swept, states, period, job.extent)
+    rows = np.flatnonzero(good)
+    orbit, matrices, rotations = _along(job.swept, points[rows], period[rows])
+    least = _least(orbit, period[rows], job.extent, job.swept)
+    modulus = np.abs(np.linalg.eigvals(_monodromy(matrices, least))).max(axis=-1, initial=0.0)
+    stable = np.flatnonzero(modulus < _STABLE)
+    rows, orbit, matrices, least = rows[stable], orbit[stable], matrices[stable], least[stable]
+    wound = rotations[stable, least - 1]
+    kind = np.where(wound.any(axis=-1), AtlasKind.ROTATING, AtlasKind.PERIODIC).astype(np.int8)
+    centre = _centres(job, orbit, least)
+    counts = np.zeros(len(rows), np.int64)
+    found = Attractors(place[rows], kind, least, wound, orbit[:, 0, :d], centre, modulus[stable], counts)
+    return found, rows, orbit, matrices
+
+
+def _centres(job: Explorer, orbit: NDArray[np.float64], period: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return means (n, 2 d) over orbits, which do not depend on their phase: of states, or of cosines and sines."""
+    d = len(job.extent)
+    states, turn = orbit[..., :d], turns_of(job.swept.coordinates)[1][:d]
+    phase = 2.0 * np.pi * states / np.where(turn > 0.0, turn, 1.0)
+    first = np.where(turn > 0.0, np.cos(phase), states / job.extent)
+    both = np.concatenate([first, np.where(turn > 0.0, np.sin(phase), 0.0)], axis=-1)
+    members = (np.arange(orbit.shape[1]) < period[:, None])[..., None]
+    return np.asarray(np.where(members, both, 0.0).sum(axis=1) / period[:, None])
+
+
+def _returns(
+    swept: PointMap, states: NDArray[np.float64], most: int, extent: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of states that nearly return within some periods, and after how many they do best."""
+    d = len(extent)
+    orbits = Orbits.starting(states.copy())
+    apart = np.full((len(states), most), np.inf)
+    for k in range(most):
+        swept.advance(orbits, 1)
+        shift = np.abs(difference(orbits.points, states, swept.coordinates)[:, :d] / extent).max(axis=-1)
+        apart[:, k] = np.where(orbits.alive, shift, np.inf)
+    best = np.minimum.accumulate(apart, axis=1)
+    period = np.argmax(apart * _ALIKE <= apart.min(axis=1, keepdims=True), axis=1)
+    near = np.flatnonzero(np.take_along_axis(best, period[:, None], axis=1)[:, 0] <= _NEAR)
+    return near, period[near] + 1
+
+
+def _refined(
+    swept: PointMap, states: NDArray[np.float64], period: NDArray[np.int64], extent: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the periodic points beside states (n, d + 2), by Newton's method, and which of them were found."""
+    d = len(extent)
+    points, good, active = states.copy(), np.zeros(len(states), bool), np.arange(len(states))
+    for _ in range(_ITERATIONS):
+        if not len(active):
+            break
+        images, matrices = tangent(swept, points[active], period[active])
+        residual = difference(images, points[active], swept.coordinates)[:, :d]
+        slopes = np.eye(d) - matrices[:, :d, :d]
+        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
+        solvable = np.flatnonzero(finite)
+        solvable = solvable[np.abs(np.linalg.det(slopes[solvable])) > 1e-12]
+        active = active[solvable]
+        step = np.linalg.solve(slopes[solvable], residual[solvable][..., None])[..., 0]
+        points[active, :d] += step
+        close = np.abs((points[active, :d] - states[active, :d]) / extent).max(axis=-1, initial=0.0) <= _REACH
+        done = close & (np.abs(step / extent).max(axis=-1, initial=0.0) <= _CONVERGED)
+        good[active[done]] = True
+        active = active[close & ~done]
+    return wrap(points, swept.coordinates), good
+
+
+def _along(
+    swept: PointMap, points: NDArray[np.float64], period: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return orbits (n, most, d + 2), derivatives (n, most, d, d) of each step, and full rotations up to each."""
+    n, width = points.shape
+    most, d = int(period.max(initial=1)), width - 2
+    turn = turns_of(swept.coordinates)[1][:d]
+    orbit, matrices = np.empty((n, most, width)), np.empty((n, most, d, d))
+    moved, rotations = np.zeros((n, d)), np.empty((n, most, d), np.int64)
+    here = points
+    for k in range(most):
+        orbit[:, k] = here
+        images, slopes = tangent(swept, here)
+        matrices[:, k] = slopes[:, :d, :d]
+        moved += (images - here)[:, :d]
+        rounds = np.where(turn > 0.0, moved / np.where(turn > 0.0, turn, 1.0), 0.0)
+        rotations[:, k] = np.round(np.where(np.isfinite(rounds), rounds, 0.0))
+        here = wrap(images, swept.coordinates)
+    return orbit, matrices, rotations
+
+
+def _least(
+    orbit: NDArray[np.float64], period: NDArray[np.int64], extent: NDArray[np.float64], swept: PointMap
+) -> NDArray[np.int64]:
+    """Return the least periods of closed orbits."""
+    least, d = period.copy(), len(extent)
+    for q in range(orbit.shape[1] - 1, 0, -1):
+        apart = np.abs(difference(orbit[:, q], orbit[:, 0], swept.coordinates)[:, :d] / extent).max(axis=-1)
+        least[(period % q == 0) & (q < period) & (apart <= _SAME)] = q
+    return least
+
+
+def _monodromy(matrices: NDArray[np.float64], period: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the products of the first `period` of matrices (n, most, d, d)."""
+    total = np.broadcast_to(np.eye(matrices.shape[-1]), matrices[:, 0].shape)
+    for k in range(matrices.shape[1]):
+        total = np.where((k < period)[:, None, None], matrices[:, k] @ total, total)
+    return total

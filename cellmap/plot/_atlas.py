@@ -1,0 +1,112 @@
+"""Figures of atlases of attractors, with matplotlib."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from .._lib.checks import shown, whole_number
+from .._lib.signatures import checked
+from ..bifurcations.atlas_record import AttractorAtlas
+from ..bifurcations.branch import BifurcationKind
+from ._axes import axes_or_new
+from ._colours import colour_of
+
+CURVE_STYLES: dict[BifurcationKind, Any] = {
+    BifurcationKind.FOLD: "-",
+    BifurcationKind.PERIOD_DOUBLING: "--",
+    BifurcationKind.PITCHFORK: "-.",
+    BifurcationKind.NEIMARK_SACKER: ":",
+}
+"""Line style of each kind of bifurcation."""
+
+
+@checked
+def attractor_atlas(
+    atlas: AttractorAtlas,
+    *,
+    show: str | int = "classes",
+    ax: Axes | None = None,
+    most_classes: int = 9,
+    curves: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw an atlas of attractors over its two parameters, with the bifurcation curves.
+
+    Parameters
+    ----------
+    atlas : AttractorAtlas
+        Result of :func:`attractor_atlas`.
+    show : {"classes", "number"} or int, optional
+        What the colours mean: which attractors coexist, named by their periods; how many; or, for the number of a
+        family, the fraction of initial conditions that converge to it.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+    most_classes : int, optional
+        Classes with a colour of their own, the most frequent ones; the others are grey.
+    curves : bool, optional
+        Draw the bifurcation curves.
+    legend : bool, optional
+        Name the classes and the kinds of bifurcations; a colour bar for other images.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        For another `show`, or a family that the atlas does not have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cellmap import discrete_map, plot
+    >>> from cellmap.bifurcations import attractor_atlas
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
+    >>> axes = ("a", np.linspace(0.0, 0.9, 21)), ("b", np.linspace(0.1, 0.4, 11))
+    >>> ax = plot.attractor_atlas(attractor_atlas(henon, *axes, [[0.0, 0.0]]))
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['1', '2', 'period doubling']
+    """
+    if not (isinstance(show, int) or show in ("classes", "number")):
+        raise ValueError(f"show={shown(show)}: give 'classes', 'number' or the number of a family")
+    ax = axes_or_new(ax)
+    handles: list[Any] = []
+    shading: dict[str, Any] = {"shading": "nearest", "rasterized": True}
+    if show == "classes":
+        number, names = atlas.classes
+        most = min(whole_number("most_classes", most_classes, at_least=1), len(names))
+        colours: list[Any] = [*(colour_of(k) for k in range(most)), "0.8"]
+        image = np.minimum(number, most)
+        ax.pcolormesh(atlas.x, atlas.y, image, cmap=ListedColormap(colours), vmin=-0.5, vmax=most + 0.5, **shading)
+        handles += [Patch(facecolor=colours[k], label=names[k]) for k in range(most)]
+        if most < len(names):
+            handles.append(Patch(facecolor="0.8", label=f"{len(names) - most} others"))
+    else:
+        values = atlas.number if show == "number" else atlas.fraction(int(show))
+        mesh = ax.pcolormesh(atlas.x, atlas.y, values, cmap="viridis", **shading)
+        if legend:
+            name = "attractors" if show == "number" else f"fraction of {atlas.families[int(show)].name}"
+            ax.figure.colorbar(mesh, ax=ax, label=name)
+    if curves:
+        for curve in atlas.curves:
+            across, up = (curve.values[:, curve.parameters.index(name)] for name in atlas.parameters)
+            ax.plot(across, up, color="black", linewidth=1.0, linestyle=CURVE_STYLES.get(curve.kind, "-"))
+        found = [kind for kind in CURVE_STYLES if any(curve.kind is kind for curve in atlas.curves)]
+        handles += [Line2D([], [], color="black", linestyle=CURVE_STYLES[kind], label=str(kind)) for kind in found]
+    ax.set(
+        xlabel=atlas.parameters[0],
+        ylabel=atlas.parameters[1],
+        xlim=(atlas.x[0], atlas.x[-1]),
+        ylim=(atlas.y[0], atlas.y[-1]),
+    )
+    if legend and handles:
+        ax.legend(handles=handles, fontsize="small")
+    return ax

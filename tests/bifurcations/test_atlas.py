@@ -1,0 +1,129 @@
+"""Atlas of attractors: closed forms, labels of verified basins, the same numbers on any number of threads."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import PointMap, discrete_map, find_basins, set_threads, stroboscopic_map
+from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, attractor_atlas
+from systems import driven_pendulum, henon_map
+
+SIDE = (np.arange(6) + 0.5) / 6.0
+STATES = np.stack(np.meshgrid(-pi + 2.0 * pi * SIDE, -400.0 + 800.0 * SIDE), axis=-1).reshape(-1, 2)
+
+
+def scaled_logistic() -> PointMap:
+    """The logistic map in the variable s x, whatever s is."""
+    return discrete_map(lambda x, p: (p.r * x[0] * (1.0 - p.s * x[0]),), {"r": 3.0, "s": 1.0}, ("x",), "logistic")
+
+
+def test_fixed_points_and_cycles_of_henon() -> None:
+    atlas = attractor_atlas(
+        henon_map(0.2, 0.3),
+        ("a", np.linspace(-0.1, 0.9, 41)),
+        ("b", np.linspace(0.1, 0.4, 13)),
+        [[0.0, 0.0], [0.3, 0.1]],
+    )
+    a, b = np.meshgrid(atlas.x, atlas.y)
+    flip, doubled = 0.75 * (1.0 - b) ** 2, (1.0 - b) ** 2 + 0.25 * (1.0 + b) ** 2
+    for period, exists in ((1, (a > -0.25 * (1.0 - b) ** 2) & (a < flip)), (2, (a > flip) & (a < doubled))):
+        (family,) = (k for k, f in enumerate(atlas.families) if f.period == period)
+        found = np.zeros(a.shape, bool)
+        found[atlas.rows[atlas.family == family], atlas.columns[atlas.family == family]] = True
+        away = (np.abs(a - flip) > 1e-6) & (np.abs(a - doubled) > 1e-6)
+        np.testing.assert_array_equal(found[away], exists[away])
+        np.testing.assert_array_equal((atlas.fraction(family) + atlas.undecided / 2.0)[found & away], 1.0)
+        slow = atlas.undecided[atlas.rows, atlas.columns] > 0
+        assert (atlas.modulus[slow] > 0.99).all()
+    assert atlas.explained == 1.0
+    closed = ((0.75, 0.0), (1.0, 0.25), (-0.25, 0.0))  # flips of periods 1 and 2, fold
+    kinds = {0: BifurcationKind.PERIOD_DOUBLING, 1: BifurcationKind.PERIOD_DOUBLING, 2: BifurcationKind.FOLD}
+    for curve in atlas.curves:
+        along, up = curve.values[:, curve.parameters.index("a")], curve.values[:, curve.parameters.index("b")]
+        errors = [np.abs(along - (p * (1.0 - up) ** 2 + q * (1.0 + up) ** 2)).max() for p, q in closed]
+        assert min(errors) < 1e-10
+        assert curve.kind is kinds[int(np.argmin(errors))]
+    assert len(atlas.curves) == 3
+
+
+def test_kinds() -> None:
+    # Period 3 between 1 + sqrt 8 and 3.8415; at 4 chaos; above, all orbits diverge.
+    r = np.array([0.5, 2.5, 3.2, 3.5, 3.835, 4.0, 4.5])
+    atlas = attractor_atlas(scaled_logistic(), ("r", r), ("s", [0.5, 1.0]), [[0.3], [0.55]], curves=0)
+    columns = [atlas.columns == k for k in range(len(r))]
+    assert [atlas.period[c].tolist() for c in columns] == [[1, 1], [1, 1], [2, 2], [4, 4], [3, 3], [0, 0], []]
+    assert (atlas.kind[columns[5]] == AtlasKind.CHAOTIC).all()
+    np.testing.assert_allclose(np.log(atlas.modulus[columns[5]]), np.log(2.0), atol=0.05)
+    np.testing.assert_array_equal(atlas.escaped[:, 6], 2)
+    assert not atlas.escaped[:, :6].any()
+    assert not atlas.undecided.any()
+    assert np.isnan(atlas.explained) or atlas.explained == 0.0
+
+
+def test_a_neimark_sacker_border() -> None:
+    delayed = discrete_map(lambda x, p: (p.r * x[0] * (1 - p.s * x[1]), x[0]), {"r": 1.9, "s": 1.0}, ("x", "y"))
+    axes = ("r", np.linspace(1.905, 2.105, 9)), ("s", np.linspace(0.8, 1.2, 5))
+    atlas = attractor_atlas(delayed, *axes, [[0.4, 0.5]])
+    (curve,) = atlas.curves
+    assert curve.kind is BifurcationKind.NEIMARK_SACKER
+    np.testing.assert_allclose(curve.values[:, curve.parameters.index("r")], 2.0, rtol=1e-10)
+    quasi = atlas.kind == AtlasKind.QUASIPERIODIC
+    assert quasi.any()
+    assert (atlas.x[atlas.columns[quasi]] > 2.0).all()
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> tuple[PointMap, AttractorAtlas]:
+    exact = stroboscopic_map(driven_pendulum(), rtol=1e-8, atol=1e-8)
+    axes = ("frequency", [40.0, 50.0, 60.0]), ("amplitude", [0.0025, 0.004, 0.008])
+    return exact, attractor_atlas(exact, *axes, STATES, curves=0)
+
+
+@pytest.mark.parametrize("place", [(0, 1), (2, 1)])
+def test_counts_of_verified_basins(pendulum: tuple[PointMap, AttractorAtlas], place: tuple[int, int]) -> None:
+    exact, atlas = pendulum
+    row, column = place
+    here = exact.with_params(frequency=float(atlas.x[column]), amplitude=float(atlas.y[row]))
+    basins = find_basins(here, STATES)
+    mine = np.flatnonzero((atlas.rows == row) & (atlas.columns == column) & (atlas.counts > 0))
+    theirs = sorted((a.period, a.rotations, basins.fractions[k].count) for k, a in enumerate(basins.attractors))
+    ours = sorted(
+        (int(atlas.period[k]), tuple(atlas.rotations[k].tolist()), int(atlas.counts[k])) for k in mine.tolist()
+    )
+    assert ours == theirs
+
+
+def test_any_number_of_threads(pendulum: tuple[PointMap, AttractorAtlas]) -> None:
+    exact = pendulum[0]
+    axes = ("frequency", np.linspace(45.0, 55.0, 40)), ("amplitude", [0.003, 0.004])
+
+    def numbers() -> tuple[Any, ...]:
+        atlas = attractor_atlas(exact, *axes, np.repeat(STATES[:8], 60, axis=0), max_periods=40, curves=0)
+        return atlas.points.tobytes(), atlas.counts.tobytes(), atlas.family.tobytes()
+
+    several = numbers()
+    set_threads(1)
+    try:
+        assert numbers() == several
+    finally:
+        set_threads(None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"x": ("q", [0.0, 1.0])}, r"x\[0\]='q': this map has the parameters"),
+        ({"y": ("r", [0.0, 1.0])}, "y has the parameter 'r' of x"),
+        ({"x": ("r", [1.0, 0.0])}, "give at least 2 values in increasing order"),
+        ({"initial_conditions": [0.3]}, "give rows"),
+        ({"max_period": 0}, "max_period=0"),
+    ],
+)
+def test_bad_arguments(changes: dict[str, Any], message: str) -> None:
+    good: dict[str, Any] = {"x": ("r", [2.0, 3.0]), "y": ("s", [0.5, 1.0]), "initial_conditions": [[0.3]]}
+    with pytest.raises(ValueError, match=message):
+        attractor_atlas(scaled_logistic(), **(good | changes))
