@@ -12,7 +12,7 @@ from peers import best_time
 
 import cellmap
 from cellmap import ForcedSystem, continue_orbit, find_basins, periodic_orbit, stability_map, stroboscopic_map
-from cellmap.bifurcations import floquet_multipliers, period_doubling_cascade
+from cellmap.bifurcations import attractor_atlas, floquet_multipliers, period_doubling_cascade
 from systems import double_pendulum, driven_pendulum, logistic_map
 
 SIDE = 1000
@@ -56,6 +56,23 @@ def test_stability_map_of_a_rotation(say: Callable[[str], None]) -> None:
     stability_map(exact, rotation, ("frequency", [49.0, 50.0, 51.0]), ("amplitude", [2.9e-3, 3e-3, 3.1e-3]))
     seconds = best_time(lambda: stability_map(exact, rotation, *axes), rounds=2)
     say(f"rotation of the pendulum followed over 300 x 300 parameters: {seconds:.2f} s")
+
+
+def test_an_atlas(say: Callable[[str], None]) -> None:
+    exact = stroboscopic_map(driven_pendulum(), rtol=1e-6, atol=1e-6)
+    side = (np.arange(8) + 0.5) / 8.0
+    states = np.stack(np.meshgrid(-pi + 2.0 * pi * side, -400.0 + 800.0 * side), axis=-1).reshape(-1, 2)
+    attractor_atlas(exact, ("frequency", [49.0, 50.0]), ("amplitude", [2e-3, 3e-3]), states, curves=0)
+    axes = ("frequency", np.linspace(20.0, 80.0, 300)), ("amplitude", np.linspace(0.5e-3, 10e-3, 300))
+    wall, processor = time.perf_counter(), time.process_time()
+    atlas = attractor_atlas(exact, *axes, states, max_periods=300)
+    wall, processor = time.perf_counter() - wall, time.process_time() - processor
+    say(
+        f"atlas of the driven pendulum, 300 x 300 parameters x 64 initial conditions on {cellmap.thread_count()} "
+        f"threads: {wall:.1f} s, {processor:.0f} s of processor time; {len(atlas.curves)} curves lie on "
+        f"{100.0 * atlas.explained:.1f} % of the borders, "
+        f"{atlas.undecided.sum()} of {64 * atlas.number.size} orbits undecided"
+    )
 
 
 def test_a_branch_of_a_thousand_points(say: Callable[[str], None]) -> None:

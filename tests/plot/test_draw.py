@@ -108,7 +108,8 @@ def test_what_is_drawn_on_basins_asks_for_them(results, record):
 @pytest.mark.parametrize("result", [3, None, [1.0], CellGrid((0,), (1,), (4,))])
 def test_what_has_no_figure_is_refused(result):
     with pytest.raises(
-        TypeError, match=r"result=.*: there is no figure of it; give one of Ball, BasinContinuation, .*Wada"
+        TypeError,
+        match=r"result=.*: there is no figure of it; give one of AttractorAtlas, Ball, BasinContinuation, .*Wada",
     ):
         plot.draw(result)
     assert plt.get_fignums() == []
