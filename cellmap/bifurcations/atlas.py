@@ -93,7 +93,7 @@ def attractor_atlas(
     --------
     >>> from cellmap import discrete_map
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
-    >>> axes = ("a", np.linspace(0.0, 0.9, 31)), ("b", np.linspace(0.1, 0.4, 16))
+    >>> axes = ("a", np.linspace(0.0, 0.7, 31)), ("b", np.linspace(0.1, 0.4, 16))
     >>> atlas = attractor_atlas(henon, *axes, [[0.0, 0.0], [0.3, 0.1]])
     >>> atlas.families[:2]
     (AttractorFamily(period 1, at ... parameter points), AttractorFamily(period 2, at ... parameter points))

@@ -11,8 +11,9 @@ from .._lib.threads import progress_bar
 from ..maps.point_map import PointMap
 from ..orbits.newton import closed_orbit, newton
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
-from .branch import Bifurcation, BifurcationKind, Branch
+from .branch import Bifurcation, Branch
 from .coexistence import Attractors
+from .kinds import BifurcationKind
 from .orbit_continuation import continue_orbit
 
 _CLOSE = 1.5  # cells between a curve and a border that it explains

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from .._lib.checks import shown, whole_number
 from .._lib.signatures import checked
 from ..bifurcations.atlas_record import AttractorAtlas
-from ..bifurcations.branch import BifurcationKind
+from ..bifurcations.kinds import BifurcationKind
 from ._axes import axes_or_new
 from ._colours import colour_of
 
@@ -70,12 +70,12 @@ def attractor_atlas(
     >>> from cellmap import discrete_map, plot
     >>> from cellmap.bifurcations import attractor_atlas
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
-    >>> axes = ("a", np.linspace(0.0, 0.9, 21)), ("b", np.linspace(0.1, 0.4, 11))
+    >>> axes = ("a", np.linspace(0.0, 0.7, 21)), ("b", np.linspace(0.1, 0.4, 11))
     >>> ax = plot.attractor_atlas(attractor_atlas(henon, *axes, [[0.0, 0.0]]))
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['1', '2', 'period doubling']
     """
-    if not (isinstance(show, int) or show in ("classes", "number")):
+    if isinstance(show, bool) or not (isinstance(show, int) or show in ("classes", "number")):
         raise ValueError(f"show={shown(show)}: give 'classes', 'number' or the number of a family")
     ax = axes_or_new(ax)
     handles: list[Any] = []
