@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -52,8 +53,12 @@ class Impact:
         one_of("direction", self.direction, (-1, 1))
 
 
-def joined(impacts: Sequence[Impact]) -> StateFunction | None:
-    """Return one function of all guards, falling, each with 1 if solid and the state after the impact; None if none."""
+@functools.lru_cache(maxsize=256)
+def joined(impacts: tuple[Impact, ...]) -> StateFunction | None:
+    """Return one function of all guards, falling, each with 1 if solid and the state after the impact; None if none.
+
+    It is the same one every time, so that systems with other parameters share what is compiled.
+    """
     function: StateFunction | None = None
     for impact in impacts:
         function = _followed(function, impact.guard, impact.reset, -float(impact.direction), float(impact.solid))

@@ -133,7 +133,7 @@ def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
         For a name that the system does not have, or for a parameter on which the period of the right-hand side depends
         although the period is given as a number.
     TypeError
-        For a right-hand side that cannot be traced.
+        For a right-hand side that cannot be traced, or a system with impacts.
 
     Examples
     --------
@@ -145,6 +145,11 @@ def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
         known_parameter("parameters", name, system.params)
     if not parameters or len(set(parameters)) < len(parameters):
         raise ValueError(f"parameters={parameters!r}: give the names of one or several different parameters")
+    if system.impacts:
+        raise TypeError(
+            f"system={system!r} has impacts, which move all of the state and would move the parameters in it: sweep "
+            "the map instead, swept_map(stroboscopic_map(system), ...)"
+        )
     made = with_states(system, parameters)
     if made is None:
         raise TypeError(f"rhs of {system.name} cannot be traced: write it with plain arithmetic and functions of math")

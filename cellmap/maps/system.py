@@ -129,7 +129,7 @@ class ForcedSystem:
     @functools.cached_property
     def functions(self) -> tuple[Callable[..., Any] | None, ...]:
         """Right-hand side, switching functions, and guards and resets of all impacts, None where there are none."""
-        return (self.rhs, self.switches, joined(self.impacts))
+        return (self.rhs, self.switches, joined(tuple(self.impacts)))
 
     @property
     def length(self) -> float:

@@ -10,7 +10,17 @@ from scipy.integrate import solve_ivp
 
 from cellmap import CellGrid, ForcedSystem, angle, find_basins, stroboscopic_map
 from cellmap.attractors.labels import Label
-from cellmap.maps import Impact, Status, flow_map, inverse_stroboscopic_map, jacobian, section_map, trajectory
+from cellmap.maps import (
+    Impact,
+    Status,
+    flow_map,
+    inverse_stroboscopic_map,
+    jacobian,
+    section_map,
+    swept_map,
+    swept_system,
+    trajectory,
+)
 from cellmap.orbits import Kind
 
 
@@ -335,6 +345,26 @@ def test_maps_that_know_no_impacts():
     with pytest.raises(ValueError, match="impacts need method='Taylor'"):
         stroboscopic_map(BALL, method="DOP853")
     assert flow_map(BALL, 0.5)([1.0, 0.0]) == pytest.approx(bounced(1.0, 0.0, 0.5, 9.81, 0.8))
+
+
+def test_parameters_are_swept_by_the_map_and_not_in_the_state():
+    """Rows of a swept map are those of maps with these parameters, and its derivatives those of differences."""
+    swept, step = swept_map(stroboscopic_map(STRUCK, rtol=1e-12, atol=1e-12), "wall", "force"), 1e-6
+    rows = np.array([[0.1, 0.3, 0.5, 1.0], [-1.0, 0.7, 0.6, 0.9], [0.1, 0.3, 0.6, 1.0]])
+    for row, image in zip(rows, swept(rows), strict=True):
+        direct = stroboscopic_map(STRUCK.with_params(wall=row[2], force=row[3]), rtol=1e-12, atol=1e-12)
+        assert (image[:2] == direct(row[:2])).all()
+    shift = step * np.array([0, 0, 1, 0])
+    assert jacobian(swept, rows[0])[:, 2] == pytest.approx(
+        (swept(rows[0] + shift) - swept(rows[0] - shift)) / (2 * step)
+    )
+    with pytest.raises(TypeError, match=r"has impacts, .* swept_map\(stroboscopic_map\(system\), ...\)"):
+        swept_system(STRUCK, "wall")
+
+
+def test_parameters_share_what_is_compiled():
+    first, second = (stroboscopic_map(STRUCK.with_params(wall=wall)).spec.motion.kernel for wall in (0.5, 0.6))
+    assert first is second
 
 
 @pytest.mark.parametrize(
