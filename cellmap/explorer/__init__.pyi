@@ -1,3 +1,4 @@
 from .explored import Explored as Explored
+from .explored import ExploredScene as ExploredScene
 from .serving import Explorer as Explorer
 from .serving import explore as explore

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
+from .equations import typed_file
 from .explored import load_gallery
 from .serving import serve
 
@@ -17,8 +18,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--gallery", default="systems.gallery", help="module with a list GALLERY of systems (default: %(default)s)"
     )
+    parser.add_argument("--equations", metavar="FILE", help="text file with equations, which are shown first")
     options = parser.parse_args(arguments)
-    with serve(load_gallery(options.gallery), options.port, open_page=not options.no_browser) as explorer:
+    typed = [] if options.equations is None else [typed_file(options.equations)]
+    with serve([*typed, *load_gallery(options.gallery)], options.port, open_page=not options.no_browser) as explorer:
         print(explorer.address, flush=True)
         explorer.wait()
 

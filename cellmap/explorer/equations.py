@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import ast
 import math
+import os
 import re
 from collections.abc import Container
 from dataclasses import dataclass, field
 from math import isfinite, pi
+from pathlib import Path
 from typing import Any
 
 from .._lib.checks import parameter_values
@@ -66,8 +68,8 @@ class _Text:
     is_map: bool = False
 
 
-def typed_system(text: str) -> Explored:
-    """Return the system that a text describes, as it is described above.
+def typed_system(text: str, title: str = "typed") -> Explored:
+    """Return the system that a text describes, as it is described above, under a name.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def typed_system(text: str) -> Explored:
     >>> oscillator.system.derivative(0.0, (0.0, 1.0))
     (1.0, 0.5)
     """
-    source = python_source(text)
+    source = python_source(text, title)
     names: dict[str, Any] = {}
     try:
         exec(compile(source, "<equations>", "exec"), names)
@@ -88,10 +90,24 @@ def typed_system(text: str) -> Explored:
         lines = [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith("period")]
         raise EquationError(str(error), lines[0] if lines and "period" in str(error) else 1) from error
     system: ForcedSystem | PointMap = names["system"]
-    return Explored("typed", lambda: system, source=source)
+    return Explored(title, lambda: system, source=source)
 
 
-def python_source(text: str) -> str:
+def typed_file(path: str | os.PathLike[str]) -> Explored:
+    """Return the system that a text file describes, under the name of the file.
+
+    Raises
+    ------
+    EquationError
+        For text that is no system, with the place.
+    OSError, UnicodeDecodeError
+        For a file that cannot be read.
+    """
+    file = Path(path)
+    return typed_system(file.read_text(encoding="utf-8"), file.stem)
+
+
+def python_source(text: str, title: str = "typed") -> str:
     """Return Python statements after which ``system`` is the system of a text."""
     found = _parsed(text)
     states, sorted_names = list(found.states), _in_order(found)
@@ -119,11 +135,11 @@ def python_source(text: str) -> str:
     lines += ["from cellmap import ForcedSystem, angle, discrete_map", ""]
     lines += ["", f"def rhs({'' if found.is_map else 't, '}x, p):", *body, "", ""]
     if found.is_map:
-        lines.append(f"system = discrete_map(rhs, {values!r}, ({coordinates.strip()}), name='typed')")
+        lines.append(f"system = discrete_map(rhs, {values!r}, ({coordinates.strip()}), name={title!r})")
     else:
         _known_names(found.others["period"], set(constants), found.lines["period"])
         lines += ["def period(p):", f"    return {ast.unparse(rename.visit(found.others['period']))}", "", ""]
-        lines.append(f"system = ForcedSystem(rhs, {values!r}, period, ({coordinates.strip()}), name='typed')")
+        lines.append(f"system = ForcedSystem(rhs, {values!r}, period, ({coordinates.strip()}), name={title!r})")
     return "\n".join(lines) + "\n"
 
 

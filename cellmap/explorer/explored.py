@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
-from .._lib.checks import shown
+from .._lib.checks import is_sequence, shown
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.interpolation.interpolated import interpolated_map
@@ -37,6 +38,10 @@ class Explored:
         twentieth of it more on each side along axes that are no angles.
     source : str, optional
         Python statements after which ``system`` is the system, for scripts.
+    scene : ExploredScene or None, optional
+        The scene that has put the system together.
+    parts : tuple of str, optional
+        Body and effects that were chosen for it.
     """
 
     name: str
@@ -44,11 +49,18 @@ class Explored:
     region: CellGrid | None = None
     nodes: int = 0
     source: str = ""
+    scene: ExploredScene | None = None
+    parts: tuple[str, ...] = ()
 
     @cached_property
     def system(self) -> ForcedSystem | PointMap:
         """The system or discrete map."""
         return self.make()
+
+    @property
+    def title(self) -> str:
+        """Name in the list of systems."""
+        return self.system.name
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -83,7 +95,67 @@ class Explored:
         return CellGrid(tuple(lower), tuple(upper), (nodes,) * len(lower))
 
 
-def load_gallery(module: str) -> tuple[Explored, ...]:
+@dataclass(frozen=True, eq=False)
+class ExploredScene:
+    """A system that the explorer puts together from a body and effects, which are switched on and off in the page.
+
+    Parameters
+    ----------
+    name : str
+        Name by which addresses and scripts know it.
+    title : str
+        Name in the list of systems.
+    bodies, effects : tuple of str
+        Names of the bodies, of which a scene has one, and of the effects, of which it has any.
+    first : tuple of str
+        Body and effects that are shown first.
+    make : callable
+        Function that returns the system of a body and a tuple of effects, in the order of `effects`.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> def make(body, effects):
+    ...     weight = 0.5 if "weight" in effects else 0.0
+    ...     return Explored("", lambda: discrete_map(lambda x, p: (weight - x[0] / 2,), {}, ("x",), body))
+    >>> scene = ExploredScene("points", "Points", ("point",), ("weight", "drag"), ("point",), make)
+    >>> scene.explored(["point", "weight"]).system([0.0])
+    array([0.5])
+    """
+
+    name: str
+    title: str
+    bodies: tuple[str, ...]
+    effects: tuple[str, ...]
+    first: tuple[str, ...]
+    make: Callable[[str, tuple[str, ...]], Explored]
+
+    def explored(self, parts: Any = None) -> Explored:
+        """Return the system of some parts, the body first; by default of those that are shown first.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For parts that the scene does not have, or that have no system together.
+        """
+        chosen = self.first if parts is None else parts
+        if not is_sequence(chosen) or not all(isinstance(part, str) for part in chosen) or not chosen:
+            raise TypeError(f"parts={shown(chosen)}: give the name of a body, then those of effects")
+        body, effects = chosen[0], chosen[1:]
+        if body not in self.bodies:
+            raise ValueError(f"parts: {shown(body)} is no body: begin with one of {', '.join(self.bodies)}")
+        if unknown := sorted(set(effects) - set(self.effects)):
+            raise ValueError(f"parts: there is no effect {shown(unknown[0])}: take some of {', '.join(self.effects)}")
+        present = tuple(effect for effect in self.effects if effect in effects)
+        return replace(self.make(body, present), name=self.name, scene=self, parts=(body, *present))
+
+
+def explored_of(entry: Explored | ExploredScene, parts: Any = None) -> Explored:
+    """Return the system of an entry of a gallery, a scene with some of its parts."""
+    return entry.explored(parts) if isinstance(entry, ExploredScene) else entry
+
+
+def load_gallery(module: str) -> tuple[Explored | ExploredScene, ...]:
     """Return the systems of a module's list ``GALLERY``.
 
     Raises
@@ -98,11 +170,11 @@ def load_gallery(module: str) -> tuple[Explored, ...]:
     return checked_gallery(found)
 
 
-def checked_gallery(given: Sequence[Explored]) -> tuple[Explored, ...]:
+def checked_gallery(given: Sequence[Explored | ExploredScene]) -> tuple[Explored | ExploredScene, ...]:
     """Return systems that all have names of their own, at least one."""
     gallery = tuple(given)
-    if not gallery or not all(isinstance(e, Explored) for e in gallery):
-        raise TypeError(f"gallery={shown(given)}: give at least one system, each of it an Explored")
+    if not gallery or not all(isinstance(e, Explored | ExploredScene) for e in gallery):
+        raise TypeError(f"gallery={shown(given)}: give at least one system, each of it an Explored or ExploredScene")
     names = [e.name for e in gallery]
     if len(set(names)) < len(names):
         raise ValueError(f"gallery={names}: give each system a name of its own")

@@ -90,7 +90,7 @@ class Images:
 
 def described(explored: Explored) -> dict[str, Any]:
     """Return what the page has to know of a system."""
-    system, first = explored.system, View.first(explored)
+    system, first, scene = explored.system, View.first(explored), explored.scene
     return {
         "name": explored.name,
         "title": system.name,
@@ -98,6 +98,7 @@ def described(explored: Explored) -> dict[str, Any]:
         "coordinates": [{"name": c.name, "unit": c.unit, "period": c.period} for c in explored.coordinates],
         "window": {"lower": explored.window.lower, "upper": explored.window.upper},
         "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
+        "scene": None if scene is None else {"bodies": scene.bodies, "effects": scene.effects, "parts": explored.parts},
     }
 
 

@@ -14,7 +14,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from .explored import Explored
+from .explored import Explored, ExploredScene
 from .session import Session
 
 PAGE = Path(__file__).parent / "page"
@@ -47,7 +47,7 @@ class _Headers:
         await self._app(scope, receive, sent)
 
 
-def application(gallery: Mapping[str, Explored], token: str) -> Starlette:
+def application(gallery: Mapping[str, Explored | ExploredScene], token: str) -> Starlette:
     """Return the application that serves some systems at addresses that begin with a token.
 
     Every address without it is unknown.  A connection is accepted from a page of this server alone, by its `Origin`.

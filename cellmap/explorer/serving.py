@@ -17,7 +17,7 @@ from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
-from .explored import Explored, checked_gallery
+from .explored import Explored, ExploredScene, checked_gallery
 
 _STARTING = 20.0  # seconds
 
@@ -75,7 +75,7 @@ class Explorer:
             self.close()
 
 
-def serve(gallery: Sequence[Explored], port: int = 0, open_page: bool = True) -> Explorer:
+def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page: bool = True) -> Explorer:
     """Return a running server of some systems, bound to this machine alone.
 
     Raises

@@ -19,7 +19,7 @@ from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveFrame
 from . import downloads
 from .equations import EquationError, typed_system
-from .explored import Explored
+from .explored import Explored, ExploredScene, explored_of
 from .images import Images, described, orbit, picture, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
@@ -55,13 +55,13 @@ class Session:
     ----------
     socket : WebSocket
         Connection that has been accepted.
-    gallery : mapping of str to Explored
+    gallery : mapping of str to Explored or ExploredScene
         Systems by name.
     """
 
-    def __init__(self, socket: WebSocket, gallery: Mapping[str, Explored]) -> None:
+    def __init__(self, socket: WebSocket, gallery: Mapping[str, Explored | ExploredScene]) -> None:
         self._socket, self._gallery = socket, gallery
-        self._images = Images(next(iter(gallery.values())))
+        self._images = Images(explored_of(next(iter(gallery.values()))))
         self._wanted: _Wanted | None = None  # newest
         self._present: _Wanted | None = None  # being computed
         self._has_frame = False
@@ -98,7 +98,7 @@ class Session:
                 "schema": SCHEMA,
                 "lowest": LOWEST,
                 "codes": {name: code for code, name in LABEL_NAMES.items()},
-                "systems": [{"name": e.name, "title": e.system.name} for e in self._gallery.values()],
+                "systems": [{"name": e.name, "title": e.title} for e in self._gallery.values()],
                 "system": described(self._images.explored),
             }
         )
@@ -178,13 +178,13 @@ class Session:
             await self._tell({**facts, **answer})
 
     def _chosen(self, asked: Mapping[str, Any]) -> Images:
-        """Return the images of another system: one of the gallery, or one that was typed."""
+        """Return the images of another system: one of the gallery, perhaps with parts, or one that was typed."""
         if asked.get("text") is not None:
             return Images(typed_system(text("text", asked["text"])))
         name = text("name", asked.get("name"))
         if name not in self._gallery:
             raise ValueError(f"name={shown(name)}: choose one of {', '.join(self._gallery)}")
-        return Images(self._gallery[name])
+        return Images(explored_of(self._gallery[name], asked.get("parts")))
 
     async def _use(self, asked: Mapping[str, Any], images: Images) -> None:
         self._images.cancel()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from websockets.sync.client import ClientConnection, connect
 
 from cellmap import CellGrid, ForcedSystem, discrete_map
-from cellmap.explorer import Explored, Explorer
+from cellmap.explorer import Explored, ExploredScene, Explorer
 from cellmap.explorer.protocol import LOWEST, unpacked
 
 WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (64, 48))
@@ -29,12 +29,24 @@ def forced(t, x, p):
     return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
 
 
+def push(x, p):
+    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3) + 0.2 * p.push
+    return x[0] + speed, speed
+
+
+def made(body: str, effects: tuple[str, ...]) -> Explored:
+    """A double well, perhaps with a force."""
+    params = {"keep": 0.6 if body == "light" else 0.7, **({"push": 0.5} if "push" in effects else {})}
+    return Explored("", lambda: discrete_map(push if "push" in effects else step, params, ("x", "v")), WINDOW)
+
+
 WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
 DUFFING = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v"), "Duffing")
 GALLERY = (
     Explored("wells", lambda: WELLS, WINDOW),
     Explored("duffing", lambda: DUFFING, CellGrid((-2.2, -2.2), (2.2, 2.2), (60, 50)), nodes=128),
     Explored("line", lambda: discrete_map(lambda x, p: (x[0] * x[0] + p.c,), {"c": 0.0}, ("x",))),
+    ExploredScene("parts", "From parts", ("light", "heavy"), ("push",), ("light",), made),
 )
 
 

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, stroboscopic_map
 from cellmap.basins import refine_basins
-from cellmap.explorer import Explored, Explorer
+from cellmap.explorer import Explored, ExploredScene, Explorer
 from cellmap.explorer.protocol import LOWEST
 from cellmap.explorer.serving import serve
 from cellmap.plot._colours import COLOURS
@@ -49,9 +49,26 @@ WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
 SWING = ForcedSystem(swing, {"damping": 0.3, "weight": 0.01, "drive": 0.5}, 2 * pi, (angle("theta"), "v"), "swing")
 WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (100, 100))
 TURN = CellGrid((-pi, -2.0), (pi, 2.0), (100, 100))
+
+
+def push(x, p):
+    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3) + 0.2 * p.push
+    return x[0] + speed, speed
+
+
+PUSHED = discrete_map(push, {"keep": 0.6, "push": 0.1}, ("x", "v"))
+SCENE = ExploredScene(
+    "parts",
+    "From parts",
+    ("ball",),
+    ("push",),
+    ("ball",),
+    lambda _, e: Explored("", lambda: PUSHED if e else WELLS, WINDOW),
+)
 GALLERY = (
     Explored("wells", lambda: WELLS, WINDOW, source="from test_browser import WELLS as system\n"),
     Explored("swing", lambda: SWING, TURN),
+    SCENE,
 )
 
 LOG = """
@@ -239,6 +256,31 @@ def test_the_phase_another_system_and_the_address(page: Page, browser: Browser) 
         assert_shown(again, basins)
     page.evaluate("location.hash = '#schema=99&system=wells'")
     until(page, "document.getElementById('failure').textContent.includes('version 99')")
+
+
+def test_an_effect_is_switched_on(page: Page, browser: Browser) -> None:
+    after(page, lambda: page.select_option("#system", "parts"))
+    after(page, put(page, "keep", 0.65))
+    after(page, lambda: page.click("#in"))
+    after(page, lambda: page.check("#parts input"))
+    assert page.input_value("#value-keep") == "0.65"
+    basins = find_basins(PUSHED.with_params(keep=0.65), CellGrid((-1.0, -0.75), (1.0, 0.75), (100, 100)))
+    assert_shown(page, basins)
+    page.wait_for_timeout(300)
+    with opened(browser, page.url) as again:
+        assert_shown(again, basins)
+    after(page, lambda: page.uncheck("#parts input"))
+    assert page.query_selector("#value-push") is None
+
+
+def test_equations_are_read_from_a_file(page: Page, tmp_path: Any) -> None:
+    (tmp_path / "wells.txt").write_text("x -> x + v + 0.2*(x - x**3)\nv -> keep*v + 0.2*(x - x**3)\nkeep = 0.6\n")
+    page.click("#type")
+    after(page, lambda: page.set_input_files("#file", tmp_path / "wells.txt"))
+    assert page.input_value("#text").startswith("x -> x + v")
+    assert page.input_value("#value-keep") == "0.6"
+    page.set_input_files("#file", {"name": "long.txt", "mimeType": "text/plain", "buffer": b"x" * 20000})
+    until(page, "document.getElementById('mistake').textContent.includes('long.txt has 20000 bytes')")
 
 
 def test_pointing_and_clicking(page: Page) -> None:

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from math import cos, pi
+from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
@@ -16,7 +17,8 @@ from matplotlib.colors import to_rgb
 
 import systems
 from cellmap import ForcedSystem, PointMap
-from cellmap.explorer.equations import EquationError, python_source, typed_system
+from cellmap.explorer import Explored, ExploredScene
+from cellmap.explorer.equations import EquationError, python_source, typed_file, typed_system
 from cellmap.explorer.explored import load_gallery
 from cellmap.explorer.protocol import LOWEST, pixels
 from cellmap.explorer.server import PAGE
@@ -32,7 +34,7 @@ def test_the_gallery_offers_every_reference_system() -> None:
             continue
         if all(a.default is not a.empty for a in inspect.signature(function).parameters.values()):
             found.add(name)
-    gallery = load_gallery("systems.gallery")
+    gallery = [e for e in load_gallery("systems.gallery") if isinstance(e, Explored)]
     assert {e.name for e in gallery} == found
     for explored in gallery:
         first = View.first(explored)
@@ -43,6 +45,23 @@ def test_the_gallery_offers_every_reference_system() -> None:
         assert repr(names["system"]) == repr(explored.system)
     with pytest.raises(ValueError, match="gallery='math': give a module with a list GALLERY"):
         load_gallery("math")
+
+
+def test_the_scene_has_the_parameters_of_its_parts_alone() -> None:
+    (scene,) = (e for e in load_gallery("systems.gallery") if isinstance(e, ExploredScene))
+    for body in scene.bodies:
+        for effects in ((), scene.effects[:2], *((effect,) for effect in scene.effects)):
+            explored = scene.explored((body, *effects))
+            assert explored.parts == (body, *effects)
+            names: dict[str, object] = {}
+            exec(explored.source, names)
+            assert repr(names["system"]) == repr(explored.system)
+            assert View.of({}, explored).others == View.first(explored).others
+            for effect in ("damping", "friction", "stiffness", "torque"):
+                has = any(name.startswith(effect) for name in explored.system.params)
+                assert has == any(
+                    effect in part.replace("spring", "stiffness") for part in effects if "constant" not in part
+                )
 
 
 def test_the_library_loads_no_server() -> None:
@@ -102,6 +121,16 @@ def test_typed_equations_are_a_system() -> None:
     weight = 1 - 0.5 * cos(2 * t)
     assert system.derivative(t, (theta, omega)) == pytest.approx((omega, -0.2 * omega - weight * np.sin(theta)))
     assert system.with_params(w=4.0).length == pytest.approx(pi / 2)
+
+
+def test_equations_are_read_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "swing.txt"
+    path.write_text(PENDULUM, encoding="utf-8")
+    explored = typed_file(path)
+    assert (explored.name, explored.title) == ("swing", "swing")
+    assert repr(explored.system) == repr(typed_system(PENDULUM, "swing").system)
+    with pytest.raises(FileNotFoundError):
+        typed_file(tmp_path / "none.txt")
 
 
 def test_typed_images_are_a_map() -> None:

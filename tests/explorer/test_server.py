@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import xarray
 from PIL import Image
-from served_pages import DUFFING, WELLS, WINDOW, Page, assert_same_image, connected, upright
+from served_pages import DUFFING, WELLS, WINDOW, Page, assert_same_image, connected, push, upright
 
-from cellmap import CellGrid, find_basins, interpolated_map, load_basins, stroboscopic_map
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, load_basins, stroboscopic_map
 from cellmap.analysis.fractal import basin_entropy, boundary_dimension
 from cellmap.explorer import Explorer, explore
 from cellmap.explorer.protocol import LOWEST
@@ -47,6 +47,27 @@ def test_parameters_phases_and_kinds_of_maps_of_a_forced_system(page: Page) -> N
     verified = page.ask("verify", n_samples=200)
     assert verified["compared"] == 200
     assert verified["low"] <= verified["wrong"] / 200 <= verified["high"]
+
+
+def test_a_scene_has_the_parts_that_are_switched_on(page: Page) -> None:
+    assert page.hello["systems"][-1] == {"name": "parts", "title": "From parts"}
+    found = page.ask("system", name="parts")["system"]
+    assert found["scene"] == {"bodies": ["light", "heavy"], "effects": ["push"], "parts": ["light"]}
+    assert found["view"]["params"] == {"keep": 0.6}
+    frame, numbers = page.image()
+    assert_same_image(frame, numbers, find_basins(WELLS, WINDOW), upright)
+    found = page.ask("system", name="parts", parts=["heavy", "push"])["system"]
+    assert found["view"]["params"] == {"keep": 0.7, "push": 0.5}
+    frame, numbers = page.image()
+    pushed = discrete_map(push, {"keep": 0.7, "push": 0.5}, ("x", "v"))
+    assert_same_image(frame, numbers, find_basins(pushed, WINDOW), upright)
+    for parts, message in (
+        (["push"], "'push' is no body: begin with one of light, heavy"),
+        (["light", "fog"], "no effect 'fog': take some of push"),
+        ([], "give the name of a body"),
+        ("light", "give the name of a body"),
+    ):
+        assert message in page.ask("system", name="parts", parts=parts)["message"]
 
 
 def test_a_map_of_one_coordinate_is_a_strip(page: Page) -> None:

@@ -4,10 +4,11 @@ const SCHEMA = 1;
 const LISTS = ["axes", "lower", "upper", "others", "cells"];
 const NUMBERS = ["phase", "nodes", "tolerance"];
 
-export function written({ name, text, view }) {
+export function written({ name, text, parts, view }) {
   const query = new URLSearchParams({ schema: SCHEMA });
   if (text) query.set("text", text);
   else query.set("system", name);
+  if (parts) query.set("parts", parts.join(","));
   for (const key of LISTS) query.set(key, view[key].join(","));
   for (const key of NUMBERS) if (view[key] !== null) query.set(key, view[key]);
   for (const [key, value] of Object.entries(view.params)) query.set(`p.${key}`, value);
@@ -25,5 +26,5 @@ export function read(fragment) {
   for (const key of LISTS) if (query.has(key)) view[key] = query.get(key).split(",").map(Number);
   for (const key of NUMBERS) if (query.has(key)) view[key] = Number(query.get(key));
   for (const [key, value] of query) if (key.startsWith("p.")) view.params[key.slice(2)] = Number(value);
-  return { name: query.get("system"), text: query.get("text"), view };
+  return { name: query.get("system"), text: query.get("text"), parts: query.get("parts")?.split(",") ?? null, view };
 }

@@ -3,15 +3,17 @@
 import { read, written } from "./address.js";
 import { Connection } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
+import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
 import { keep, svg } from "./keeping.js";
 import { drawOverlay, drawSeries } from "./overlay.js";
+import { Parts } from "./parts.js";
 import { Picture } from "./picture.js";
 import { accuracy, certified, ending, nameOf, news, showAttractors, showMeasures, verified } from "./report.js";
 import { Sweep } from "./sweep.js";
 
 const $ = (id) => document.getElementById(id);
-const state = { name: null, text: null, system: null, view: null };
+const state = { name: null, text: null, parts: null, system: null, view: null };
 const views = new Map(); // by the numbers of their requests
 const names = new Map();
 let codes = {};
@@ -49,20 +51,22 @@ async function greeted(message) {
     fail(error);
   }
   names.clear();
-  if (asked && (asked.text || asked.name !== message.system.name)) await choose(asked, asked.view);
+  if (asked && (asked.text || asked.parts || asked.name !== message.system.name)) await choose(asked, asked.view);
   else use(message.system, null, asked?.view);
 }
 
-// Asks for a system by its name or its text, and shows it at a view.
-async function choose({ name, text }, view) {
-  const answer = await connection.ask(text ? { type: "system", text } : { type: "system", name });
+// Asks for a system by its name, perhaps with parts, or by its text, and shows it at a view.
+async function choose({ name, text, parts }, view) {
+  const answer = await connection.ask({ type: "system", ...(text ? { text } : { name, parts }) });
   fail("");
   use(answer.system, answer.text ?? null, view);
 }
 
 function use(system, text, view) {
-  Object.assign(state, { system, name: system.name, text });
-  state.view = { ...system.view, ...view, params: { ...system.view.params, ...view?.params } };
+  Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
+  const known = Object.entries(view?.params ?? {}).filter(([name]) => name in system.view.params);
+  state.view = { ...system.view, ...view, params: { ...system.view.params, ...Object.fromEntries(known) } };
+  parts.make(system.scene);
   if (text) $("text").value = text;
   $("system").value = text ? "" : system.name;
   gestures.past = [];
@@ -155,6 +159,14 @@ const controls = new Controls($("parameters"), (name, value) => {
   if (name === null) state.view.phase = value;
   else state.view.params[name] = value;
   changed();
+});
+
+// Parameters, window and phase stay where the parts that are exchanged leave them.
+const parts = new Parts($("parts"), (chosen) => {
+  const { params, phase, axes, lower, upper, others } = state.view;
+  const same = chosen[0] === state.parts[0];
+  choose({ name: state.name, parts: chosen }, same ? { params, phase, axes, lower, upper, others } : { params, phase })
+    .catch((error) => { parts.make({ ...state.system.scene }); fail(error); });
 });
 
 const sweep = new Sweep(state, {
@@ -288,9 +300,9 @@ const clicked = {
     download("basins.svg", new Blob([text], { type: "image/svg+xml" }));
   },
   keep: () => {
-    const { name, text, view } = structuredClone({ ...state, system: null });
+    const { name, text, parts: chosen, view } = structuredClone({ ...state, system: null });
     const title = [state.system.title, ...Object.entries(view.params).map(([k, v]) => `${k} = ${v}`)].join(", ");
-    keep($("kept"), $("image"), title, () => choose({ name, text }, view).catch(fail));
+    keep($("kept"), $("image"), title, () => choose({ name, text, parts: chosen }, view).catch(fail));
   },
   diagram: () => sweep.diagram(),
   film: async () => {
@@ -315,24 +327,7 @@ for (const key of ["nodes", "tolerance", "cells"]) {
 }
 $("hatched").addEventListener("change", () => { picture.hatched = $("hatched").checked; picture.repaint(); redraw(); });
 $("system").addEventListener("change", () => choose({ name: $("system").value }).catch(fail));
-$("equations").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  $("mistake").textContent = "";
-  try {
-    await choose({ text: $("text").value });
-  } catch (error) {
-    $("mistake").textContent = error.message;
-    if (error.line) point($("text"), error.line, error.column);
-  }
-});
-
-// Selects the line of a text from a column on.
-function point(area, line, column) {
-  const before = area.value.split("\n").slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
-  const end = area.value.indexOf("\n", before);
-  area.focus();
-  area.setSelectionRange(before + column - 1, end < 0 ? area.value.length : end);
-}
+new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
 addEventListener("resize", () => { redraw(); sweep.draw(); });
 addEventListener("hashchange", () => {
