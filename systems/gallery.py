@@ -46,7 +46,8 @@ _ROUGH = {"quadratic drag", "dry friction", "square drive"}  # switches: an inte
 
 def _scene(body: str, effects: Sequence[str]) -> Explored:
     """Return the scene of some parts."""
-    parts = [_BODIES[body], *(_EFFECTS[effect] for effect in effects)]
+    made, acting = _BODIES[body], [_EFFECTS[effect] for effect in effects]
+    parts = (made, *acting)
     driven = any(effect.endswith("drive") for effect in effects)
     period = None if driven else 1.0 / _FREQUENCY
     names = sorted({type(part).__name__ for part in parts} | {"scene"}, key=str.lower)
@@ -56,7 +57,7 @@ def _scene(body: str, effects: Sequence[str]) -> Explored:
     smooth = len(limits) == 2 and _ROUGH.isdisjoint(effects)
     return Explored(
         "scene",
-        lambda: systems.scene(parts[0], *parts[1:], period=period),
+        lambda: systems.scene(made, *acting, period=period),
         CellGrid(lower, upper, ((_CELLS if smooth else 200),) * len(limits)),
         128 if smooth else 0,
         f"from systems import {', '.join(names)}\n\nsystem = scene({call})\n",
