@@ -1,4 +1,4 @@
-"""Attractors: found without being told how many, refined, proven stable, none twice."""
+"""Attractors: found without being told how many, refined, and proven stable."""
 
 from __future__ import annotations
 
@@ -7,42 +7,14 @@ from math import cos, pi, sin, sqrt, tanh
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
+from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 
 import systems
-from cellmap import (
-    CellGrid,
-    PointMap,
-    angle,
-    discrete_map,
-    find_attractors,
-    find_basins,
-    interpolated_map,
-    stroboscopic_map,
-)
-from cellmap._compiled.codegen.captured import captured
+from cellmap import PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors.labels import Label
-from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
-from cellmap.orbits.newton import newton, stable_orbit
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
-
-
-def logistic(r: float) -> PointMap:
-    return discrete_map(_logistic, {"r": r}, ("x",), name="logistic")
-
-
-def _logistic(x, p):
-    return (p.r * x[0] * (1.0 - x[0]),)
-
-
-def circle(rate: float, k: float = 0.9, turn: float = 2 * pi) -> PointMap:
-    """theta' = theta + turn (rate - k sin(2 pi theta/turn) / (2 pi))."""
-    return discrete_map(_circle, {"rate": rate, "k": k, "turn": turn}, (angle("a", period=turn),), name="circle")
-
-
-def _circle(x, p):
-    return (x[0] + p.turn * (p.rate - p.k * sin(2 * pi * x[0] / p.turn) / (2 * pi)),)
 
 
 def spiral(modulus: float, phase: float) -> PointMap:
@@ -55,18 +27,6 @@ def spiral(modulus: float, phase: float) -> PointMap:
     params = {"c": modulus * cos(phase), "s": modulus * sin(phase)}
     return discrete_map(spiral, params, ("x", "y", "z"))
 
-
-def grid_of(lower, upper, n=20) -> np.ndarray:
-    return CellGrid(lower, upper, (n,) * len(lower)).centres()
-
-
-def same_orbit(a: np.ndarray, b: np.ndarray) -> bool:
-    """The same points in the same cyclic order; which of them comes first may depend on the window."""
-    return any(np.roll(b, k, axis=0) == pytest.approx(a, abs=1e-8) for k in range(len(a)))
-
-
-CIRCLE = np.linspace(-pi, pi, 30, endpoint=False)[:, None] + 0.01
-LINE = np.linspace(0.03, 0.97, 30)[:, None]
 
 # --- exact results
 
@@ -241,110 +201,6 @@ def test_fixed_points_are_those_of_scipy(scipy_images):
         assert a.points[0] == pytest.approx(solution, abs=1e-11)
 
 
-# --- none twice, none unstable, the same whatever the initial conditions
-
-SEARCHES = {
-    "pendulum, 3 mm": (systems.driven_pendulum(), ((-pi, -500.0), (pi, 500.0))),
-    "pendulum, 10 mm": (systems.driven_pendulum(amplitude=0.010), ((-pi, -500.0), (pi, 500.0))),
-    "Duffing": (systems.two_well_duffing(), ((-2.2, -2.2), (2.2, 2.2))),
-    "vertically driven": (systems.dimensionless_pendulum(0.5, 0.1, 0.03), ((-pi, -4.0), (pi, 4.0))),
-    # Light damping: many resonances, slow convergence.
-    "lightly damped": (systems.dimensionless_pendulum(0.1, 0.3, 0.01), ((-pi, -2.0), (pi, 2.0))),
-    "forced pendulum": (systems.forced_pendulum(), ((-pi, -4.0), (pi, 4.0))),
-}
-
-
-@pytest.fixture(scope="module", params=SEARCHES)
-def search(request):
-    system, window = SEARCHES[request.param]
-    exact = stroboscopic_map(system)
-    initial_conditions = grid_of(*window, 24)
-    return exact, initial_conditions, window, find_attractors(exact, initial_conditions)
-
-
-def test_no_attractor_is_found_twice(search):
-    exact, _, window, found = search
-    extent = np.subtract(window[1], window[0])
-    points = np.concatenate([a.points for a in found])
-    apart = np.abs(difference(points[:, None], points[None], exact.coordinates) / extent).max(axis=-1)
-    np.fill_diagonal(apart, 1.0)
-    assert apart.min() > 1e-4
-
-
-def test_attractors_are_stable_periodic_orbits(search):
-    exact, *_, found = search
-    for a in found:
-        moved = exact.iterate(a.points, a.period).unwrapped - a.points
-        assert moved == pytest.approx(np.broadcast_to(np.multiply(a.rotations, [2 * pi, 0.0]), moved.shape), abs=1e-6)
-        step = exact(a.points)
-        assert difference(step, np.roll(a.points, -1, axis=0), exact.coordinates) == pytest.approx(0.0, abs=1e-6)
-        assert (np.abs(a.multipliers) < 1).all()
-        assert a.neighbourhood is not None
-
-
-def test_mirror_images_stand_side_by_side(search):
-    """(theta, v) -> (-theta, -v) maps the vertically driven pendulums to themselves."""
-    exact, _, _, found = search
-    if exact.name not in ("driven pendulum", "dimensionless pendulum"):
-        return
-    rotating = [a for a in found if a.kind is Kind.ROTATING]
-    assert len(rotating) % 2 == 0
-    for plus, minus in zip(rotating[::2], rotating[1::2], strict=True):
-        assert plus.rotations[0] == -minus.rotations[0] > 0
-        apart = np.abs(difference(plus.points[:, None], -minus.points[None], exact.coordinates)).max(axis=-1)
-        assert apart.min(axis=1) == pytest.approx(0.0, abs=1e-8)
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_order_of_starts_does_not_matter(search, seed):
-    exact, initial_conditions, _, found = search
-    shuffled = np.random.default_rng(seed).permutation(initial_conditions.reshape(-1, 2))
-    again = find_attractors(exact, shuffled)
-    assert [(a.kind, a.period, a.rotations) for a in again] == [(a.kind, a.period, a.rotations) for a in found]
-    for a, b in zip(found, again, strict=True):
-        assert same_orbit(a.points, b.points)
-
-
-def test_interpolated_map_has_the_attractors_of_the_exact_one(search):
-    exact, initial_conditions, window, found = search
-    icm = interpolated_map(exact, CellGrid(*np.multiply(window, ([1.0, 1.2],) * 2), (256, 256)), outside="integrate")
-    again = find_attractors(icm, initial_conditions)
-    assert [(a.kind, a.period, a.rotations) for a in again] == [(a.kind, a.period, a.rotations) for a in found]
-    for a, b in zip(found, again, strict=True):
-        assert same_orbit(a.points, b.points)
-
-
-def test_known_attractors_are_kept(search):
-    exact, initial_conditions, _, found = search
-    again = find_attractors(exact, initial_conditions.reshape(-1, 2)[:4], attractors=found)
-    assert [a.name for a in again] == [a.name for a in found]
-
-
-def test_map_without_attractors():
-    assert find_attractors(discrete_map(lambda x, p: (2 * x[0],), {}, ("x",)), LINE) == ()
-    assert find_attractors(discrete_map(lambda x, p: (1 - 2 * abs(x[0]) + 2.0,), {}, ("x",)), LINE) == ()
-
-
-def test_irrational_rotation_is_an_attractor():
-    """The whole circle."""
-    (attractor,) = find_attractors(circle(0.381966, 0.5), CIRCLE, max_periods=300)
-    assert attractor.kind is Kind.QUASIPERIODIC
-
-
-@pytest.mark.parametrize("rate", [1.0, 1.5, 2.0 / 3.0])
-def test_neutral_orbits_are_no_attractors(rate):
-    """A rigid rotation by a rational angle: every point is periodic, none attracts."""
-    assert find_attractors(circle(rate, 0.0), CIRCLE, max_periods=300) == ()
-
-
-r = list(range(1000))  # a global of the same name as the parameter of the logistic map
-
-
-def test_globals_with_the_names_of_parameters_are_not_read():
-    """`p.r` reads no global `r`: its value costs nothing and rebuilds nothing."""
-    assert not set(r[2:]) & set(captured(_logistic))
-
-
 # --- cycles that attract weakly, and transients that last
 
 
@@ -369,50 +225,6 @@ def test_orbits_at_rest_on_a_new_attractor_are_on_no_set_of_equilibria(monkeypat
     wells = discrete_map(lambda x, p: (tanh(5.0 * x[0]),), {}, ("x",))
     assert len(find_attractors(wells, LINE - 0.5)) == 2
     assert explored == []
-
-
-# --- Newton's method
-
-
-@pytest.mark.parametrize("period", [1, 2, 3])
-def test_newton_finds_unstable_points_too(period):
-    """All solutions of P^q(x) = x for the logistic map at 4: sin^2(pi k / (2^q +- 1))."""
-    exact = [sin(pi * k / (2**period + s)) ** 2 for s in (-1, 1) for k in range(2**period)]
-    guesses = np.array(exact)[:, None] + 1e-3
-    points, settled = newton(logistic(4.0), guesses, np.full(len(guesses), period), np.ones(1))
-    assert settled.all()
-    assert points[:, 0] == pytest.approx(exact, abs=1e-12)
-
-
-def test_newton_takes_a_period_for_each_guess():
-    points, settled = newton(logistic(3.2), np.array([[0.68], [0.5], [0.51]]), np.array([1, 1, 2]), np.ones(1))
-    assert settled.all()
-    assert points[:, 0] == pytest.approx([1 - 1 / 3.2, 1 - 1 / 3.2, (4.2 - sqrt(0.84)) / 6.4], abs=1e-12)
-
-
-def test_newton_gives_up_where_there_is_nothing():
-    """x + 1 + x^2 has no fixed point; a rigid rotation by half a circle has no isolated ones."""
-    rising = discrete_map(lambda x, p: (x[0] + 1.0 + x[0] ** 2,), {}, ("x",))
-    assert not newton(rising, np.array([[0.3], [-2.0]]), np.ones(2, int), np.ones(1))[1].any()
-    assert not newton(circle(0.5, 0.0), CIRCLE, np.full(30, 2), np.full(1, 2 * pi))[1].any()
-
-
-def test_newton_does_not_wander_far():
-    halves = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
-    far, near = newton(halves, np.array([[0.7], [0.3]]), np.ones(2, int), np.ones(1))[1]
-    assert (far, near) == (False, True)
-
-
-@pytest.mark.parametrize("multiple", [1, 2, 3])
-def test_least_period_is_taken(multiple):
-    a = stable_orbit(logistic(3.2), np.array([(4.2 - sqrt(0.84)) / 6.4]), 2 * multiple, np.ones(1))
-    assert a is not None
-    assert a.period == 2
-
-
-@pytest.mark.parametrize("r", [3.0, 3.2])
-def test_neutral_and_unstable_points_are_not_stable(r):
-    assert stable_orbit(logistic(r), np.array([1 - 1 / r]), 1, np.ones(1)) is None
 
 
 # --- bad input

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import subprocess
-import sys
 from dataclasses import replace
 from math import pi
 
@@ -16,7 +14,6 @@ from PIL import Image
 
 import systems
 from cellmap import (
-    Attractor,
     Basins,
     CellGrid,
     Coordinate,
@@ -28,14 +25,12 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors.labels import Label
-from cellmap.maps.coordinates import as_coordinates
-from cellmap.orbits import Kind
-from cellmap.orbits.attractor import distinct_names
 from cellmap.plot._axes import multiple_of_pi
 from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from legends import legend_of
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +58,6 @@ def picture(ax) -> np.ndarray:
     (image,) = ax.get_images()
     assert image.origin == "lower"
     return np.asarray(image.get_array())[..., :3]
-
-
-def legend_of(ax) -> list[str]:
-    return [t.get_text() for t in ax.get_legend().get_texts()]
 
 
 # --- axes
@@ -178,50 +169,6 @@ def test_legend_names_each_attractor_and_its_share(pendulum):
         assert entry == f"{pendulum.label_name(label)}: {100 * fraction.fraction:.2f} %"
     patches = plot.basins(pendulum).get_legend().legend_handles
     assert [p.get_facecolor()[:3] for p in patches] == [pytest.approx(c) for c in label_colours(pendulum).values()]
-
-
-def test_mirror_images_have_names_of_their_own():
-    """In each half of the plane x stays and y goes to and fro, on the right from -1.31 to 1.69."""
-    from math import tanh
-
-    def rhs(x, p):
-        return 2.0 * tanh(2.0 * x[0]), -1.5 * tanh(3.0 * x[1]) + 0.2 * tanh(x[0])
-
-    basins = find_basins(discrete_map(rhs, {}, ("x", "y")), CellGrid((-3, -3), (3, 3), (20, 20)))
-    assert [a.name for a in basins.attractors] == ["periodic, period 2"] * 2
-    names = [entry.rpartition(":")[0] for entry in legend_of(plot.basins(basins))]
-    assert names == ["periodic, period 2, through (2, -1.31)", "periodic, period 2, through (-2, 1.31)"]
-
-
-CYLINDER = (angle("theta"), Coordinate("v"))
-
-
-def fixed_point(*place, coordinates=CYLINDER):
-    points = np.array([place])
-    return Attractor(Kind.FIXED_POINT, 1, points, (0, 0), np.zeros(2, complex), np.zeros(2), coordinates)
-
-
-@pytest.mark.parametrize(
-    ("attractor", "name"),
-    [
-        (fixed_point(-pi, 0.0), "fixed point (π, 0)"),
-        (fixed_point(pi - 1e-9, 1e-12), "fixed point (π, 0)"),
-        (fixed_point(1e-12, -1.5), "fixed point (0, -1.5)"),
-        (fixed_point(3.14, pi), "fixed point (3.14, 3.14)"),
-        (fixed_point(1e-9, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (0, 0)"),
-        (fixed_point(pi, 0.0, coordinates=(angle("theta", lower=0.0), "v")), "fixed point (π, 0)"),
-        (fixed_point(-180.0, 0.0, coordinates=(angle("theta", "deg", 360.0), "v")), "fixed point (180, 0)"),
-    ],
-)
-def test_angles_of_fixed_points_are_readable(attractor, name):
-    assert replace(attractor, coordinates=as_coordinates(attractor.coordinates)).name == name
-
-
-def test_close_fixed_points_are_told_apart_by_more_digits():
-    close = [fixed_point(1.0001, 0.0), fixed_point(1.0002, 0.0), fixed_point(0.5, 0.0)]
-    assert [a.name for a in close[:2]] == ["fixed point (1, 0)"] * 2
-    assert distinct_names(close) == ("fixed point (1.0001, 0)", "fixed point (1.0002, 0)", "fixed point (0.5, 0)")
-    assert distinct_names(close[:1] * 2) == ("fixed point (1.0001, 0)",) * 2
 
 
 def test_legend_names_what_is_lost(lost):
@@ -380,37 +327,3 @@ def test_picture_can_be_written(pendulum, shade, tmp_path):
         for colour in COLOURS[: len(pendulum.attractors)]:
             near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
             assert near.sum() > 200
-
-
-# --- import
-
-
-@pytest.mark.parametrize("module", ["cellmap", "systems"])
-def test_import_loads_no_heavy_library(module):
-    program = (
-        f"import {module}, sys; "
-        "heavy = ('matplotlib', 'sklearn', 'h5py', 'scipy.integrate', 'scipy.ndimage', 'pandas', 'xarray'); "
-        "print([m for m in heavy if m in sys.modules])"
-    )
-    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert output.strip() == "[]"
-
-
-def test_late_names_are_listed_and_load_on_use():
-    program = (
-        "import cellmap, sys; assert 'plot' in dir(cellmap) and 'save_basins' in cellmap.__all__;"
-        "assert 'matplotlib' not in sys.modules; cellmap.plot.basins; assert 'matplotlib' in sys.modules;"
-        "assert 'h5py' not in sys.modules; cellmap.basins.StoreError; assert 'h5py' in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", program], check=True)
-    import cellmap
-
-    with pytest.raises(AttributeError, match="No cellmap attribute plot_basin"):
-        cellmap.plot_basin  # noqa: B018
-
-
-def test_every_public_name_exists():
-    import cellmap
-
-    for name in cellmap.__all__:
-        assert getattr(cellmap, name).__doc__

@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
+from legends import legend_of
 from numpy.typing import NDArray
 
 from cellmap import angle, continue_orbit, discrete_map, periodic_orbit, plot, stability_map, stroboscopic_map
@@ -58,10 +59,6 @@ def lines(ax: Axes, style: str) -> NDArray[np.float64]:
 
 def marks(ax: Axes, marker: str) -> NDArray[np.float64]:
     return np.concatenate([line.get_xydata() for line in ax.get_lines() if line.get_marker() == marker])
-
-
-def legend_of(ax: Axes) -> list[str]:
-    return [t.get_text() for t in ax.get_legend().get_texts()]
 
 
 def longest_jump(places: NDArray[np.float64]) -> float:

@@ -1,9 +1,9 @@
-"""Generalized cell mapping: chains by hand, in closed form, against brute force; measures, noise, basins."""
+"""Generalized cell mapping: chains by hand, in closed form, against brute force."""
 
 from __future__ import annotations
 
 import tracemalloc
-from math import gcd, pi
+from math import gcd
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
 import systems
-from cellmap import CellGrid, angle, discrete_map, find_basins, load_basins, save_basins, set_threads, stroboscopic_map
-from cellmap.sets import generalized_cell_mapping, markov, simple_cell_mapping
+from cellmap import CellGrid, discrete_map
+from cellmap.sets import generalized_cell_mapping, markov
 from cellmap.sets.box_images import tallied
 from cellmap.sets.markov import components_of, invariant_measure, periods_of, solve_transient
 
@@ -219,185 +219,6 @@ def test_rows_are_tallied_with_sinks_last():
     assert hits.rows.tolist() == [0, 0, 0, 1, 1, 1]
     assert hits.targets.tolist() == [0, 4, 7, 3, 6, 7]
     assert hits.counts.tolist() == [1, 2, 1, 1, 2, 1]
-
-
-class TestTransitions:
-    def test_of_a_line_stretched_threefold(self):
-        """x' = 3 x on cells of width 1 around 0: a cell goes to three, by a third each."""
-        tripled = discrete_map(lambda x, p: (3 * x[0],), {}, ("x",))
-        chain = generalized_cell_mapping(tripled, CellGrid((0,), (4,), (4,)), samples=(9,))
-        expected = np.zeros((6, 6))
-        expected[0, 0:3] = 1 / 3
-        expected[1, 3], expected[1, -1] = 1 / 3, 2 / 3
-        expected[2:4, -1] = 1.0
-        expected[4, 4] = expected[5, 5] = 1.0
-        assert chain.matrix.toarray() == pytest.approx(expected)
-        assert chain.closed == ()
-        assert chain.expected_times == pytest.approx(np.linalg.solve(np.eye(4) - expected[:4, :4], np.ones(4)))
-        assert chain.absorption[:, -1] == pytest.approx(1.0)
-
-    def test_angles_go_round(self):
-        turned = discrete_map(lambda x, p: (x[0] + pi / 8,), {}, (angle("theta"),))
-        chain = generalized_cell_mapping(turned, CellGrid((-pi,), (pi,), (8,)), samples=(4,))
-        expected = 0.5 * (np.eye(8) + np.roll(np.eye(8), 1, axis=1))
-        assert chain.matrix.toarray()[:8, :8] == pytest.approx(expected)
-        assert (len(chain.closed), chain.closed[0].period) == (1, 1)
-        assert chain.measures[0] == pytest.approx(1 / 8)
-
-    def test_one_cell(self):
-        halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
-        chain = generalized_cell_mapping(halves, CellGrid((-1,), (1,), (1,)))
-        assert chain.closed[0].cells.tolist() == [0]
-        assert chain.domiciles.tolist() == [1]
-        assert chain.expected_times.tolist() == [0.0]
-
-    def test_diverged_and_outside_are_kept_apart(self):
-        powers = discrete_map(lambda x, p: (x[0] ** 1001,), {}, ("x",))
-        chain = generalized_cell_mapping(powers, CellGrid((1.05,), (2.05,), (10,)))
-        assert chain.absorption[0, -1] > 0.9
-        assert chain.absorption[-1, -2] == 1.0
-        assert set(chain.basins().labels) == {-1, -2}
-
-    def test_one_sample_is_a_simple_cell_mapping(self):
-        exact = stroboscopic_map(systems.two_well_duffing())
-        grid = CellGrid((-2, -2), (2, 2), (60, 60))
-        simple = simple_cell_mapping(exact, grid, 2)
-        chain = generalized_cell_mapping(exact, grid, samples=(1, 1), periods=2)
-        targets = chain.matrix.indices[:-2]
-        np.testing.assert_array_equal(
-            np.where(targets < grid.size, targets, targets - grid.size - 2), simple.images.ravel()
-        )
-        np.testing.assert_array_equal(chain.expected_times, 2 * simple.steps)
-        assert sorted(one.period for one in chain.closed) == sorted(simple.group_periods)
-        np.testing.assert_array_equal(chain.basins().labels, simple.basins().labels)
-
-    def test_random_samples_and_threads(self):
-        exact = stroboscopic_map(systems.two_well_duffing())
-        grid = CellGrid((-2, -2), (2, 2), (80, 80))
-        chains = []
-        for threads, seed in ((1, 0), (3, 0), (1, 1)):
-            set_threads(threads)
-            chains.append(generalized_cell_mapping(exact, grid, samples=12, noise=0.01, rng=seed))
-        for name in ("data", "indices", "indptr"):
-            np.testing.assert_array_equal(getattr(chains[0].matrix, name), getattr(chains[1].matrix, name))
-        assert chains[0].matrix.nnz != chains[2].matrix.nnz
-        assert chains[0].matrix.sum(axis=1) == pytest.approx(1.0)
-
-
-class TestMeasures:
-    @pytest.mark.parametrize(("cells", "error"), [(200, 0.1), (2000, 0.04), (20_000, 0.02)])
-    def test_of_the_logistic_map(self, cells, error):
-        """1/(pi sqrt(x (1 - x))) in L1 (REFERENCES.md): about as the root of the width of a cell."""
-        chain = generalized_cell_mapping(systems.logistic_map(4.0), CellGrid((0.0,), (1.0 + 1e-12,), (cells,)), (100,))
-        edges = np.clip(chain.grid.edges(0), 0.0, 1.0)
-        expected = np.diff(2.0 / pi * np.arcsin(np.sqrt(edges)))
-        measure = np.zeros(cells)
-        measure[chain.closed[0].cells] = chain.measures[0]
-        assert np.abs(measure - expected).sum() < error
-        assert chain.density().sum() / cells == pytest.approx(1.0)
-
-    def test_of_a_noisy_line_is_normal(self):
-        """x' = a x + s w: variance s^2 / (1 - a^2)."""
-        a, s = 0.7, 0.1
-        line = discrete_map(lambda x, p: (p.a * x[0],), {"a": a}, ("x",))
-        chain = generalized_cell_mapping(line, CellGrid((-1,), (1,), (200,)), samples=4000, noise=s)
-        assert len(chain.closed) <= 1
-        cells = np.arange(40, 160)
-        inner = chain.matrix[cells][:, cells].toarray()
-        measure = np.linalg.matrix_power(inner / inner.sum(axis=1, keepdims=True), 200)[60]
-        x = chain.grid.axis(0)[cells]
-        assert measure @ x == pytest.approx(0.0, abs=0.005)
-        assert measure @ x**2 == pytest.approx(s**2 / (1 - a**2), rel=0.02)
-
-    def test_of_bounded_noise_is_a_class(self):
-        """x' = x/2 + u, u uniform in [-1/4, 1/4]: the class is [-1/2, 1/2], the variance 1/36."""
-        line = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
-        chain = generalized_cell_mapping(
-            line, CellGrid((-1,), (1,), (100,)), 1000, noise=lambda rng, n: rng.uniform(-0.25, 0.25, (n, 1))
-        )
-        (only,) = chain.closed
-        x = chain.grid.axis(0)[only.cells]
-        assert (x.min(), x.max()) == pytest.approx((-0.49, 0.49), abs=0.021)
-        assert chain.measures[0] @ x**2 == pytest.approx(0.25**2 / 3 / (1 - 0.25), rel=0.02)
-        basins = chain.basins()
-        assert (basins.labels == 0).all()
-        with pytest.raises(ValueError, match="refine=True"):
-            chain.basins(refine=True)
-
-
-class TestBasins:
-    def test_agree_with_direct_ones_up_to_cells_of_the_boundary(self):
-        """Newton's map for x^2 = 1 in the complex plane; the boundary is the imaginary axis."""
-
-        def newton(x, p):
-            size = 2 * (x[0] ** 2 + x[1] ** 2)
-            return x[0] / 2 + x[0] / size, x[1] / 2 - x[1] / size
-
-        grid = CellGrid((-2, -2), (2, 2), (100, 100))
-        point_map = discrete_map(newton, {}, ("re", "im"))
-        direct = find_basins(point_map, grid)
-        chain = generalized_cell_mapping(point_map, grid)
-        basins = chain.basins()
-        inside = basins.labels >= 0
-        far = np.abs(grid.centres()[..., 0]) > 1.5 * 4 / 100
-        assert ((basins.labels == direct.labels) | ~inside | ~far).all()
-        assert basins.verify(500).fraction < 0.02
-        assert (basins.settling_time[inside] == np.round(chain.expected_times[inside])).all()
-        # Mirror images have mirrored chances.
-        assert chain.absorption[..., 0] == pytest.approx(chain.absorption[::-1, :, 1], abs=1e-9)
-
-    def test_several_periods_find_small_attractors(self):
-        """REFERENCES.md, published, on Duffing's oscillator with five attractors."""
-        exact = stroboscopic_map(systems.duffing_oscillator(0.08, 0.0, 1.0, 0.2, 1.0))
-        grid = CellGrid((-1.8, -1.3), (1.8, 1.7), (180, 150))
-        found = [len(generalized_cell_mapping(exact, grid, periods=k).basins().attractors) for k in (1, 8)]
-        assert found[0] < found[1] == 5
-
-    def test_of_two_wells(self):
-        exact = stroboscopic_map(systems.two_well_duffing())
-        chain = generalized_cell_mapping(exact, CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 150)), periods=2)
-        found, chances = chain.probabilities()
-        assert [a.points[0].round(4).tolist() for a in found] == [[-0.7791, 0.0274], [1.2101, 0.0553]]
-        assert chances.sum(axis=-1) == pytest.approx(1.0)
-        assert chances[..., 0].mean() == pytest.approx(0.5, abs=0.01)
-        undecided = chain.basins(min_probability=0.9)
-        assert ((undecided.labels == -3) == (chances.max(axis=-1) < 0.9)).all()
-        assert set(np.unique(chain.domiciles)) == {1, 2}
-        assert ((chain.domiciles == 1) == (chances.max(axis=-1) > 1 - 1e-9)).mean() > 0.999
-        assert any(len(one.cells) > 100 for one in chain.transient)  # the chaotic saddle
-        assert chain.classes == chain.closed + chain.transient
-
-    def test_without_polish(self):
-        """A cycle of two: one class of period 2."""
-        chain = generalized_cell_mapping(systems.logistic_map(3.2), CellGrid((0.01,), (0.99,), (500,)))
-        basins = chain.basins(refine=False)
-        assert [a.period for a in basins.attractors] == [2]
-        refined = chain.basins()
-        assert np.sort(basins.attractors[0].points[:, 0]) == pytest.approx(
-            np.sort(refined.attractors[0].points[:, 0]), abs=0.01
-        )
-
-    def test_where_areas_are_preserved(self):
-        """A rotation by a rational angle has classes everywhere; the chain stays small."""
-        chain = generalized_cell_mapping(
-            discrete_map(lambda x, p: (-x[1], x[0]), {}, ("x", "y")), CellGrid((-1, -1), (1, 1), (60, 60)), (3, 3)
-        )
-        assert len(chain.closed) == 900
-        assert {one.period for one in chain.closed} == {4}
-        assert (chain.domiciles == 1).all()
-
-
-def test_basins_of_cells_are_stored_like_others(tmp_path):
-    exact = stroboscopic_map(systems.two_well_duffing())
-    grid = CellGrid((-2, -2), (2, 2), (40, 40))
-    chain, mapping = generalized_cell_mapping(exact, grid, (2, 2)), simple_cell_mapping(exact, grid)
-    for basins in (chain.basins(), chain.basins(refine=False), mapping.basins(), mapping.basins(refine=False)):
-        same = load_basins(save_basins(basins, tmp_path / "basins.h5"))
-        np.testing.assert_array_equal(same.labels, basins.labels)
-        assert same.settings["method"] == basins.settings["method"]
-        for a, b in zip(same.attractors, basins.attractors, strict=True):
-            np.testing.assert_array_equal(a.points, b.points)
-            np.testing.assert_array_equal(a.multipliers, b.multipliers)
 
 
 def test_bad_input():

@@ -1,28 +1,24 @@
-"""Effective potentials against closed formulas, quadrature, multipliers of fast drives and plain integration."""
+"""Effective potentials against closed formulas, quadrature and multipliers of fast drives."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import acos, asin, cos, inf, pi, sin, sqrt
+from math import acos, cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, quad_vec
+from scipy.integrate import quad
 
 from cellmap import ForcedSystem, angle
-from cellmap.bifurcations import floquet_multipliers
-from cellmap.orbits import Kind
 from systems import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
-    Chain,
     ConstantTorque,
     Effect,
     Gravity,
     HarmonicDrive,
     HorizontalDrive,
-    IslandWarning,
     Pendulum,
     QuadraticDrag,
     RotatingDrive,
@@ -30,7 +26,6 @@ from systems import (
     Terms,
     TiltedDrive,
     TorqueDrive,
-    TorsionSpring,
     TriangleDrive,
     VerticalDrive,
     ViscousDamping,
@@ -41,17 +36,14 @@ from systems import (
     effective_potential,
     find_well,
     quantity,
-    release_limits,
     sampled_drive,
     scene,
     slow_equilibrium,
     stick_slip_oscillator,
-    triple_pendulum,
 )
 
 G, L, W = 9.8, 0.0272, 2.0 * pi * 50.0
 ANGLES = np.linspace(-4.0, 4.0, 101)
-INVERTED = (pi, 0.0)
 
 
 @pytest.mark.parametrize(("amplitude", "critical"), [(0.003, 0.927068123), (0.004, 1.226427972)])
@@ -151,185 +143,6 @@ def test_units() -> None:
     plain = effective_potential(scene(Pendulum(L), *effects))
     assert scaled(ANGLES) * (L * W) ** 2 == pytest.approx(plain(ANGLES), rel=1e-12, abs=1e-14)
     assert find_well(scaled).critical_angle == pytest.approx(find_well(plain).critical_angle, abs=1e-12)
-
-
-def _double_by_hand(system: ForcedSystem, angles: tuple[float, float]) -> float:
-    """-g sum mu_i l_i cos theta_i + <xi' M xi'>/2, with xi' from plain accelerations by quadrature."""
-    p = system.parameters
-    lengths, mu = np.array([p.length_1, p.length_2]), np.array([p.mass_1 + p.mass_2, p.mass_2])
-    across = np.array([[mu[0], mu[1]], [mu[1], mu[1]]]) * np.outer(lengths, lengths)
-    mass = across * np.cos(np.subtract.outer(angles, angles))
-    period = system.length
-
-    def acceleration(t: float) -> np.ndarray:
-        return np.array(system.derivative(t, (*angles, 0.0, 0.0))[2:])
-
-    mean = quad_vec(acceleration, 0.0, period)[0] / period
-    # Integrating by parts, the velocity of zero mean is the mean of t times the acceleration to come.
-    nodes, weights = np.polynomial.legendre.leggauss(40)
-    nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
-    forward = np.array([acceleration(period * u) - mean for u in nodes])
-
-    def velocity(v: float) -> np.ndarray:
-        to_v = np.array([acceleration(period * u * v) - mean for u in nodes])
-        return period * (v * weights @ to_v + (weights * nodes) @ forward)
-
-    kinetic = sum(w * velocity(v) @ mass @ velocity(v) for v, w in zip(nodes, weights, strict=True)) / 2.0
-    return float(kinetic - p.gravity * (mu * lengths) @ np.cos(angles))
-
-
-@pytest.mark.parametrize(
-    "drive",
-    [
-        VerticalDrive(0.006, 50.0),
-        TiltedDrive(0.006, 50.0, tilt=0.3, phase=0.5),
-        RotatingDrive(0.006, 0.002, 50.0),
-        TorqueDrive(3000.0, 50.0),
-        HarmonicDrive((0.004, 0.002), (0.0, 1.0), 50.0),
-    ],
-    ids=lambda d: type(d).__name__,
-)
-def test_two_joints(drive: Effect) -> None:
-    system = scene(Chain((0.032, 0.04), (1.0, 0.25)), Gravity(G), drive, ViscousDamping(10.0))
-    potential = effective_potential(system)
-    for angles in ((0.3, -1.2), (2.0, 0.5), (3.0, 3.1)):
-        assert float(potential(*angles)) == pytest.approx(_double_by_hand(system, angles), rel=1e-11)
-    grid = potential(ANGLES[:, None], ANGLES[None, :7])
-    assert grid.shape == (101, 7)
-    assert grid[13, 5] == pytest.approx(float(potential(ANGLES[13], ANGLES[5])), rel=1e-14)
-
-
-@pytest.mark.parametrize("down", [(True, True), (True, False), (False, True), (False, False)])
-def test_slow_modes_of_the_double_pendulum(down: tuple[bool, bool]) -> None:
-    """A mode of eigenvalue lambda swings as a pendulum of length 1/abs(lambda): g lambda + (A w lambda)^2/2."""
-    place = [0.0 if d else pi for d in down]
-    r = 1.25
-    mean, spread = (r, sqrt(r * r - r)) if down[0] == down[1] else (0.0, sqrt(r))
-    sign = -1.0 if down == (False, False) else 1.0
-    eigenvalues = sign * np.array([mean - spread, mean + spread]) / 0.032
-    rest = slow_equilibrium(effective_potential(double_pendulum()), place)
-    expected = G * eigenvalues + (0.006 * W * eigenvalues) ** 2 / 2.0
-    assert rest.squares == pytest.approx(np.sort(expected), rel=1e-10)
-    assert rest.stable
-    assert rest.frequencies == pytest.approx(np.sqrt(np.sort(expected)) / (2.0 * pi), rel=1e-10)
-
-
-def test_slow_modes_of_three_links_against_multipliers_of_a_fast_drive() -> None:
-    """At A w fixed the multipliers' frequencies tend to the averaged ones, with an error in proportion to 1/f^2."""
-    system, upright = triple_pendulum(damping=0.0, frequency=100.0, amplitude=0.004), (pi, pi, pi)
-    averaged = slow_equilibrium(effective_potential(system), upright).frequencies
-    frequencies = np.array([1e3, 2e3, 1e4, 2e4])
-    swept = {"frequency": frequencies, "amplitude": 0.4 / frequencies}
-    found = floquet_multipliers(system, (*upright, 0.0, 0.0, 0.0), swept, rtol=1e-13)
-    slow = np.sort(np.angle(found.multipliers), axis=-1)[:, 3:] * frequencies[:, None] / (2.0 * pi)
-    errors = np.abs(slow / averaged - 1.0)
-    assert errors[0] / errors[1] == pytest.approx([4.0] * 3, rel=0.1)
-    assert errors[2] / errors[3] == pytest.approx([4.0] * 3, rel=0.01)
-    assert (4.0 * slow[3] - slow[2]) / 3.0 == pytest.approx(averaged, rel=1e-8)
-
-
-def test_one_joint_against_multipliers_of_a_fast_drive() -> None:
-    averaged = find_well(effective_potential(driven_pendulum())).frequency
-    frequencies = np.array([500.0, 5e3, 5e4])
-    swept = {"frequency": frequencies, "amplitude": 0.15 / frequencies}
-    found = floquet_multipliers(driven_pendulum(damping=0.0), INVERTED, swept, rtol=1e-13)
-    errors = np.angle(found.multipliers[:, 0]) * frequencies / (2.0 * pi) / averaged - 1.0
-    assert errors[:-1] / errors[1:] == pytest.approx([100.0, 100.0], rel=0.02)
-    assert abs(errors[-1]) < 1e-8
-
-
-def test_wells_that_are_not_symmetric() -> None:
-    """A tilted drive moves the well, and one barrier is nearer: zeros of g sin q/l + (A w/l)^2 sin(2 (q + tilt))/4."""
-    system = scene(Pendulum(L), Gravity(G), TiltedDrive(0.004, 50.0, tilt=0.2))
-    well = find_well(effective_potential(system))
-    fast = (0.004 * W) ** 2
-    for place in (well.angle, well.lower, well.upper):
-        assert G * L * sin(place) + fast * sin(2.0 * (place + 0.2)) / 4.0 == pytest.approx(0.0, abs=1e-13)
-    assert well.depths[0] != pytest.approx(well.depths[1], rel=0.1)
-    assert well.critical_angle == min(well.angle - well.lower, well.upper - well.angle)
-
-
-def test_a_steady_torque_tilts_the_potential() -> None:
-    """Per mass it adds -torque l^2 theta, and the hanging well moves to sin theta = torque l/g."""
-    pushed = scene(Pendulum(L), Gravity(G), ConstantTorque(100.0), VerticalDrive(0.0, 50.0))
-    potential = effective_potential(pushed)
-    assert potential(ANGLES) == pytest.approx(-G * L * np.cos(ANGLES) - 100.0 * L * L * ANGLES, rel=1e-11, abs=1e-12)
-    well = find_well(potential, near=0.0)
-    tilted = asin(100.0 * L / G)
-    assert (well.angle, well.upper) == pytest.approx((tilted, pi - tilted), abs=1e-12)
-    chain = effective_potential(
-        scene(Chain((0.1, 0.1), (2.0, 1.0)), Gravity(G), ConstantTorque(5.0), VerticalDrive(0.003, 50.0))
-    )
-    assert chain.torque == pytest.approx([2.0 * 0.01 * 5.0, 0.0], rel=1e-10, abs=1e-12)
-
-
-def test_a_spring_has_a_well_without_barriers() -> None:
-    sprung = scene(Pendulum(L), TorsionSpring(500.0, rest=0.3), VerticalDrive(0.0, 50.0))
-    potential = effective_potential(sprung)
-    assert potential(ANGLES) == pytest.approx(250.0 * L * L * (ANGLES - 0.3) ** 2, rel=1e-12)
-    well = find_well(potential, near=0.0)
-    assert (well.lower, well.upper, well.depths) == (-inf, inf, (inf, inf))
-    assert (well.angle, well.frequency) == pytest.approx((0.3, sqrt(500.0) / (2.0 * pi)), rel=1e-11)
-
-
-def test_wells_just_born() -> None:
-    """A part in a million above sqrt(2 g l)/w barriers are 1.4 mrad away; below it there is no well."""
-    least = sqrt(2.0 * G * L) / W
-    above = find_well(effective_potential(driven_pendulum(amplitude=least * (1.0 + 1e-6))))
-    assert above.critical_angle == pytest.approx(acos((1.0 + 1e-6) ** -2), rel=1e-7)
-    with pytest.raises(ValueError, match="no well"):
-        find_well(effective_potential(driven_pendulum(amplitude=least * (1.0 - 1e-6))))
-
-
-def test_release_limits_are_those_of_plain_integration(scipy_images: Callable[..., Any]) -> None:
-    system = driven_pendulum()
-    limits = release_limits(system, phases=[0.25, 0.6], angles=64, tolerance=1e-9)
-    assert limits.lower == pytest.approx(limits.upper, abs=1e-8)
-    assert limits.error.tolist() == [1e-9, 1e-9]
-    assert cos(limits.attractor.points[0, 0]) == pytest.approx(-1.0)
-    for phase, limit in zip(limits.phases, limits.upper, strict=True):
-        initial_conditions = [(pi + limit - 1e-6, 0.0), (pi + limit + 1e-6, 0.0)]
-        back, gone = scipy_images(system, initial_conditions, phase, 100.0, rtol=1e-9)
-        assert abs(back[0] - pi) < 1e-2
-        assert abs(gone[0] - pi) > 1.0
-
-
-def test_release_limits_at_ten_millimetres_hold_what_finer_scans_find() -> None:
-    """Plain scans give 1.6723 and 0.9457 (256 angles), 1.6597 and 0.9235 (2,048), 1.6596 and 0.8990 (16,384)."""
-    system = driven_pendulum(amplitude=0.010)
-    with pytest.warns(IslandWarning, match="angles=256: islands of other basins"):
-        limits = release_limits(system, phases=[0.0, 0.5], angles=256, tolerance=1e-5)
-    for known in ([1.6597, 0.9235], [1.6596, 0.8990]):
-        assert (limits.upper - limits.error < known).all()
-    assert (limits.upper < [1.6600, 0.9240]).all()
-    assert (limits.error < 0.1).all()
-
-
-@pytest.mark.slow
-def test_release_limits_with_dry_friction() -> None:
-    """All of the sticking set (REFERENCES.md) comes back, and the stick-slip cycle beyond it does not."""
-    limits = release_limits(driven_pendulum(damping=0.0, friction=10.0), angles=32)
-    assert 0.000889213 < limits.upper[0] < 0.00182768
-    assert limits.attractor.kind == Kind.EQUILIBRIA
-
-
-def test_release_limits_of_a_deep_well_are_all_angles() -> None:
-    """Without the drive every release ends hanging, except one from exactly upright."""
-    still = scene(Pendulum(L), Gravity(G), VerticalDrive(0.0, 50.0), ViscousDamping(20.0))
-    limits = release_limits(still, near=0.0, angles=16, tolerance=1e-9)
-    assert limits.upper == pytest.approx([pi], abs=1e-8)
-    assert "1 phases, from 3.14159 to 3.14159 rad" in repr(limits)
-
-
-def test_release_limits_of_unstable_states_are_refused() -> None:
-    with pytest.raises(ValueError, match="ends on no attractor"):
-        release_limits(driven_pendulum(damping=0.0), angles=4, max_periods=10)
-    with pytest.raises(ValueError, match="give a pendulum of one joint"):
-        release_limits(double_pendulum())
-    with pytest.raises(TypeError, match="give a ForcedSystem"):
-        release_limits("pendulum")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="phases=nan: give a finite number"):
-        release_limits(driven_pendulum(), phases=[np.nan])
 
 
 class _Pushed(Effect):

@@ -21,7 +21,7 @@ _EDGE = (0.2, 0.8)  # fractions of the contrast between which a pixel counts as 
 _BLUR = 1.683  # standard deviations of a blurred edge between these fractions
 _TURNS = 3  # times that the light across a blob is looked at, each about the centre that the one before gave
 # Measured: a disc's centre errs by this over its radius, from where its edge falls on the pixels, where the optics
-# spread it by 0.8 pixels (tests/systems/lab/test_tracking.py),
+# spread it by 0.8 pixels (tests/systems/lab/test_marker_centres.py),
 _PHASE_ERROR = 0.035
 # and by this over the root of its radius for each pixel by which the edge is narrower than a soft one: 0.55 pixels
 # without optics, 1.4 where they spread it by 0.8 (tests/systems/lab/test_error_estimates.py).

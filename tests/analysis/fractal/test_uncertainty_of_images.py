@@ -1,0 +1,90 @@
+"""Uncertainty exponents of label images."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import systems
+from cellmap import CellGrid, find_basins
+from cellmap.analysis.fractal import image_uncertainty_exponent
+from cellmap.analysis.fractal.uncertainty_fits import SMOOTH
+
+
+def disc(cells):
+    x = (np.arange(cells) + 0.5) / cells - 0.5
+    return np.hypot(*np.meshgrid(x, x)) < 0.3
+
+
+def stripes(width, basins=2):
+    return np.arange(400)[:, None] // width % basins + np.zeros((400, 300), int)
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [disc(400), np.add.outer(np.arange(200), np.arange(300)) > 250, stripes(50, 3), stripes(20), stripes(8, 3)],
+)
+def test_smooth_pictures(labels):
+    found = image_uncertainty_exponent(labels)
+    assert found.exponent == pytest.approx(1.0, abs=0.03)
+    assert found.verdict == SMOOTH
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 5])
+def test_narrow_stripes_in_a_picture_are_not_fractal(width):
+    assert image_uncertainty_exponent(stripes(width, 3)).verdict != "fractal"
+
+
+def test_a_mixed_picture_has_exponent_zero():
+    found = image_uncertainty_exponent(np.random.default_rng(0).integers(0, 2, (300, 200)))
+    assert found.exponent == pytest.approx(0.0, abs=0.01)
+    assert found.fractions == pytest.approx(0.5, abs=0.01)
+
+
+def test_picture_of_grebogi_ott_and_yorke():
+    region = CellGrid((0.0, -0.5), (2 * pi, 0.5), (450, 300))
+    basins = find_basins(systems.grebogi_ott_yorke_map(), region)
+    found = image_uncertainty_exponent(basins)
+    assert found.exponent == pytest.approx(0.205, abs=max(0.02, 2 * found.standard_error))
+    assert found.verdict == "fractal"
+    assert found.dimension == 2
+
+
+def test_pairs_reach_round_circles():
+    """On a circle of 12 cells a half has two ends, on a line one."""
+    labels = np.arange(12) // 6
+    line = image_uncertainty_exponent(labels, distances=[1])
+    circle = image_uncertainty_exponent(labels, distances=[1], wraps=(True,))
+    assert (line.uncertain.tolist(), line.pairs.tolist()) == ([1], [11])
+    assert (circle.uncertain.tolist(), circle.pairs.tolist()) == ([2], [12])
+
+
+def test_labels_without_a_basin_are_left_out():
+    labels = np.array([[0, 0, -1, 1], [0, -2, 1, 1]])
+    found = image_uncertainty_exponent(labels, distances=[1])
+    # Along columns 0 1 | -1 1, ...: pairs 0-0, 0|-1, -1|1; 0|-2, -2|1, 1-1; and 0-0, 0|-2, -1|1, 1-1 across.
+    assert (found.pairs.sum(), found.uncertain.sum(), found.left_out.sum()) == (4, 0, 6)
+    both = image_uncertainty_exponent(labels, distances=[1], include=(-2,))
+    assert (both.pairs.sum(), both.uncertain.sum()) == (7, 3)
+    missing = image_uncertainty_exponent(np.where(labels < 0, np.nan, labels), distances=[1])
+    assert missing.pairs.sum() == 4
+    masked = image_uncertainty_exponent(np.ma.masked_less(labels, 0), distances=[1])
+    assert masked.pairs.sum() == 4
+
+
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        ([[1]], "1 cells"),
+        ([], "0 cells"),
+        ([[-1, -2]], "no cell belongs to a basin"),
+        ([[0.5, 1.0]], "holds 0.5"),
+        ("ab", "give Basins, or an array"),
+        ([[0, 1], [0]], "different lengths|inhomogeneous"),
+    ],
+)
+def test_errors_of_pictures(labels, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        image_uncertainty_exponent(labels)

@@ -1,0 +1,146 @@
+"""Runs that end early go on to the same bits."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from checkpointed_runs import CASES, DUFFING, TABLE, Died, assert_same, dying
+
+import cellmap
+import cellmap._lib.checkpoint
+from cellmap import CellGrid, discrete_map, interpolated_map, load_basins, save_basins
+from cellmap.basins import StoreError
+
+# --- an undisturbed run
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
+    path = tmp_path / "basins.h5"
+    found = CASES[name](checkpoint=path)
+    assert_same(found, plain[name])
+    assert_same(load_basins(path), plain[name])
+    assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
+    assert found.point_map is not None
+
+
+def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeypatch):
+    path = Path(shutil.copy(finished, tmp_path))
+    monkeypatch.setattr("cellmap.basins.passes.search", lambda *_: pytest.fail("searched again"))
+    again = CASES["one pass"](checkpoint=path)
+    assert_same(again, plain["one pass"])
+    assert again.verify(50).wrong == 0
+
+
+def test_labels_can_be_changed_and_the_file_stays(plain, tmp_path):
+    path = tmp_path / "basins.h5"
+    CASES["one pass"](checkpoint=path).labels[:] = 0
+    assert_same(load_basins(path), plain["one pass"])
+
+
+def test_a_finished_picture_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp_path):
+    path = tmp_path / "basins.h5"
+    found = CASES["one pass"](checkpoint=path)
+    for target in (tmp_path / "other.h5", path):
+        assert_same(load_basins(save_basins(found, target)), plain["one pass"])
+
+
+# --- runs that end before their time
+
+
+@pytest.mark.parametrize(
+    ("moment", "torn"), [(1, True), *(pytest.param(k, False, marks=pytest.mark.slow) for k in (0, 2, 4)), (5, False)]
+)
+@pytest.mark.parametrize("name", CASES)
+def test_a_run_goes_on_where_it_died(name, moment, torn, plain, tmp_path, monkeypatch):
+    path = tmp_path / "basins.h5"
+    died = False
+    dying(monkeypatch, moment, torn)
+    try:
+        CASES[name](checkpoint=path)
+    except Died:
+        died = True
+        with h5py.File(path, "r") as file:
+            assert file.attrs["format"] == b"cellmap checkpoint"
+        with pytest.raises(StoreError, match="not one of basins"):
+            load_basins(path)
+    monkeypatch.undo()
+    done = count_of_tiles(monkeypatch)
+    assert_same(CASES[name](checkpoint=path), plain[name])
+    assert_same(load_basins(path), plain[name])
+    if died and not torn:
+        assert done[0] == TILES[name] - moment, "tiles that were done are not done again"
+
+
+TILES = {"one pass": 4, "small basins": 4, "undecided": 6, "leaps": 6, "chaotic": 3, "given starts": 3}
+"""Tiles of all passes, as an undisturbed run has them."""
+
+
+@pytest.mark.slow
+def test_the_number_of_tiles(tmp_path, monkeypatch):
+    for name, run in CASES.items():
+        done = count_of_tiles(monkeypatch)
+        run(checkpoint=tmp_path / f"{name}.h5")
+        monkeypatch.undo()
+        assert (name, done[0]) == (name, TILES[name])
+
+
+def count_of_tiles(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    original, count = cellmap._lib.checkpoint.Checkpoint.finish, [0]
+
+    def finish(self, *entry):
+        count[0] += 1
+        return original(self, *entry)
+
+    monkeypatch.setattr(cellmap._lib.checkpoint.Checkpoint, "finish", finish)
+    return count
+
+
+@pytest.mark.parametrize("moment", [0, 1, 2])
+def test_a_run_that_dies_between_passes(moment, plain, tmp_path, monkeypatch):
+    """Files of passes, and that of the result, take their places as a whole: either the older or the newer is there."""
+    path, original, left = tmp_path / "basins.h5", Path.replace, moment
+
+    def replace(self, target):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise Died
+        return original(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(Died):
+        CASES["small basins"](checkpoint=path)
+    monkeypatch.undo()
+    assert_same(CASES["small basins"](checkpoint=path), plain["small basins"])
+
+
+@pytest.mark.parametrize("torn", [False, True], ids=["clean", "torn"])
+@pytest.mark.parametrize("moment", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3)), 4])
+def test_a_table_goes_on_where_it_died(moment, torn, tmp_path, monkeypatch):
+    path = tmp_path / "table.h5"
+    expected = interpolated_map(DUFFING, TABLE).table
+    dying(monkeypatch, moment, torn)
+    with pytest.raises(Died):
+        interpolated_map(DUFFING, TABLE, checkpoint=path)
+    monkeypatch.undo()
+    for _ in range(2):
+        found = interpolated_map(DUFFING, TABLE, checkpoint=path).table
+        for name in ("coefficients", "indicator", "rough"):
+            assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
+
+
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
+def test_nodes_without_an_image_are_kept_as_they_are(tmp_path):
+    """The table fills them from their neighbours; the file must not, or the cells around them are no longer known."""
+    exact = discrete_map(lambda x, p: (x[0] ** 2 if x[0] < 1.5 else x[0] ** 999, x[1] / 2), {}, ("x", "y"), name="far")
+    grid, path = CellGrid((-1.0, -1.0), (3.0, 1.0), (50, 40)), tmp_path / "table.h5"
+    expected = interpolated_map(exact, grid)
+    for _ in range(2):
+        found = interpolated_map(exact, grid, checkpoint=path)
+        assert np.array_equal(found.table.rough, expected.table.rough)
+        assert found.table.coefficients.tobytes() == expected.table.coefficients.tobytes()

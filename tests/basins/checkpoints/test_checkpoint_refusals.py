@@ -1,0 +1,171 @@
+"""Checkpoints that are damaged, foreign, or of another run."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from math import cos, pi
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from checkpointed_runs import CASES, DUFFING, TABLE, WINDOW, Died, assert_same, dying, forced
+
+from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, load_basins, save_basins, stroboscopic_map
+from cellmap.basins import StoreError
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory) -> Path:
+    """The file of the same run, which died after its first tile."""
+    path = tmp_path_factory.mktemp("begun") / "basins.h5"
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Died):
+        dying(patch, 1, False)
+        CASES["one pass"](checkpoint=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def tabulated(tmp_path_factory) -> Path:
+    """The file of a finished table."""
+    path = tmp_path_factory.mktemp("tabulated") / "table.h5"
+    interpolated_map(DUFFING, TABLE, checkpoint=path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def unfinished(tmp_path_factory) -> Path:
+    """A run that died in a later pass."""
+    path = tmp_path_factory.mktemp("unfinished") / "basins.h5"
+    with pytest.MonkeyPatch.context() as patch:
+        dying(patch, 3, False)
+        with pytest.raises(Died):
+            CASES["small basins"](checkpoint=path)
+    with h5py.File(path, "r") as file:
+        assert "rows" in file["pass"]
+    return path
+
+
+@pytest.mark.parametrize("part", ["labels", "settling_time", "pass/rows", "pass/settled", "pass/examined/guesses"])
+def test_damage_to_what_earlier_passes_found_is_noticed(part, unfinished, tmp_path):
+    path = Path(shutil.copy(unfinished, tmp_path / "basins.h5"))
+    with h5py.File(path, "r+") as file:
+        values = file[part][()]
+        place = np.flatnonzero(file["labels"][()] >= 0)[5] if values.shape == file["labels"].shape else 0
+        values.view(np.uint8).reshape(-1)[place * values.itemsize] ^= 1
+        file[part][...] = values
+    with pytest.raises(StoreError, match=r"checkpoint=.*basins\.h5' is damaged .*: delete it"):
+        CASES["small basins"](checkpoint=path)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9])
+def test_truncated_checkpoint(share, unfinished, tmp_path):
+    whole, path = unfinished.read_bytes(), tmp_path / "basins.h5"
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(StoreError, match=r"basins\.h5' is damaged or no HDF5 file: delete it, or give another name"):
+        CASES["small basins"](checkpoint=path)
+
+
+def test_foreign_file(tmp_path):
+    path = tmp_path / "foreign.h5"
+    with h5py.File(path, "w") as file:
+        file["labels"] = np.zeros(3)
+    for call in (CASES["one pass"], lambda checkpoint: interpolated_map(DUFFING, TABLE, checkpoint=checkpoint)):
+        before = path.read_bytes()
+        with pytest.raises(StoreError, match=r"foreign\.h5' is not a checkpoint.*give the name of a new file"):
+            call(checkpoint=path)
+        assert path.read_bytes() == before
+
+
+def test_a_picture_that_was_merely_saved(plain, tmp_path):
+    path = save_basins(plain["one pass"], tmp_path / "saved.h5")
+    with pytest.raises(ValueError, match=r"checkpoint=.*saved\.h5' belongs to another run"):
+        CASES["one pass"](checkpoint=path)
+
+
+def test_a_table_in_the_place_of_a_picture(tabulated, tmp_path):
+    path = Path(shutil.copy(tabulated, tmp_path))
+    with pytest.raises(ValueError, match="what='table', and this one has 'basins': give another file, or delete"):
+        CASES["one pass"](checkpoint=path)
+    with pytest.raises(StoreError, match="not one of basins"):
+        load_basins(path)
+
+
+CHANGES: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "limit": ("max_periods=2000", lambda path: find_basins(DUFFING, WINDOW, 1999, checkpoint=path)),
+    "longest period": ("max_period=32", lambda path: find_basins(DUFFING, WINDOW, max_period=5, checkpoint=path)),
+    "parameter": ("params=", lambda path: find_basins(DUFFING.with_params(gamma=0.11), WINDOW, checkpoint=path)),
+    "grid": (
+        "initial_conditions=",
+        lambda path: find_basins(DUFFING, CellGrid((-2, -2), (2, 2), (9, 9)), checkpoint=path),
+    ),
+    "initial_conditions": ("initial_conditions=", lambda path: find_basins(DUFFING, [[0.1, 0.2]], checkpoint=path)),
+    "tolerance": (
+        "map=",
+        lambda path: find_basins(
+            stroboscopic_map(ForcedSystem(forced, DUFFING.params, 2 * pi, ("q", "v"))), WINDOW, checkpoint=path
+        ),
+    ),
+    "right-hand side": (
+        "bits of images=",
+        lambda path: find_basins(
+            stroboscopic_map(
+                ForcedSystem(
+                    lambda t, x, p: (x[1], x[0] - 1.0000001 * x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)),
+                    DUFFING.params,
+                    2 * pi,
+                    ("q", "v"),
+                    name="forced",
+                ),
+                rtol=1e-5,
+                atol=1e-5,
+            ),
+            WINDOW,
+            checkpoint=path,
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("state", ["finished", "begun"])
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_run_of_other_arguments_is_refused_and_names_them(change, state, plain, tmp_path, request):
+    path = Path(shutil.copy(request.getfixturevalue(state), tmp_path))
+    named, call = CHANGES[change]
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=f"with {named}.*and this one has .*: give another file, or delete this one"):
+        call(path)
+    assert path.read_bytes() == before
+    assert_same(CASES["one pass"](checkpoint=path), plain["one pass"])
+
+
+def test_known_attractors_belong_to_a_run(plain, tmp_path):
+    known = plain["one pass"].attractors
+    path = tmp_path / "basins.h5"
+    CASES["one pass"](attractors=known, checkpoint=path)
+    with pytest.raises(ValueError, match=r"attractors='2, .*', and this one has 'none'"):
+        CASES["one pass"](checkpoint=path)
+
+
+@pytest.mark.parametrize("name", ["order", "tolerance", "grid", "parameter"])
+def test_another_table_is_refused(name, tabulated, tmp_path):
+    path = Path(shutil.copy(tabulated, tmp_path))
+    exact = DUFFING.with_params(gamma=0.2) if name == "parameter" else DUFFING
+    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 151)) if name == "grid" else TABLE
+    how = {"order": {"order": 3}, "tolerance": {"tolerance": 0.5}}.get(name, {})
+    with pytest.raises(ValueError, match=r"checkpoint=.*table\.h5' belongs to another run, with"):
+        interpolated_map(exact, grid, **how, checkpoint=path)
+
+
+def test_places_where_no_file_can_be(tmp_path):
+    for place, error in (
+        (tmp_path / "nowhere" / "b.h5", FileNotFoundError),
+        (tmp_path, IsADirectoryError),
+        (3, TypeError),
+    ):
+        with pytest.raises(error, match="checkpoint="):
+            CASES["given starts"](checkpoint=place)
+        with pytest.raises(error, match="checkpoint="):
+            interpolated_map(DUFFING, TABLE, checkpoint=place)

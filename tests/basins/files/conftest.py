@@ -1,0 +1,29 @@
+"""Files of basins that several tests read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from interrupted_files import make_files
+from stored_basins import CASES
+
+from cellmap import Basins, save_basins
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    make_files(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Basins]:
+    return {name: make() for name, make in CASES.items()}
+
+
+@pytest.fixture(scope="module")
+def stored(made, tmp_path_factory) -> Path:
+    """A file of one basin image, never changed."""
+    return save_basins(made["grid"], tmp_path_factory.mktemp("stored") / "grid.h5")

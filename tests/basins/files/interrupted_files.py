@@ -1,0 +1,75 @@
+"""Files of basins, of runs that ended early, and how they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+import cellmap._lib.checkpoint
+from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, load_basins, save_basins
+
+WINDOW = CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130))  # two tiles
+
+
+def conservative(x, p):
+    """Hénon's area-preserving map: nothing settles, and the second pass goes on with what is left."""
+    y = x[1] - x[0] * x[0]
+    return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
+
+
+def turning():
+    return discrete_map(conservative, {"angle": 1.327}, ("x", "y"))
+
+
+def halves() -> Basins:
+    return find_basins(
+        discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y")), CellGrid((-1, -1), (1, 1), (60, 50))
+    )
+
+
+class Died(BaseException):
+    """What ends a run in the middle here."""
+
+
+def interrupted(run: Callable[[], Any], tiles: int) -> None:
+    """Let a run die after some tiles."""
+    original, left = cellmap._lib.checkpoint.Checkpoint.finish, tiles
+
+    def finish(self: Any, *entry: Any) -> None:
+        nonlocal left
+        if not left:
+            raise Died
+        left -= 1
+        original(self, *entry)
+
+    cellmap._lib.checkpoint.Checkpoint.finish = finish
+    try:
+        run()
+    except Died:
+        pass
+    finally:
+        cellmap._lib.checkpoint.Checkpoint.finish = original
+
+
+READERS: dict[str, Callable[[Path], bytes]] = {
+    "picture": lambda path: load_basins(path).labels.tobytes(),
+    "finished": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "first pass": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "later pass": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "table": lambda path: interpolated_map(turning(), WINDOW, checkpoint=path).table.coefficients.tobytes(),
+}
+
+
+def make_files(folder: Path) -> None:
+    cellmap.set_threads(1)
+    save_basins(halves(), folder / "picture.h5")
+    READERS["finished"](folder / "finished.h5")
+    interrupted(lambda: READERS["first pass"](folder / "first pass.h5"), 1)
+    interrupted(lambda: READERS["later pass"](folder / "later pass.h5"), 3)
+    with h5py.File(folder / "later pass.h5", "r") as file:
+        assert "rows" in file["pass"]
+    interrupted(lambda: READERS["table"](folder / "table.h5"), 2)

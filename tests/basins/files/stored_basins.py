@@ -1,0 +1,78 @@
+"""Basins of every kind that are stored, and whether they are equal."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, fields
+from math import pi
+
+import numpy as np
+
+import systems
+from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, stroboscopic_map
+
+GRID = CellGrid((-pi, -100.0), (pi, 100.0), (24, 20))
+
+
+def pendulum(**parameters: float):
+    return stroboscopic_map(systems.driven_pendulum(**parameters))
+
+
+def table(**options):
+    return interpolated_map(pendulum(), CellGrid((-pi, -100.0), (pi, 100.0), (48, 32)), **options)
+
+
+CASES = {
+    "grid": lambda: find_basins(pendulum(), GRID),
+    "many attractors": lambda: find_basins(
+        pendulum(amplitude=0.010), CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)), max_periods=900, max_period=8
+    ),
+    "table, escaped": lambda: find_basins(table(outside="escape"), GRID),
+    "table, tolerance": lambda: find_basins(table(order=3, outside="integrate", tolerance=0.1), GRID),
+    "initial_conditions": lambda: find_basins(pendulum(), np.random.default_rng(0).uniform(-3, 3, (5, 4, 2))),
+    "one start": lambda: find_basins(pendulum(), [0.1, 0.2]),
+    "chaotic and diverged": lambda: find_basins(systems.henon_map(), CellGrid((-2, -2), (2, 2), (30, 30))),
+    "undecided": lambda: find_basins(pendulum(damping=0.0), [[0.1, 1.0], [1.0, 2.0]], max_periods=3),
+    "quasi-periodic": lambda: find_basins(
+        discrete_map(lambda x, p: (2.1 * x[0] * (1 - x[1]), x[0]), {}, ("x", "y")), CellGrid((0, 0), (1, 1), (20, 20))
+    ),
+    "no parameters": lambda: find_basins(
+        discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (9,))
+    ),
+}
+
+
+def assert_same_record(a, b) -> None:
+    for f in fields(a):
+        one, other = getattr(a, f.name), getattr(b, f.name)
+        if isinstance(one, np.ndarray):
+            assert one.dtype == other.dtype, f.name
+            assert np.array_equal(one, other), f.name
+        elif f.name in ("neighbourhood", "cover", "circle") and one is not None:
+            assert_same_record(one, other)
+        elif f.name == "cycle_period":
+            assert np.array_equal(one, other, equal_nan=True)
+        else:
+            assert one == other, f.name
+
+
+def assert_same(a: Basins, b: Basins) -> None:
+    for f in fields(Basins):
+        if f.name not in ("attractors", "point_map", "params", "settings", "cost"):
+            one, other = getattr(a, f.name), getattr(b, f.name)
+            if isinstance(one, np.ndarray):
+                assert one.dtype == other.dtype, f.name
+                assert one.shape == other.shape, f.name
+                assert np.array_equal(one, other), f.name
+            else:
+                assert one == other, f.name
+    assert dict(a.params) == dict(b.params)
+    assert plain(a.settings) == plain(b.settings)
+    assert asdict(a.cost) == asdict(b.cost)
+    assert len(a.attractors) == len(b.attractors)
+    for one, other in zip(a.attractors, b.attractors, strict=True):
+        assert_same_record(one, other)
+
+
+def plain(value):
+    return json.loads(json.dumps(value))
