@@ -23,6 +23,7 @@ from .explored import Explored, ExploredScene, explored_of
 from .images import Images, described, orbit, picture, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
+from .saddles import saddles
 from .sweeps import diagram, film, sweep
 from .view import SCHEMA, View
 
@@ -303,6 +304,7 @@ _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "certify": lambda images, asked: certificate(*images.seen()),
     "measures": lambda images, asked: measures(images.seen()[1]),
     "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
+    "saddles": lambda images, asked: saddles(*images.seen(), asked.get("max_period", 1)),
     "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},
     "hdf5": lambda images, asked: downloads.hdf5(images.seen()[1]),

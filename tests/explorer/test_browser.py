@@ -411,6 +411,23 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
     assert len(root.findall("{*}image")) == 1
 
 
+def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:
+    def marks() -> int:
+        page.wait_for_timeout(100)
+        file = page.evaluate("document.getElementById('overlay').toDataURL('image/png')")
+        image = imread(io.BytesIO(base64.b64decode(file.split(",")[1])))
+        return int((np.abs(image - [0.8, 0, 0, 1]) < 0.01).all(axis=-1).sum())
+
+    before = marks()
+    page.click("#saddles")
+    until(page, "document.querySelectorAll('#found li').length === 1")
+    assert "saddle, period 1, at (0, 0), |multipliers| 1.36, 0.442" in page.inner_text("#found")
+    assert marks() > before == 0
+    after(page, put(page, "keep", 0.62))
+    assert page.inner_text("#found") == ""
+    assert marks() == before
+
+
 def test_measures_and_certificates_are_shown(page: Page) -> None:
     page.click("#measure")
     until(page, "document.querySelectorAll('#measures li').length === 4")

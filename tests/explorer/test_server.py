@@ -212,6 +212,26 @@ def test_a_diagram_follows_the_attractors(page: Page) -> None:
     assert wrong["message"].startswith("parameter='mass'")
 
 
+def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
+    """The origin: its multipliers are the roots of z^2 - 1.8 z + 0.6.  Pixels around each point of the curve differ."""
+    _, numbers = page.image(cells=[300, 300])
+    found = page.ask("saddles", max_period=1)
+    (saddle,) = found["saddles"]
+    assert np.abs(saddle["points"]).max() < 1e-9
+    assert saddle["multipliers"] == pytest.approx([0.9 + np.sqrt(0.21), 0.9 - np.sqrt(0.21)])
+    points = np.frombuffer(found["data"], "<f4").reshape(-1, 2)
+    assert [len(points)] == found["lengths"]
+    columns, rows = ((points - [-2, -1.5]) / [4, 3] * 300 // 1).T
+    inside = (columns > 0) & (columns < 299) & (rows > 0) & (rows < 299)  # none where a curve is interrupted
+    assert inside.sum() > 300
+    for i, j in zip(columns[inside].astype(int), 299 - rows[inside].astype(int), strict=True):
+        assert len(np.unique(numbers[j - 1 : j + 2, i - 1 : i + 2])) == 2
+    assert "max_period=9" in page.ask("saddles", max_period=9)["message"]
+    page.ask("system", name="line")
+    page.image(cells=[80])
+    assert "two coordinates only" in page.ask("saddles")["message"]
+
+
 def test_a_film_has_the_images_of_its_values(page: Page) -> None:
     palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
     request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, stills=3, palette=palette)

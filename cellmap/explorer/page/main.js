@@ -9,7 +9,7 @@ import { keep, svg } from "./keeping.js";
 import { drawOverlay, drawSeries } from "./overlay.js";
 import { Parts } from "./parts.js";
 import { Picture } from "./picture.js";
-import { accuracy, certified, ending, nameOf, news, showAttractors, showMeasures, verified } from "./report.js";
+import { accuracy, certified, ending, nameOf, news, showAttractors, showMeasures, showSaddles, verified } from "./report.js";
 import { Sweep } from "./sweep.js";
 
 const $ = (id) => document.getElementById(id);
@@ -21,6 +21,7 @@ let picture = null;
 let orbits = [];
 let marked = { cross: null, box: null };
 let open = null; // cells that a certificate has left open
+let saddles = null; // with their stable manifolds
 let oldest = 0; // requests before this one belong to another system
 let asking = null; // timer of the view that is sent next
 let sent = -Infinity; // when the last one was sent
@@ -96,8 +97,8 @@ const OFTEN = 15; // milliseconds between two views that are sent: values in bet
 
 function changed() {
   removeOrbits();
-  open = null;
-  $("measures").replaceChildren();
+  open = saddles = null;
+  for (const id of ["measures", "found"]) $(id).replaceChildren();
   limits.put(state.view);
   sweep.draw();
   $("preview").hidden = false;
@@ -149,7 +150,7 @@ function redraw(then) {
     if (state.view && picture) {
       picture.draw(state.view);
       const attractors = picture.frame?.attractors ?? [];
-      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, open, ...marked });
+      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, saddles, open, ...marked });
     }
     for (const act of (redraw.after ?? []).splice(0)) act();
   });
@@ -264,6 +265,16 @@ function download(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+// Asks about the image, and shows the answer unless the image has changed meanwhile.
+async function ofThisImage(message, show) {
+  const { view } = state;
+  const request = Math.max(...views.keys());
+  const answer = await connection.ask(message);
+  if (view !== state.view || request !== Math.max(...views.keys())) return;
+  show(answer);
+  redraw();
+}
+
 const clicked = {
   back: () => gestures.back(),
   forward: () => gestures.forward(),
@@ -277,20 +288,17 @@ const clicked = {
     $("quality").textContent = verified(await connection.ask({ type: "verify" }));
   },
   certify: async () => {
-    const { view } = state;
-    const request = Math.max(...views.keys());
     $("quality").textContent = "Certifying …";
-    const found = await connection.ask({ type: "certify" });
-    if (view !== state.view || request !== Math.max(...views.keys())) return;
-    open = found;
-    $("quality").textContent = certified(found);
-    redraw();
+    await ofThisImage({ type: "certify" }, (found) => { open = found; $("quality").textContent = certified(found); });
   },
-  measure: async () => {
-    const request = Math.max(...views.keys());
-    const { measures } = await connection.ask({ type: "measures" });
-    if (request === Math.max(...views.keys())) showMeasures($("measures"), measures);
+  saddles: async () => {
+    $("found").textContent = "Searching …";
+    await ofThisImage({ type: "saddles", max_period: Number($("longest").value) }, (found) => {
+      saddles = { ...found, points: new Float32Array(found.data.slice().buffer) };
+      showSaddles($("found"), saddles);
+    }).catch((error) => { $("found").replaceChildren(); throw error; });
   },
+  measure: () => ofThisImage({ type: "measures" }, ({ measures }) => showMeasures($("measures"), measures)),
   script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
   hdf5: () => downloadFile("hdf5"),
   netcdf: () => downloadFile("netcdf"),

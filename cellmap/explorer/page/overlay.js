@@ -27,11 +27,17 @@ export function fresh(canvas) {
   return { context, width, height };
 }
 
-export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cross, box, open }) {
+export function drawOverlay(canvas, { view, coordinates, attractors, orbits, saddles, cross, box, open }) {
   const { context, width, height } = fresh(canvas);
   const along = (k, v) => (v - view.lower[k]) / (view.upper[k] - view.lower[k]);
   const flat = view.axes.length < 2;
-  const at = (state) => [along(0, state[view.axes[0]]) * width, flat ? height / 2 : (1 - along(1, state[view.axes[1]])) * height];
+  // Angles are drawn where they lie in the window, or in the period that begins with it.
+  const share = (state, k) => {
+    const { period } = coordinates[view.axes[k]];
+    const turns = period ? Math.floor((state[view.axes[k]] - view.lower[k]) / period) : 0;
+    return along(k, state[view.axes[k]] - turns * (period ?? 0));
+  };
+  const at = (state) => [share(state, 0) * width, flat ? height / 2 : (1 - share(state, 1)) * height];
   const disc = (x, y, radius, fill) => {
     context.beginPath();
     context.arc(x, y, radius, 0, 2 * Math.PI);
@@ -49,6 +55,7 @@ export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cro
     });
   }
   drawAxes(context, width, height, view, coordinates, along);
+  if (saddles) drawSaddles(context, saddles, at, width, height);
   for (const a of attractors) {
     const radius = a.points.length > 64 ? 1.5 : 4;
     for (const p of a.points) {
@@ -78,6 +85,31 @@ export function drawOverlay(canvas, { view, coordinates, attractors, orbits, cro
     context.strokeRect(a * width, (1 - b) * height, (c - a) * width, (b - d) * height);
     context.setLineDash([]);
   }
+}
+
+// Draws the stable manifolds of saddles as curves, and the saddles as crosses.
+function drawSaddles(context, { saddles, points }, at, width, height) {
+  context.beginPath();
+  let before = null;
+  for (let k = 0; k < points.length; k += 2) {
+    const [x, y] = at([points[k], points[k + 1]]);
+    const near = before && Math.abs(x - before[0]) < width / 2 && Math.abs(y - before[1]) < height / 2;
+    if (near) context.lineTo(x, y);
+    else if (Number.isFinite(x)) context.moveTo(x, y);
+    before = Number.isFinite(x) ? [x, y] : null;
+  }
+  const cross = (x, y) => {
+    context.moveTo(x - 5, y - 5); context.lineTo(x + 5, y + 5);
+    context.moveTo(x - 5, y + 5); context.lineTo(x + 5, y - 5);
+  };
+  const strokes = (...styles) => styles.forEach(([width, style]) => {
+    Object.assign(context, { lineWidth: width, strokeStyle: style });
+    context.stroke();
+  });
+  strokes([2.4, "#fffc"], [1.2, "#000"]);
+  context.beginPath();
+  for (const saddle of saddles) for (const state of saddle.points) cross(...at(state));
+  strokes([5, "#fff"], [2.5, "#c00"]);
 }
 
 function drawOrbit(context, orbit, at, coordinates, view, colour, disc) {

@@ -84,6 +84,15 @@ export function certified(c) {
     + "wrong, with 95 % confidence.";
 }
 
+// Lists saddles, with what is left out of their manifolds.
+export function showSaddles(list, { saddles, lengths }) {
+  const place = (p) => p.map((v) => (Math.abs(v) < 1e-12 ? 0 : Number(v.toPrecision(5)))).join(", ");
+  const lines = saddles.map((s, k) => `${s.kind}, period ${s.period}, at (${place(s.points[0])}), |multipliers| `
+    + `${s.multipliers.map(small).join(", ")}${lengths[k] ? "" : ": its manifold is left out, for want of time"}`);
+  if (!saddles.length) lines.push("There is no saddle with a point in the window.");
+  list.replaceChildren(...lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+}
+
 // Lists measures, each with its error, and its points and line where it is the slope of one.
 export function showMeasures(list, measures) {
   list.replaceChildren(...measures.map((m) => {
