@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
 from .initial_conditions import InitialConditions
-from .record import Basins
+from .record import Basins, fractions_of
 
 _MANY = 0.05  # fraction of the initial conditions from which there is a warning
 _TRIED = 8  # orbits that are integrated again
@@ -37,14 +37,17 @@ class UnsettledWarning(UserWarning):
     """Many initial conditions have no attractor."""
 
 
-def warn_of_doubts(basins: Basins) -> None:
-    """Warn of each label without attractor that more than 5 % of the initial conditions carry."""
-    for message in _doubts(basins):
+def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
+    """Warn of each label without attractor that more than 5 % of the initial conditions carry.
+
+    ``release`` gives back memory while labels are read, see :func:`fractions_of`.
+    """
+    fractions = fractions_of(basins.labels, len(basins.attractors), release)
+    for message in _doubts(basins, {k: f.fraction for k, f in fractions.items() if k < 0 and f.fraction > _MANY}):
         warn_caller(message, UnsettledWarning)
 
 
-def _doubts(basins: Basins) -> Iterator[str]:
-    shares = {label: f.fraction for label, f in basins.fractions.items() if label < 0 and f.fraction > _MANY}
+def _doubts(basins: Basins, shares: Mapping[int, float]) -> Iterator[str]:
     if Label.UNDECIDED in shares and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]

@@ -129,7 +129,7 @@ def find_basins(
         for _ in run.tiles(attractors):
             pass
         basins = run.result(settings, time.perf_counter() - began)
-    warn_of_doubts(basins)
+    warn_of_doubts(basins, store.release)
     return basins
 
 

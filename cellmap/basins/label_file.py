@@ -99,13 +99,17 @@ class OnDisk(LabelStore):
         self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
 
     def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
-        """Put a file of basins in the place of the checkpoint, and return them with labels that stay in the file."""
+        """Put a file of basins in the place of the checkpoint, and return them with labels that stay in the file.
+
+        Changes of these labels are not written, so nothing is given back any more once somebody else has them.
+        """
         with basins_file(self._path, basins, self._belongs, self.shape) as (file, labels, times):
             for part in slices(self.total, BLOCK):
                 labels[part], times[part] = numbers[self.labels[part] - min(LABEL_NAMES)], self.times[part]
                 self.release()
                 file.release()
-        return mapped_basins(self._path, basins)
+        self._file = Checkpoint(self._path, "c")
+        return mapped_basins(self._file, basins)
 
     def release(self) -> None:
         """Give pages of the file back to the system."""

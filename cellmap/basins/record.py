@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -154,8 +154,12 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         )
 
 
-def fractions_of(labels: NDArray[np.int16], n_attractors: int) -> dict[int, Fraction]:
+def fractions_of(
+    labels: NDArray[np.int16], n_attractors: int, release: Callable[[], None] = lambda: None
+) -> dict[int, Fraction]:
     """Return the fraction of each label; labels are counted a block at a time, for they may be more than memory holds.
+
+    ``release`` is called after each block, to give memory back whose contents are kept in a file.
 
     Examples
     --------
@@ -167,6 +171,7 @@ def fractions_of(labels: NDArray[np.int16], n_attractors: int) -> dict[int, Frac
     flat = labels.reshape(-1)
     for part in slices(total, BLOCK):
         numbers += np.bincount(flat[part].astype(np.int64) - lowest, minlength=len(numbers))[: len(numbers)]
+        release()
     counts = {lowest + k: int(count) for k, count in enumerate(numbers)}
     result = {}
     for label in [*range(n_attractors), *(label for label in LABEL_NAMES if counts[label])]:

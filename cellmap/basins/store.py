@@ -157,12 +157,11 @@ def read_mapped(path: Path) -> tuple[Basins, dict[str, Any]]:
         return _read(group, in_file=True)
 
     basins = _checked(path, None, read)
-    return (mapped_basins(path, basins), belongs) if belongs else (basins, belongs)
+    return (mapped_basins(Checkpoint(path, "c"), basins), belongs) if belongs else (basins, belongs)
 
 
-def mapped_basins(path: Path, basins: Basins) -> Basins:
-    """Return basins whose arrays are those of a file; changes of them are not written there."""
-    arrays = Checkpoint(path, "c")
+def mapped_basins(arrays: Checkpoint, basins: Basins) -> Basins:
+    """Return basins whose arrays are those of a file."""
     return _with_arrays(basins, arrays[f"{_ONLY}/labels"], arrays[f"{_ONLY}/settling_time"])
 
 
