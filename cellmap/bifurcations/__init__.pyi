@@ -10,6 +10,13 @@ from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
 from .codimension_two import CodimensionTwo as CodimensionTwo
 from .coexistence import AtlasKind as AtlasKind
+from .connecting_branches import ConnectionBranch as ConnectionBranch
+from .connecting_branches import Tangency as Tangency
+from .connecting_branches import TangencyCurve as TangencyCurve
+from .connecting_branches import continue_connection as continue_connection
+from .connecting_branches import continue_tangency as continue_tangency
+from .connections import ConnectingOrbit as ConnectingOrbit
+from .connections import connecting_orbits as connecting_orbits
 from .crossings import Crossing as Crossing
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram

@@ -13,6 +13,7 @@ from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.coexistence import AtlasKind
+from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.diagram import BifurcationDiagram
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, distinct_names
@@ -27,7 +28,7 @@ def to_dataframe(result: Any) -> Any:
     Parameters
     ----------
     result : Basins, sequence of Attractor, Branch, BifurcationCurve, sequence of Bifurcation, BifurcationDiagram, \
-AttractorAtlas
+AttractorAtlas, ConnectionBranch or TangencyCurve
         Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them, in an
         atlas with their parameters; a branch or curve one for each of its points; a diagram one for each recorded
         point.
@@ -71,6 +72,10 @@ def _columns(result: Any) -> dict[str, Any]:
         return _branch_columns(result)
     if isinstance(result, BifurcationCurve):
         return _curve_columns(result)
+    if isinstance(result, ConnectionBranch):
+        return {result.parameter: result.values, "angle": result.angles}
+    if isinstance(result, TangencyCurve):
+        return dict(zip(result.parameters, result.values.T, strict=True))
     if isinstance(result, AttractorAtlas):
         return _atlas_columns(result)
     if isinstance(result, BifurcationDiagram):
@@ -82,7 +87,7 @@ def _columns(result: Any) -> dict[str, Any]:
             return _bifurcation_columns(result)
     raise TypeError(
         f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
-        "or a sequence of Attractor or of Bifurcation"
+        "a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or of Bifurcation"
     )
 
 

@@ -29,7 +29,16 @@ from cellmap.basins import continue_basins
 from cellmap.plot._draw import FIGURES, WITH_BASINS
 
 PANELS = {"time_series", "bifurcation_diagram", "basin_continuation"}
-NO_FIGURE = {"Axes", "Attractor", "Bifurcation", "PeriodicOrbit", "PointMap", "Refinement"}
+NO_FIGURE = {
+    "Axes",
+    "Attractor",
+    "Bifurcation",
+    "ConnectingOrbit",
+    "PeriodicOrbit",
+    "PointMap",
+    "Refinement",
+    "Tangency",
+}
 """Classes that errors know how to make, and that have no figure."""
 
 

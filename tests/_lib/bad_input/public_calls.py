@@ -62,6 +62,15 @@ def tabulated() -> cellmap.Basins:
 
 
 @cache
+def outer_saddle() -> tuple[Any, Any]:
+    """Return a map with homoclinic orbits, and their saddle."""
+    turned = cellmap.discrete_map(
+        lambda x, p: (p.a - x[0] ** 2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"), "turned"
+    )
+    return turned, cellmap.periodic_orbit(turned, [-2.0, -2.0])
+
+
+@cache
 def sample(name: str) -> Any:
     """Return a record of a class, from the function that makes them."""
     match name:
@@ -81,6 +90,11 @@ def sample(name: str) -> Any:
             return cellmap.certify(tabulated())
         case "Bifurcation":
             return sample("Branch").bifurcations[0]
+        case "ConnectingOrbit":
+            return cellmap.bifurcations.connecting_orbits(*outer_saddle(), max_steps=16, n_samples=512)[0]
+        case "Tangency":
+            branch = cellmap.bifurcations.continue_connection(sample("ConnectingOrbit"), "a", 1.3, 1.41)
+            return branch.tangencies[0]
         case "SectionMap":
             return cellmap.section_map(rotating(), ("q", 0.0, 1))
         case "BoxSet":
@@ -189,6 +203,14 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "find_well": lambda: {"near": 0.0},
     "scene": lambda: {"body": systems.Pendulum(0.0272), "effects": systems.VerticalDrive(0.003, 50.0)},
     "critical_values": lambda: {"parameter": "beta", "lower": 0.1, "upper": 0.4, "n_points": 8},
+    "connecting_orbits": lambda: {
+        **dict(zip(("point_map", "source"), outer_saddle(), strict=True)),
+        **{"max_steps": 16, "n_samples": 512, "radius": 0.05},
+    },
+    "continue_connection": lambda: {"parameter": "a", "lower": 1.35, "upper": 1.45, "max_points": 4},
+    "continue_tangency": lambda: {
+        **{"parameters": ("a", "b"), "first": (1.3, 1.4), "second": (-0.35, -0.25), "max_points": 4},
+    },
     "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "max_period": 2},
     "AttractorAtlas.fraction": lambda: {"family": 0},
     "plot_attractor_atlas": lambda: {"show": "number"},

@@ -1,0 +1,343 @@
+"""Connecting orbits followed over a parameter, and their tangencies over two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number, known_parameter, shown, whole_number
+from .._lib.conversions import ConvertsToDataFrame
+from .._lib.signatures import checked
+from .._lib.threads import progress_bar
+from ..maps.point_map import PointMap
+from .arclength import Problem, SolutionPoint, continuation_steps, corrected
+from .connecting_problem import ConnectingProblem, TangencyProblem
+from .connections import ConnectingOrbit, orbit_at, problem_of
+
+_BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
+
+
+@dataclass(frozen=True, eq=False)
+class Tangency:
+    """Tangency of a stable and an unstable manifold: a fold of connecting orbits.
+
+    Parameters
+    ----------
+    value : float
+        The parameter, in its unit.
+    orbit : ConnectingOrbit
+        The orbit along which the manifolds touch.
+    gains : bool
+        Whether the connecting orbits exist above the value, so that this is their first tangency as the parameter
+        grows; otherwise they exist below it, and it is their last one.
+    """
+
+    value: float
+    orbit: ConnectingOrbit
+    gains: bool
+
+    def __repr__(self) -> str:
+        return f"Tangency(at {self.value:.12g}, orbits exist {'above' if self.gains else 'below'})"
+
+
+@dataclass(frozen=True, eq=False)
+class ConnectionBranch(ConvertsToDataFrame):
+    """Branch of connecting orbits in one parameter.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter.
+    values : ndarray, shape (n,)
+        The parameter, in its unit.
+    angles : ndarray, shape (n,)
+        Angles in radians at which the manifolds cross; 0 at tangencies.
+    points : ndarray, shape (n, length, dimension)
+        Connecting orbits, with unwrapped angles.
+    tangencies : tuple of Tangency
+        Tangencies in the order of the branch.
+    ends : tuple of str
+        Reasons why the branch ends at its first and at its last point.
+    """
+
+    parameter: str
+    values: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    points: NDArray[np.float64]
+    tangencies: tuple[Tangency, ...]
+    ends: tuple[str, str]
+
+    def __repr__(self) -> str:
+        found = "; ".join(f"{t.value:.9g}" for t in self.tangencies) or "none"
+        span = f"{self.values.min():.6g} to {self.values.max():.6g}"
+        return f"ConnectionBranch({len(self.values)} orbits, {self.parameter} from {span}, tangencies: {found})"
+
+
+@dataclass(frozen=True, eq=False)
+class TangencyCurve(ConvertsToDataFrame):
+    """Curve of tangencies in the plane of two parameters.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        Names of the parameters.
+    values : ndarray, shape (n, 2)
+        Parameter values along the curve, in their units.
+    points : ndarray, shape (n, length, dimension)
+        Orbits along which the manifolds touch, with unwrapped angles.
+    ends : tuple of str
+        Reasons why the curve ends at its first and at its last point.
+    """
+
+    parameters: tuple[str, str]
+    values: NDArray[np.float64]
+    points: NDArray[np.float64]
+    ends: tuple[str, str]
+
+    def __repr__(self) -> str:
+        spans = ", ".join(
+            f"{name} from {column.min():.6g} to {column.max():.6g}"
+            for name, column in zip(self.parameters, self.values.T, strict=True)
+        )
+        return f"TangencyCurve({len(self.values)} points, {spans})"
+
+
+@checked
+def continue_connection(
+    connection: ConnectingOrbit,
+    parameter: str,
+    lower: float,
+    upper: float,
+    step: float = 0.05,
+    max_points: int = 400,
+    progress: bool = False,
+) -> ConnectionBranch:
+    """Continue a connecting orbit in a parameter, around the tangencies of the manifolds.
+
+    Pseudo-arclength continuation of the chain of images together with both saddles.  Where stable and unstable manifold
+    touch, two connecting orbits meet and the branch turns back: the parameter value of this fold is refined to rounding
+    error.
+
+    Parameters
+    ----------
+    connection : ConnectingOrbit
+        One of :func:`connecting_orbits`.
+    parameter : str
+        Name of the parameter.
+    lower, upper : float
+        Interval of parameter values, in its unit, which contains the present one.
+    step : float, optional
+        Longest step, in units in which the interval has length 1 and the region of the orbit about the same.
+    max_points : int, optional
+        Largest number of orbits on either side.
+    progress : bool, optional
+        Show progress on a terminal.
+
+    Returns
+    -------
+    ConnectionBranch
+        The branch, from its end towards `lower` to that towards `upper`, as seen from the initial orbit.
+
+    Raises
+    ------
+    ValueError
+        For an unknown parameter, or an interval that does not contain the present value.
+
+    References
+    ----------
+    Beyn, Kleinkauf, SIAM Journal on Numerical Analysis 34 (1997) 1207; Kleinkauf, Zeitschrift für angewandte Mathematik
+    und Mechanik 78, S3 (1998) 969.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> from cellmap.bifurcations import connecting_orbits
+    >>> henon = discrete_map(lambda x, p: (p.a - x[0]**2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
+    >>> orbit = connecting_orbits(henon, periodic_orbit(henon, [-2.0, -2.0]), max_steps=20)[0]
+    >>> continue_connection(orbit, "a", 1.2, 1.5).tangencies
+    (Tangency(at 1.314527109..., orbits exist above),)
+    """
+    exact = connection._point_map
+    known_parameter("parameter", parameter, exact.params)
+    low, high = _interval("lower", "upper", lower, upper, exact.params[parameter])
+    longest = finite_number("step", step, above=0.0, at_most=1.0)
+    most = whole_number("max_points", max_points, at_least=1)
+    points = _points(connection)
+    problem, unknowns = problem_of(exact, (parameter,), (high - low,), connection.steps, connection._scale, points)
+    start = corrected(problem, unknowns, problem.parameter_direction)
+    if start is None:
+        raise ValueError(f"connection={connection!r}: it is not found again with {parameter} free")
+    label = f"connecting orbits over {parameter}" if progress else None
+    limits = np.array([[low], [high]]) / (high - low)
+    sides, tangencies = [], []
+    for sign in (-1.0, 1.0):
+        begin = replace(start, tangent=sign * start.tangent)
+        places, folds, end = _traced(problem, begin, limits, longest, most, label, lambda p: float(p.tangent[-1]))
+        sides.append((places, end))
+        tangencies.append([_tangency(exact, problem, fold, parameter) for fold in folds])
+    (back, first), (ahead, last) = sides
+    every = [*back[:0:-1], *ahead]
+    return ConnectionBranch(
+        parameter=parameter,
+        values=np.array([p.unknowns[-1] for p in every]) * (high - low),
+        angles=np.array([problem.angle(p.unknowns) for p in every]),
+        points=np.array([problem.states(p.unknowns)[2:, :-1] for p in every]),
+        tangencies=(*tangencies[0][::-1], *tangencies[1]),
+        ends=(first, last),
+    )
+
+
+@checked
+def continue_tangency(
+    tangency: Tangency,
+    parameters: tuple[str, str],
+    first: tuple[float, float],
+    second: tuple[float, float],
+    step: float = 0.05,
+    max_points: int = 400,
+    progress: bool = False,
+) -> TangencyCurve:
+    """Continue a tangency of a stable and an unstable manifold in two parameters.
+
+    Parameters
+    ----------
+    tangency : Tangency
+        One of the `tangencies` of a :class:`ConnectionBranch`.
+    parameters : tuple of str
+        Names of the two parameters.
+    first, second : tuple of float
+        Intervals of both, in their units, which contain the values at the tangency.
+    step : float, optional
+        Longest step, in units in which the intervals have length 1.
+    max_points : int, optional
+        Largest number of points on either side.
+    progress : bool, optional
+        Show progress on a terminal.
+
+    Returns
+    -------
+    TangencyCurve
+        The curve: along it basin boundaries become fractal, or attractors are destroyed, if the orbit is the first one
+        to appear.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For unknown or equal parameters, or intervals that do not contain the present values.
+
+    References
+    ----------
+    Govaerts, *Numerical Methods for Bifurcations of Dynamical Equilibria* (2000), chapter 3 (bordered systems).
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> from cellmap.bifurcations import connecting_orbits
+    >>> henon = discrete_map(lambda x, p: (p.a - x[0]**2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
+    >>> orbit = connecting_orbits(henon, periodic_orbit(henon, [-2.0, -2.0]), max_steps=20)[0]
+    >>> (touching,) = continue_connection(orbit, "a", 1.2, 1.5).tangencies
+    >>> continue_tangency(touching, ("a", "b"), (1.2, 1.6), (-0.4, -0.2)).ends
+    ('left the intervals', 'left the intervals')
+    """
+    exact = tangency.orbit._point_map
+    one, two = parameters
+    for name in (one, two):
+        known_parameter("parameters", name, exact.params)
+    if one == two:
+        raise ValueError(f"parameters={parameters!r}: give two different parameters")
+    box = [
+        _interval(f"{label}[0]", f"{label}[1]", *_pair(label, given), exact.params[name])
+        for label, given, name in (("first", first, one), ("second", second, two))
+    ]
+    longest = finite_number("step", step, above=0.0, at_most=1.0)
+    most = whole_number("max_points", max_points, at_least=1)
+    spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
+    orbit = tangency.orbit
+    orbits, unknowns = problem_of(exact, (one, two), spans, orbit.steps, orbit._scale, _points(orbit))
+    problem = TangencyProblem.at(orbits, unknowns)
+    start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
+    if start is None:
+        raise ValueError(f"tangency={tangency!r}: it is not found again with both parameters free")
+    limits = np.array(box).T / np.array(spans)
+    label = f"tangencies over {one} and {two}" if progress else None
+    (back, first_end), (ahead, last_end) = (
+        _traced(problem, replace(start, tangent=sign * start.tangent), limits, longest, most, label, None)[::2]
+        for sign in (-1.0, 1.0)
+    )
+    every = [*back[:0:-1], *ahead]
+    return TangencyCurve(
+        parameters=(one, two),
+        values=np.array([p.unknowns[-2:] for p in every]) * spans,
+        points=np.array([orbits.states(p.unknowns)[2:, :-2] for p in every]),
+        ends=(first_end, last_end),
+    )
+
+
+def _traced(
+    problem: Problem,
+    begin: SolutionPoint,
+    limits: NDArray[np.float64],
+    longest: float,
+    most: int,
+    label: str | None,
+    test: Callable[[SolutionPoint], float] | None,
+) -> tuple[list[SolutionPoint], list[SolutionPoint], str]:
+    """Return the places on one side of a curve, those at which a test function changes its sign, and why it ends."""
+    low, high = limits
+    places, zeros, end = [begin], list[SolutionPoint](), "no convergence"
+    none = np.zeros(len(begin.unknowns))
+    first = len(begin.unknowns) - len(low)
+    with progress_bar(most, label) as tick:
+        for part in continuation_steps(problem, begin, longest, np.zeros(len(none), bool)):
+            there = part.end.unknowns[first:]
+            cut = None if (there >= low).all() and (there <= high).all() else part.cut(first, low, high)
+            whole = part if cut is None else cut
+            if test is not None and test(whole.begin) * test(whole.end) < 0.0:
+                zero = whole.located(test)
+                zeros += [] if zero is None else [zero]
+            places.append(whole.end)
+            tick(1)
+            if cut is not None:
+                end = "left the intervals"
+            elif len(places) > 3 and part.passes(begin, none):
+                end = "closed"
+            elif len(places) > most:
+                end = "most points"
+            else:
+                continue
+            break
+    return places, zeros, end
+
+
+def _tangency(exact: PointMap, problem: ConnectingProblem, fold: SolutionPoint, parameter: str) -> Tangency:
+    """Return the tangency at a fold; the second derivative along the branch tells on which side the orbits are."""
+    n = problem.points * problem.dimension
+    value = float(fold.unknowns[-1] * problem.scale[-1])
+    ahead = corrected(problem, fold.unknowns + _BESIDE * fold.tangent, fold.tangent)
+    gains = ahead is not None and bool(ahead.unknowns[-1] > fold.unknowns[-1])
+    here = exact.with_params(**{parameter: value})
+    return Tangency(value, orbit_at(here, problem, fold.unknowns[:n], problem.angle(fold.unknowns)), gains)
+
+
+def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:
+    """Return the points (n, d) of saddles and orbit as the equations have them."""
+    d = len(orbit._scale)
+    return np.asarray(orbit._unknowns.reshape(-1, d) * orbit._scale)
+
+
+def _pair(label: str, given: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = given
+    except (TypeError, ValueError):
+        raise TypeError(f"{label}={shown(given)}: give two numbers, the ends of an interval") from None
+    return low, high
+
+
+def _interval(below: str, above: str, lower: float, upper: float, value: float) -> tuple[float, float]:
+    low, high = finite_number(below, lower), finite_number(above, upper)
+    if not low <= value <= high or low == high:
+        raise ValueError(f"{below}={lower!r}, {above}={upper!r}: the interval must contain the present value {value:g}")
+    return low, high

@@ -1,0 +1,155 @@
+"""Equations of a connecting orbit: a chain of images from the unstable manifold of a saddle to a stable manifold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import difference, turns_of
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+
+_DIFFERENCE = 1e-5  # of derivatives, in scaled unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class ConnectingProblem:
+    """Equations for unknowns (p, q, x_0, ..., x_N, parameters) in units of `scale`.
+
+    p and q are points of two saddles of a planar map, fixed under `steps` steps of it: x_0 - p lies in the unstable
+    eigenspace of p, and x_N - q in the stable one of q.  The others are x_(k+1) = P^steps(x_k), up to full rotations of
+    angles.
+    """
+
+    swept: PointMap
+    dimension: int
+    steps: int
+    length: int
+    scale: NDArray[np.float64]
+
+    @property
+    def parameters(self) -> int:
+        """Number of free parameters."""
+        return self.swept.dimension - self.dimension
+
+    @property
+    def points(self) -> int:
+        """Number of points: both saddles, and those of the orbit."""
+        return self.length + 3
+
+    def states(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states (points, d + m) of saddles and orbit with the parameters."""
+        n, d = self.points, self.dimension
+        values = unknowns * self.scale
+        return np.column_stack([values[: n * d].reshape(n, d), np.tile(values[n * d :], (n, 1))])
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals and their derivatives by the unknowns."""
+        return self._assembled(unknowns)[:2]
+
+    def _assembled(
+        self, unknowns: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        n, d, m = self.points, self.dimension, self.parameters
+        states = self.states(unknowns)
+        images, matrices = tangent(self.swept, states, self.steps)
+        slopes = matrices[:, :d, :]
+        turn = turns_of(self.swept.coordinates)[1][:d]
+        target = np.concatenate([states[:2, :d], states[3:, :d]])  # the image of each point but the last one
+        moved = images[:-1, :d] - target
+        moved -= turn * np.round(moved / np.where(turn > 0.0, turn, 1.0))
+        unit, places = self.scale[:d], np.concatenate([[0, 1], np.arange(3, n)])
+        residual = np.zeros(n * d)
+        jacobian = np.zeros((n * d, n * d + m))
+        for k, place in enumerate(places.tolist()):
+            rows = slice(k * d, (k + 1) * d)
+            residual[rows] = moved[k] / unit
+            jacobian[rows, k * d : (k + 1) * d] += slopes[k, :, :d] * unit / unit[:, None]
+            jacobian[rows, place * d : (place + 1) * d] -= np.eye(d)
+            jacobian[rows, n * d :] = slopes[k, :, d:] * self.scale[n * d :] / unit[:, None]
+        # The image of p is compared with p itself, that of q with q; those of the orbit with its next points.
+        inside = self._left(slopes[0, :, :d], False)
+        outside = self._left(slopes[1, :, :d], True)
+        first = difference(states[2, :d], states[0, :d], self.swept.coordinates[:d]) / unit
+        last = difference(states[-1, :d], states[1, :d], self.swept.coordinates[:d]) / unit
+        at = (n - 1) * d
+        residual[at : at + len(inside)] = inside @ first
+        jacobian[at : at + len(inside), 2 * d : 3 * d] = inside
+        jacobian[at : at + len(inside), :d] = -inside
+        at += len(inside)
+        residual[at:] = outside @ last
+        jacobian[at:, (n - 1) * d : n * d] = outside
+        jacobian[at:, d : 2 * d] = -outside
+        return residual, jacobian, slopes
+
+    def _left(self, matrix: NDArray[np.float64], unstable: bool) -> NDArray[np.float64]:
+        """Return a basis of rows (k, d) that vanish on the other eigenspace, in units of the scale."""
+        unit = self.scale[: self.dimension]
+        values, vectors = np.linalg.eig((matrix * unit / unit[:, None]).T)
+        chosen = vectors[:, (np.abs(values) > 1.0) == unstable]
+        rows = np.real(chosen / np.linalg.norm(chosen, axis=0)).T
+        # Signs that do not depend on the library of linear algebra.
+        largest = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)
+        return rows * np.sign(largest)
+
+    def angle(self, unknowns: NDArray[np.float64]) -> float:
+        """Return the angle in radians, in scaled coordinates, between both manifolds at the middle of the orbit.
+
+        Its sign tells on which side they cross; 0 at a tangency.
+        """
+        d, unit = self.dimension, self.scale[: self.dimension]
+        slopes = self._assembled(unknowns)[2]
+        scaled = slopes[:, :, :d] * unit / unit[:, None]
+        values, vectors = np.linalg.eig(scaled[0])
+        along = np.real(vectors[:, np.argmax(np.abs(values))])
+        along = along * np.sign(along[np.argmax(np.abs(along))])
+        across = self._left(slopes[1, :, :d], True)[0]
+        middle = 2 + self.length // 2
+        for k in range(2, middle):
+            along = scaled[k] @ along
+            along /= np.linalg.norm(along)
+        for k in range(self.points - 2, middle - 1, -1):
+            across = scaled[k].T @ across
+            across /= np.linalg.norm(across)
+        return float(np.arcsin(np.clip(across @ along, -1.0, 1.0)))
+
+    @property
+    def parameter_direction(self) -> NDArray[np.float64]:
+        """Unit vector along the last parameter."""
+        return np.eye(len(self.scale))[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class TangencyProblem:
+    """The same equations with two parameters, and the condition that both manifolds touch.
+
+    Where they do, the derivatives by all but the parameters are singular: the bordered system of Govaerts (2000) gives
+    a test function that vanishes there, with its gradient from second derivatives along the null vectors.
+    """
+
+    orbits: ConnectingProblem
+    left: NDArray[np.float64]
+    right: NDArray[np.float64]
+
+    @classmethod
+    def at(cls, orbits: ConnectingProblem, unknowns: NDArray[np.float64]) -> TangencyProblem:
+        """Set up the equations at a tangency."""
+        n = orbits.points * orbits.dimension
+        left, _, right = np.linalg.svd(orbits(unknowns)[1][:, :n])
+        return cls(orbits, left[:, -1], right[-1])
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals and their derivatives by the unknowns."""
+        n = self.orbits.points * self.orbits.dimension
+        residual, slopes = self.orbits(unknowns)
+        bordered = np.block([[slopes[:, :n], self.left[:, None]], [self.right[None, :], np.zeros((1, 1))]])
+        end = np.append(np.zeros(n), 1.0)
+        along, across = np.linalg.solve(bordered, end), np.linalg.solve(bordered.T, end)
+        # The derivative of w F_x v by the unknowns, with the null vectors v and w held.
+        step = _DIFFERENCE / max(float(np.abs(along[:n]).max()), 1e-300)
+        shift = np.append(step * along[:n], np.zeros(self.orbits.parameters))
+        ahead, behind = self.orbits(unknowns + shift)[1], self.orbits(unknowns - shift)[1]
+        gradient = -across[:n] @ (ahead - behind) / (2.0 * step)
+        return np.append(residual, along[-1]), np.vstack([slopes, gradient])

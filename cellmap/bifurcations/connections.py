@@ -1,0 +1,344 @@
+"""Homoclinic and heteroclinic orbits: intersections of the unstable manifold of a saddle with a stable manifold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil, lcm, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import Coordinate, difference, turns_of, wrap
+from ..maps.orbit_batch import Orbits
+from ..maps.parameters_as_states import swept_map
+from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
+from ..orbits.orbit_kinds import PeriodicOrbit
+from .arclength import corrected
+from .connecting_problem import ConnectingProblem
+
+_BEGINNING = 1e-6  # scaled distance of the first and the last point from the saddles
+_BISECTIONS = 60
+_SAME = 1e-6  # difference of places on the fundamental segment within which orbits are equal
+_MOST_POINTS = 400  # of an orbit
+
+
+@dataclass(frozen=True, eq=False)
+class ConnectingOrbit:
+    """Homoclinic or heteroclinic orbit.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, dimension)
+        Points of the orbit, angles within their period, from near one saddle to near the other.
+    source, target : ndarray, shape (dimension,)
+        Points of the two saddles.
+    steps : int
+        Steps of the map from one point to the next: the least common multiple of the periods of the saddles.
+    angle : float
+        Angle in radians at which the manifolds cross at the middle point, in coordinates scaled by their sizes; its
+        sign tells on which side.  Near 0 the manifolds nearly touch.
+    coordinates : tuple of Coordinate
+        State variables.
+    """
+
+    points: NDArray[np.float64]
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+    steps: int
+    angle: float
+    coordinates: tuple[Coordinate, ...]
+    _point_map: PointMap = field(repr=False)
+    _unknowns: NDArray[np.float64] = field(repr=False)
+    _scale: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def homoclinic(self) -> bool:
+        """Whether both saddles are one, up to full rotations of angles."""
+        apart = difference(self.source, self.target, self.coordinates)
+        return bool((np.abs(apart) <= 1e-8 * self._scale).all())
+
+    def __repr__(self) -> str:
+        kind = "homoclinic" if self.homoclinic else "heteroclinic"
+        return f"ConnectingOrbit({kind}, {len(self.points)} points, manifolds cross at {self.angle:.3g} rad)"
+
+
+@checked
+def connecting_orbits(
+    point_map: PointMap,
+    source: PeriodicOrbit,
+    target: PeriodicOrbit | None = None,
+    max_steps: int = 40,
+    n_samples: int = 16384,
+    radius: float = 0.05,
+) -> tuple[ConnectingOrbit, ...]:
+    """Find homoclinic or heteroclinic orbits from a saddle to a saddle.
+
+    Points of a fundamental segment of the unstable manifold of `source`, which covers a whole branch under iteration,
+    are iterated.  Where neighbouring ones come close to `target` on different sides of its stable manifold, the point
+    between is refined by bisection, and the whole chain of images by Newton's method, with its ends in the eigenspaces
+    of the saddles at a distance of 1e-6 (projection boundary conditions).
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; for an interpolated map, its exact map is used.
+    source, target : PeriodicOrbit
+        Saddles of the map with one unstable multiplier each; by default `target` is `source`.  Orbits from and to the
+        first points are found.
+    max_steps : int, optional
+        Steps of the map, in units of the least common multiple of the periods, within which an orbit has to come from
+        one saddle to the other.
+    n_samples : int, optional
+        Points of the segment on either side of the saddle.
+    radius : float, optional
+        Distance from `target` within which sides are told, in units of the region that the samples visit.
+
+    Returns
+    -------
+    tuple of ConnectingOrbit
+        Orbits, those that take the fewest steps first; each once, though all its images are connecting points too.
+        Two crossings between neighbouring samples are missed.
+
+    Raises
+    ------
+    ValueError
+        For orbits that are no saddles of the map, and for a map that is not planar or has no parameter.
+
+    References
+    ----------
+    Beyn, Kleinkauf, SIAM Journal on Numerical Analysis 34 (1997) 1207.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit
+    >>> henon = discrete_map(lambda x, p: (p.a - x[0]**2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
+    >>> saddle = periodic_orbit(henon, [-2.0, -2.0])
+    >>> connecting_orbits(henon, saddle, max_steps=24)[:2]
+    (ConnectingOrbit(homoclinic, ... points, manifolds cross at ... rad), ConnectingOrbit(homoclinic, ...))
+    """
+    exact = point_map.without_table
+    end = source if target is None else target
+    if not exact.params:
+        raise ValueError(f"point_map={exact!r} has no parameter: give it one, over which orbits can be followed")
+    steps = lcm(_saddle("source", source, exact), _saddle("target", end, exact))
+    most = whole_number("max_steps", max_steps, at_least=1)
+    samples = whole_number("n_samples", n_samples, at_least=16)
+    reach = finite_number("radius", radius, above=0.0, at_most=0.5)
+    p, q = np.array(source.points[0]), np.array(end.points[0])
+    turn = turns_of(exact.coordinates)[1]
+    unstable, factor = _eigenvector(exact, p, steps, 0)
+    stable, contraction = _eigenvector(exact, q, steps, 1)
+    left = np.linalg.inv(np.column_stack([_eigenvector(exact, q, steps, 0)[0], stable]))
+    size = _visited(exact, p, unstable, factor, steps, most, turn)
+    found = []
+    for side in (1.0, -1.0) if factor > 0.0 else (1.0,):
+        direction = side * unstable / np.linalg.norm(unstable / size)
+        segment = _Segment(exact, p, direction, abs(factor) ** (1 if factor > 0.0 else 2), steps)
+        crossings = segment.crossings(q, left, size, reach, most, samples)
+        found += [(number, *segment.chain(place, number)) for place, number in crossings]
+    orbits: list[ConnectingOrbit] = []
+    for _, chain, last in sorted(found, key=lambda f: f[0]):
+        guess = _to_target(chain, q, left @ difference(last, q, exact.coordinates), stable, contraction, size)
+        orbit = None if guess is None else connection(exact, steps, size, p, q, guess)
+        if orbit is not None and not any(_equal(orbit, other) for other in orbits):
+            orbits.append(orbit)
+    return tuple(orbits)
+
+
+def _saddle(name: str, orbit: PeriodicOrbit, exact: PointMap) -> int:
+    """Return the period of a saddle; refuse other orbits."""
+    if orbit.coordinates != exact.coordinates:
+        raise ValueError(f"{name}={orbit!r}: its coordinates are not those of {exact!r}")
+    if exact.dimension != 2 or orbit.unstable != 1:
+        raise ValueError(f"{name}={orbit!r}: give a saddle of a planar map, with one unstable multiplier")
+    return orbit.period
+
+
+def _eigenvector(
+    exact: PointMap, point: NDArray[np.float64], steps: int, which: int
+) -> tuple[NDArray[np.float64], float]:
+    """Return the eigenvector and the multiplier of a saddle, the unstable (0) or the stable one (1)."""
+    values, vectors = np.linalg.eig(tangent(exact, point, steps)[1])
+    k = int(np.argsort(-np.abs(values))[which])
+    vector = np.real(vectors[:, k])
+    return vector * np.sign(vector[np.argmax(np.abs(vector))]), float(np.real(values[k]))
+
+
+def _visited(
+    exact: PointMap,
+    p: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    factor: float,
+    steps: int,
+    most: int,
+    turn: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the extent of a region that the unstable manifold visits: its images near the saddle, robustly."""
+    offsets = np.concatenate([s * np.geomspace(1e-6, 1e-6 * factor**2, 64) for s in (1.0, -1.0)])
+    unit = 1.0 + np.abs(p).max()
+    orbits = Orbits.starting(p + unit * offsets[:, None] * direction / np.linalg.norm(direction))
+    seen = [orbits.points.copy()]
+    count = min(most, ceil(log(1e6) / log(abs(factor))) + 4)
+    for _ in range(count):
+        exact.advance(orbits, steps)
+        near = orbits.alive & (np.abs(orbits.points - p) <= 10.0 * unit).all(axis=1)
+        seen.append(orbits.points[near].copy())
+    span = np.ptp(np.concatenate(seen), axis=0)
+    return np.where(turn > 0.0, turn / (2.0 * np.pi), np.maximum(span, 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class _Segment:
+    """Fundamental segment of an unstable manifold: places from 0 to 1 are from a point to its first image."""
+
+    exact: PointMap
+    saddle: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    factor: float
+    steps: int
+
+    def begin(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points (n, d) at places."""
+        return np.asarray(self.saddle + _BEGINNING * np.power(self.factor, places)[:, None] * self.direction)
+
+    def crossings(
+        self,
+        q: NDArray[np.float64],
+        left: NDArray[np.float64],
+        size: NDArray[np.float64],
+        radius: float,
+        most: int,
+        samples: int,
+    ) -> list[tuple[float, int]]:
+        """Return places, and numbers of steps after which their images are close to q and on its stable manifold."""
+        places = np.linspace(0.0, 1.0, samples + 1)
+        orbits = Orbits.starting(self.begin(places))
+        found: list[tuple[float, int]] = []
+        for number in range(1, most + 1):
+            self.exact.advance(orbits, self.steps)
+            parts, near = self._parts(orbits.points, q, left, size, radius)
+            rows = np.flatnonzero(near[:-1] & near[1:] & (parts[:-1, 0] * parts[1:, 0] <= 0.0))
+            rows = rows[np.abs(parts[rows + 1, 1] - parts[rows, 1]) <= np.abs(parts[rows, 1])]
+            # The way out to the saddle's own neighbourhood is no way back to it.
+            rows = rows[np.abs(parts[rows, 1]) > 1e-3 * np.abs(parts[:, 1][near]).max(initial=0.0)]
+            for place in self._bisected(places[rows], places[rows + 1], number, q, left):
+                if not any(abs(place - other) <= _SAME for other, _ in found):
+                    found.append((place, number))
+        return found
+
+    def _parts(
+        self,
+        points: NDArray[np.float64],
+        q: NDArray[np.float64],
+        left: NDArray[np.float64],
+        size: NDArray[np.float64],
+        radius: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the components (n, 2) from q along its unstable and its stable direction, and what is near."""
+        shift = difference(points, q, self.exact.coordinates)
+        with np.errstate(invalid="ignore"):
+            near = (np.abs(shift / size) <= radius).all(axis=1)
+        return shift @ left.T, np.asarray(near)
+
+    def _bisected(
+        self,
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        number: int,
+        q: NDArray[np.float64],
+        left: NDArray[np.float64],
+    ) -> list[float]:
+        def side(places: NDArray[np.float64]) -> NDArray[np.float64]:
+            orbits = Orbits.starting(self.begin(places))
+            self.exact.advance(orbits, self.steps * number)
+            return np.asarray(np.sign(difference(orbits.points, q, self.exact.coordinates) @ left[0]))
+
+        if not len(low):
+            return []
+        begin = side(low)
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            same = side(middle) == begin
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return [float(place) for place in 0.5 * (low + high)]
+
+    def chain(self, place: float, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the images (number + 1, d) of a place, and the last one of them."""
+        orbits = Orbits.starting(self.begin(np.array([place])))
+        points = [orbits.points[0].copy()]
+        for _ in range(number):
+            self.exact.advance(orbits, self.steps)
+            points.append(orbits.points[0].copy())
+        return np.array(points), points[-1]
+
+
+def _to_target(
+    chain: NDArray[np.float64],
+    q: NDArray[np.float64],
+    parts: NDArray[np.float64],
+    stable: NDArray[np.float64],
+    contraction: float,
+    size: NDArray[np.float64],
+) -> NDArray[np.float64] | None:
+    """Return a chain continued along the stable direction of q until it is close; None where that takes too long."""
+    distance = abs(parts[1]) * float(np.linalg.norm(stable / size))
+    further = max(0, ceil(log(max(distance, 1e-300) / _BEGINNING) / -log(max(abs(contraction), 1e-12))))
+    if len(chain) + further > _MOST_POINTS or not np.isfinite(chain).all():
+        return None
+    powers = contraction ** np.arange(1, further + 1)
+    return np.concatenate([chain[:-1], [q + parts[1] * stable], q + parts[1] * powers[:, None] * stable])
+
+
+def connection(
+    exact: PointMap,
+    steps: int,
+    size: NDArray[np.float64],
+    p: NDArray[np.float64],
+    q: NDArray[np.float64],
+    chain: NDArray[np.float64],
+) -> ConnectingOrbit | None:
+    """Return the connecting orbit beside a chain of points; None where Newton's method finds none."""
+    name = next(iter(exact.params), None)
+    problem, unknowns = problem_of(
+        exact, () if name is None else (name,), (1.0,), steps, size, np.vstack([p, q, chain])
+    )
+    at = corrected(problem, unknowns, problem.parameter_direction)
+    if at is None:
+        return None
+    n = problem.points * problem.dimension
+    return orbit_at(exact, problem, at.unknowns[:n], float(problem.angle(at.unknowns)))
+
+
+def problem_of(
+    exact: PointMap,
+    names: tuple[str, ...],
+    spans: tuple[float, ...],
+    steps: int,
+    size: NDArray[np.float64],
+    points: NDArray[np.float64],
+) -> tuple[ConnectingProblem, NDArray[np.float64]]:
+    """Return the equations with free parameters, and the unknowns of points (n, d): saddles, then the orbit."""
+    scale = np.concatenate([np.tile(size, len(points)), spans])
+    problem = ConnectingProblem(swept_map(exact, *names), exact.dimension, steps, len(points) - 3, scale)
+    values = [exact.params[name] for name in names]
+    return problem, np.concatenate([points.ravel(), values]) / scale
+
+
+def orbit_at(exact: PointMap, problem: ConnectingProblem, states: NDArray[np.float64], angle: float) -> ConnectingOrbit:
+    """Return the orbit of unknowns without parameters."""
+    d = problem.dimension
+    points = (states * problem.scale[: len(states)]).reshape(-1, d)
+    wrapped = wrap(points, exact.coordinates)
+    return ConnectingOrbit(
+        wrapped[2:], wrapped[0], wrapped[1], problem.steps, angle, exact.coordinates, exact, states, problem.scale[:d]
+    )
+
+
+def _equal(one: ConnectingOrbit, other: ConnectingOrbit) -> bool:
+    """Tell whether the middle point of an orbit is on another one."""
+    middle = one.points[np.argmax(np.linalg.norm(difference(one.points, one.source, one.coordinates), axis=1))]
+    apart = np.abs(difference(other.points, middle, one.coordinates) / one._scale).max(axis=1)
+    return bool((apart <= 1e-7).any())
