@@ -24,6 +24,7 @@ from .images import Images, described, orbit, picture, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
 from .saddles import saddles
+from .stability import stability
 from .sweeps import diagram, film, sweep
 from .view import SCHEMA, View
 
@@ -306,6 +307,7 @@ _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
     "saddles": lambda images, asked: saddles(*images.seen(), asked.get("max_period", 1)),
     "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
+    "stability": lambda images, asked: stability(*images.seen(), asked.get("x"), asked.get("y")),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},
     "hdf5": lambda images, asked: downloads.hdf5(images.seen()[1]),
     "netcdf": lambda images, asked: downloads.netcdf(images.seen()[1]),

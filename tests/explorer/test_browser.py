@@ -411,6 +411,24 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
     assert len(root.findall("{*}image")) == 1
 
 
+def test_a_click_in_the_stability_map_moves_both_parameters(page: Page) -> None:
+    page.click("#type")
+    page.fill("#text", "x -> x + 0.2*(a*x - x**3 + h) + 0*y\ny -> 0.5*y\na = 1.0\nh = 0.0")
+    after(page, lambda: page.click("#equations button"))
+    page.click("#stability")
+    until(page, "!document.getElementById('plane').hidden")
+    page.select_option("#stable", index=1)
+    box = page.locator("#plane").bounding_box()
+    assert box is not None
+    wide, high = box["width"] - 52, box["height"] - 34
+    after(page, lambda: page.click("#plane", position={"x": 52 + 0.75 * wide, "y": 0.25 * high}))
+    a, h = (float(page.input_value(f"#value-{name}")) for name in "ah")
+    assert (a, h) == (pytest.approx(1.25, abs=0.01), pytest.approx(0.25, abs=0.01))
+    after(page, lambda: page.press("#plane", "ArrowLeft"))
+    assert float(page.input_value("#value-a")) == pytest.approx(a - 0.01, abs=1e-4)
+    assert "now a = 1.2" in str(page.get_attribute("#plane", "aria-label"))
+
+
 def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:
     def marks() -> int:
         page.wait_for_timeout(100)

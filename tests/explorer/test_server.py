@@ -212,6 +212,26 @@ def test_a_diagram_follows_the_attractors(page: Page) -> None:
     assert wrong["message"].startswith("parameter='mass'")
 
 
+def test_stability_over_two_parameters(page: Page) -> None:
+    """Of x^2 + c the lower fixed point is stable for -3/4 < c < 1/4, whatever a parameter without effect is."""
+    page.ask("system", text="x -> x**2 + c + 0*a\nc = 0.0\na = 1.0")
+    page.image(cells=[80])
+    axes = {"x": {"parameter": "c", "lower": -1.0, "upper": 0.2}, "y": {"parameter": "a", "lower": 0.0, "upper": 2.0}}
+    found = page.ask("stability", **axes)
+    unstable = np.frombuffer(found["data"], np.int8).reshape(len(found["identities"]), len(found["y"]), len(found["x"]))
+    assert (unstable[0] == (np.array(found["x"]) < -0.75)).all()
+    (curve,) = found["curves"]
+    assert (curve["crossing"], curve["identity"]) == ("MINUS_ONE", found["identities"][0])
+    assert np.abs(np.array(curve["x"]) + 0.75).max() < 1e-9
+    for wrong, message in (
+        ({"x": 3}, "x=3: give an object"),
+        ({"y": {"parameter": "b"}}, "y.parameter='b'"),
+        ({"y": {"parameter": "a", "lower": 2, "upper": 1}}, "y: lower=2, upper=1"),
+        ({"y": axes["x"]}, "y has the parameter 'c' of x"),
+    ):
+        assert message in page.ask("stability", **{**axes, **wrong})["message"]
+
+
 def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
     """The origin: its multipliers are the roots of z^2 - 1.8 z + 0.6.  Pixels around each point of the curve differ."""
     _, numbers = page.image(cells=[300, 300])

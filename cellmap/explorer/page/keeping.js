@@ -1,4 +1,4 @@
-// Views that are kept with a thumbnail, and the image as SVG.
+// Views that are kept with a thumbnail, files that are saved, and the image as SVG.
 
 import { css } from "./colours.js";
 import { ticks } from "./overlay.js";
@@ -13,6 +13,13 @@ export function keep(place, image, title, back) {
   button.append(thumbnail);
   button.addEventListener("click", back);
   place.append(button);
+}
+
+// Saves a file.
+export function download(name, blob) {
+  const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(blob) });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);

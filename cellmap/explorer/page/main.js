@@ -5,12 +5,14 @@ import { Connection } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
-import { keep, svg } from "./keeping.js";
-import { drawOverlay, drawSeries } from "./overlay.js";
+import { download, keep, svg } from "./keeping.js";
+import { Orbits } from "./orbits.js";
+import { drawOverlay } from "./overlay.js";
 import { Parts } from "./parts.js";
 import { Picture } from "./picture.js";
-import { accuracy, certified, ending, nameOf, news, showAttractors, showMeasures, showSaddles, verified } from "./report.js";
-import { Sweep } from "./sweep.js";
+import { Plane } from "./plane.js";
+import { accuracy, certified, nameOf, news, showAttractors, showMeasures, showSaddles, verified } from "./report.js";
+import { Range, Sweep } from "./sweep.js";
 
 const $ = (id) => document.getElementById(id);
 const state = { name: null, text: null, parts: null, system: null, view: null };
@@ -18,7 +20,6 @@ const views = new Map(); // by the numbers of their requests
 const names = new Map();
 let codes = {};
 let picture = null;
-let orbits = [];
 let marked = { cross: null, box: null };
 let open = null; // cells that a certificate has left open
 let saddles = null; // with their stable manifolds
@@ -76,7 +77,7 @@ function use(system, text, view) {
   views.clear();
   oldest = connection.number + 1;
   picture.clear();
-  removeOrbits();
+  orbits.clear();
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
   controls.make({ ...system.view, params: system.view.params });
@@ -84,10 +85,11 @@ function use(system, text, view) {
   if (state.view.phase !== null) controls.put(null, state.view.phase);
   limits.make(state.view, system.coordinates);
   sweep.make();
+  plane.make();
   const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
   choices($("cells"), own([125, 250, 500, 1000, 2000], state.view.cells[0]).map((n) => [n, n]), state.view.cells[0]);
   choices($("nodes"), own([0, 64, 128, 256, 512], state.view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), state.view.nodes);
-  choices($("tolerance"), own([1e-3, 1e-4, 1e-6, 1e-9, 1e-12], state.view.tolerance).map((v) => [v, v]), state.view.tolerance);
+  choices($("tolerance"), own([1e-3, 1e-4, 1e-6, 1e-9, 1e-12], state.view.tolerance).map((v) => [v, v.toExponential()]), state.view.tolerance);
   $("nodes").disabled = system.coordinates.length > 2;
   $("tolerance").disabled = !system.forced;
   changed();
@@ -96,11 +98,12 @@ function use(system, text, view) {
 const OFTEN = 15; // milliseconds between two views that are sent: values in between are dropped here already
 
 function changed() {
-  removeOrbits();
+  orbits.clear();
   open = saddles = null;
   for (const id of ["measures", "found"]) $(id).replaceChildren();
   limits.put(state.view);
   sweep.draw();
+  plane.draw();
   $("preview").hidden = false;
   $("quality").textContent = "The image is a preview.";
   redraw();
@@ -150,7 +153,7 @@ function redraw(then) {
     if (state.view && picture) {
       picture.draw(state.view);
       const attractors = picture.frame?.attractors ?? [];
-      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits, saddles, open, ...marked });
+      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits: orbits.list, saddles, open, ...marked });
     }
     for (const act of (redraw.after ?? []).splice(0)) act();
   });
@@ -170,22 +173,37 @@ const parts = new Parts($("parts"), (chosen) => {
     .catch((error) => { parts.make({ ...state.system.scene }); fail(error); });
 });
 
+function setParameters(values) {
+  Object.assign(state.view.params, values);
+  for (const [name, value] of Object.entries(values)) controls.put(name, value);
+  changed();
+}
+
+const orbits = new Orbits({ section: $("orbits"), ends: $("ends"), series: $("series") });
+
+const plane = new Plane(state, {
+  ask: (message) => connection.ask(message),
+  set: setParameters,
+  nameOf: (number) => names.get(number) ?? `attractor ${number}`,
+  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note") },
+});
+
 const sweep = new Sweep(state, {
   ask: (message, numbered) => connection.ask(message, numbered),
-  set: (name, value) => { state.view.params[name] = value; controls.put(name, value); changed(); },
+  set: (name, value) => setParameters({ [name]: value }),
   elements: {
-    canvas: $("bifurcations"), parameter: $("along"), coordinate: $("coordinate"),
-    lower: $("along-lower"), upper: $("along-upper"),
+    canvas: $("bifurcations"), coordinate: $("coordinate"), first: new Range($("first-range")), second: new Range($("second-range")),
   },
 });
 
 const limits = new Limits($("limits"), (key, k, value) => {
   if (key === "axes") {
     const other = state.view.axes.indexOf(value);
-    const { lower, upper } = firstLimits(value);
     if (other >= 0) state.view.axes[other] = state.view.axes[k];
-    else { state.view.lower[k] = lower; state.view.upper[k] = upper; }
-    if (other >= 0) for (const end of ["lower", "upper"]) state.view[end].reverse();
+    for (const end of ["lower", "upper"]) {
+      if (other >= 0) state.view[end].reverse();
+      else state.view[end][k] = state.system.window[end][value];
+    }
     state.view.axes[k] = value;
     limits.make(state.view, state.system.coordinates);
   } else if (key === "others") {
@@ -196,12 +214,6 @@ const limits = new Limits($("limits"), (key, k, value) => {
   }
   changed();
 });
-
-// Returns the first limits of a coordinate, which need not be an axis of the image.
-function firstLimits(j) {
-  const { lower, upper } = state.system.window;
-  return { lower: lower[j], upper: upper[j] };
-}
 
 const gestures = new Gestures($("image"), {
   box: $("box"),
@@ -238,31 +250,16 @@ function coordinatesAt(place) {
 
 async function follow(place) {
   try {
-    const orbit = await connection.ask({ type: "orbit", point: coordinatesAt(place) });
-    orbits = [...orbits, orbit].slice(-2);
-    $("orbits").hidden = false;
-    $("ends").replaceChildren(...orbits.map((o) => Object.assign(document.createElement("li"), { textContent: ending(o) })));
-    drawSeries($("series"), orbits, state.system.coordinates);
+    orbits.add(await connection.ask({ type: "orbit", point: coordinatesAt(place) }), state.system.coordinates);
     redraw();
   } catch (error) {
     fail(error);
   }
 }
 
-function removeOrbits() {
-  orbits = [];
-  $("orbits").hidden = true;
-}
-
 async function downloadFile(type) {
   const file = await connection.ask({ type });
   download(file.name, new Blob([file.data], { type: file.media }));
-}
-
-function download(name, blob) {
-  const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(blob) });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 // Asks about the image, and shows the answer unless the image has changed meanwhile.
@@ -281,7 +278,7 @@ const clicked = {
   reset: () => gestures.reset(),
   in: () => { gestures.remember(); gestures.zoom(0.5); },
   out: () => { gestures.remember(); gestures.zoom(2); },
-  clear: () => { removeOrbits(); redraw(); },
+  clear: () => { orbits.clear(); redraw(); },
   type: () => { $("equations").hidden = !$("equations").hidden; $("type").ariaExpanded = String(!$("equations").hidden); },
   verify: async () => {
     $("quality").textContent = "Verifying …";
@@ -313,6 +310,7 @@ const clicked = {
     keep($("kept"), $("image"), title, () => choose({ name, text, parts: chosen }, view).catch(fail));
   },
   diagram: () => sweep.diagram(),
+  stability: () => plane.compute(sweep.first.asked(), sweep.second.asked()),
   film: async () => {
     const view = structuredClone(state.view);
     $("preview").hidden = false;
@@ -337,7 +335,7 @@ $("hatched").addEventListener("change", () => { picture.hatched = $("hatched").c
 $("system").addEventListener("change", () => choose({ name: $("system").value }).catch(fail));
 new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
-addEventListener("resize", () => { redraw(); sweep.draw(); });
+addEventListener("resize", () => { redraw(); sweep.draw(); plane.draw(); });
 addEventListener("hashchange", () => {
   try {
     const asked = read(location.hash);

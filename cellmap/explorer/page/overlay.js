@@ -54,8 +54,8 @@ export function drawOverlay(canvas, { view, coordinates, attractors, orbits, sad
       if (mark) context.fillRect(((k % open.width) * width) / open.width, (Math.floor(k / open.width) * height) / open.height, size, size);
     });
   }
-  drawAxes(context, width, height, view, coordinates, along);
   if (saddles) drawSaddles(context, saddles, at, width, height);
+  drawAxes(context, width, height, view, coordinates, along);
   for (const a of attractors) {
     const radius = a.points.length > 64 ? 1.5 : 4;
     for (const p of a.points) {
@@ -184,7 +184,7 @@ export function drawSeries(canvas, orbits, coordinates) {
         if (n && !jump) context.lineTo((o.times[n] / last) * width, y(s[j]));
         else context.moveTo((o.times[n] / last) * width, y(s[j]));
       });
-      context.strokeStyle = k ? "#D55E00" : "#0072B2";
+      context.strokeStyle = style.getPropertyValue(k ? "--other" : "--one");
       context.stroke();
     });
     context.fillStyle = style.color;

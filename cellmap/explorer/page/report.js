@@ -4,7 +4,11 @@ import { css } from "./colours.js";
 import { fresh } from "./overlay.js";
 
 const percent = (f) => `${(100 * f).toPrecision(3)} %`;
-const small = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(3)).toString());
+const small = (v) => {
+  if (v === null || v === undefined) return "–";
+  const rounded = Number(v.toPrecision(3));
+  return rounded !== 0 && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
+};
 
 function cells(...parts) {
   const row = document.createElement("tr");
@@ -25,7 +29,8 @@ function swatch(number) {
 export function showAttractors(body, frame, codes) {
   const error = (f) => (frame.complete ? ` ± ${(100 * Math.sqrt((f * (1 - f)) / (frame.width * frame.height))).toPrecision(1)}` : "");
   const rows = frame.attractors.map((a) => {
-    const sizes = a.multipliers.map(([re, im]) => small(Math.hypot(re, im))).join(", ");
+    const moduli = a.multipliers.map(([re, im]) => small(Math.hypot(re, im)));
+    const sizes = moduli.length > 1 && moduli.every((m) => m === moduli[0]) ? `${moduli[0]} (${moduli.length})` : moduli.join(", ");
     const exponent = a.exponents.length ? `exponent ${small(a.exponents[0])}` : "";
     return cells(swatch(a.identity), a.name, a.period ? String(a.period) : "–", sizes || exponent, percent(a.fraction) + error(a.fraction));
   });
@@ -57,7 +62,7 @@ export function accuracy(quality, frame) {
   } else {
     parts.push("Exact map");
   }
-  if (quality.map !== "discrete") parts.push(`tolerance ${quality.tolerance}`);
+  if (quality.map !== "discrete") parts.push(`tolerance ${small(quality.tolerance)}`);
   parts.push(`undecided ${percent(frame.others.undecided ?? 0)}`);
   const reasons = Object.entries(frame.undecided).map(([why, n]) => `${why} (${n})`);
   if (reasons.length) parts.push(reasons.join(", "));

@@ -6,12 +6,37 @@ import { fresh, ticks } from "./overlay.js";
 
 const MARGIN = 22;
 
+// Fields for a parameter and its range.
+export class Range {
+  constructor(place) {
+    [this.parameter, this.lower, this.upper] = place.querySelectorAll("select, input");
+    this.parameter.addEventListener("change", () => this.around());
+  }
+
+  make(params, k) {
+    this.params = params;
+    const names = Object.keys(params);
+    choices(this.parameter, names.map((name) => [name, name]), names[Math.min(k, names.length - 1)]);
+    this.around();
+  }
+
+  around() {
+    const value = this.params[this.parameter.value] ?? 0;
+    const half = 0.5 * (Math.abs(value) || 1);
+    this.lower.value = Number((value - half).toPrecision(4));
+    this.upper.value = Number((value + half).toPrecision(4));
+  }
+
+  asked() {
+    return { parameter: this.parameter.value, lower: this.lower.valueAsNumber, upper: this.upper.valueAsNumber };
+  }
+}
+
 export class Sweep {
   // `state` has the system and the view; `set(name, value)` changes a parameter; `ask` sends a question.
   constructor(state, { set, ask, elements }) {
     Object.assign(this, { state, set, ask }, elements);
     this.found = null;
-    this.parameter.addEventListener("change", () => this.range());
     this.coordinate.addEventListener("change", () => this.draw());
     this.canvas.addEventListener("click", (event) => {
       const box = this.canvas.getBoundingClientRect();
@@ -29,25 +54,13 @@ export class Sweep {
   make() {
     this.found = null;
     this.canvas.hidden = true;
-    const names = Object.keys(this.state.view.params);
-    choices(this.parameter, names.map((name) => [name, name]), names[0]);
+    this.first.make(this.state.view.params, 0);
+    this.second.make(this.state.view.params, 1);
     choices(this.coordinate, this.state.system.coordinates.map((c, j) => [j, c.name]), 0);
-    this.range();
-  }
-
-  range() {
-    const value = this.state.view.params[this.parameter.value] ?? 0;
-    const half = 0.5 * (Math.abs(value) || 1);
-    this.lower.value = Number((value - half).toPrecision(4));
-    this.upper.value = Number((value + half).toPrecision(4));
-  }
-
-  asked() {
-    return { parameter: this.parameter.value, lower: this.lower.valueAsNumber, upper: this.upper.valueAsNumber };
   }
 
   async diagram() {
-    const found = await this.ask({ type: "diagram", ...this.asked() });
+    const found = await this.ask({ type: "diagram", ...this.first.asked() });
     const bytes = found.data.slice();
     this.found = { ...found, points: new Float32Array(bytes.buffer) };
     this.canvas.hidden = false;
@@ -56,7 +69,7 @@ export class Sweep {
 
   film(view, numbered) {
     const colours = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
-    return this.ask({ type: "film", ...this.asked(), stills: 40, view, palette: colours }, numbered);
+    return this.ask({ type: "film", ...this.first.asked(), stills: 40, view, palette: colours }, numbered);
   }
 
   place(value) {
