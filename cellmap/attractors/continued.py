@@ -12,7 +12,7 @@ from .._lib.checks import real_array, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor, Neighbourhood, sort_key
+from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import newton, stable_orbit
 from .matching import attractor_distance
 from .quasiperiodic import quasiperiodic_attractors
@@ -60,7 +60,7 @@ def continue_attractors(
     """
     check_attractors(attractors, point_map, "attractors")
     orbits = [a for a in attractors if a.neighbourhood is not None]
-    circles = [a for a in attractors if a.circle is not None]
+    circles = [a for a in attractors if a.kind is Kind.QUASIPERIODIC]
     if not orbits and not circles:
         return ()
     if extent is None:

@@ -20,9 +20,11 @@ from ..maps.system import ForcedSystem
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Kind
 from ..orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size, fitted_circle, measured
+from ..orbits.invariant_torus import fitted_torus
 from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
 from .chaos import lyapunov_exponents
+from .torus_tube import DenseTorus
 from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, cover_of_tube, verified_tube
 
 _ORBITS = 4  # tried in one look
@@ -34,6 +36,7 @@ _CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is
 _TURNS = 64  # of a limit cycle in one step, at most
 _AT_ONCE = 256  # periods of one orbit between looks whether the end was asked for
 _SAMPLE = 512  # points of an attractor that are kept
+_SAMPLED_PHASES = 24  # of a torus, in each of its phases
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +61,8 @@ def quasiperiodic_attractors(
     numbers with denominators up to 512 within ten times its error, its largest Lyapunov exponent is zero within 0.01,
     and a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
 
+    Orbits with two zero exponents are tried as tori of two frequencies, in the same way.
+
     An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
     """
     exact = point_map.without_table
@@ -76,7 +81,9 @@ def quasiperiodic_attractors(
             continue
         if not _may_attract(exact, before):
             continue
-        attractor = _attractor(exact, before.points[0], extent, age, found)
+        attractor = _on_curves(exact, before.points[0], extent, age, found)
+        if attractor is None and exact.dimension > 2 and not len(found.cycles):
+            attractor = _on_torus(exact, before.points[0], extent)
         if attractor is not None and len(_outside(attractor.points[:1], attractors, exact)):
             assert attractor.cover is not None
             found.attractors.append(attractor)
@@ -107,7 +114,7 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
     return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 
-def _attractor(
+def _on_curves(
     exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, found: Found
 ) -> Attractor | None:
     system = _autonomous(exact)
@@ -145,6 +152,27 @@ def _attractor(
         cover=cover,
         circle=circle,
     )
+
+
+def _on_torus(exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
+    """Return the torus of two frequencies to which an orbit has come, verified to attract."""
+    exponents = np.sort(lyapunov_exponents(exact, state[None], _EXPONENT_PERIODS)[0][0])[::-1]
+    if not (np.abs(exponents[:2]) <= _ZERO).all() or not exponents[2] < -_ZERO:
+        return None
+    torus = fitted_torus(exact, state)
+    if torus is None:
+        return None
+    phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
+    points = torus.points(phases, exact.coordinates)
+    dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
+    tube = verified_tube(dense, extent, 10.0 * torus.invariance_error)
+    cover = None if tube is None else cover_of_tube(dense, tube)
+    if cover is None:
+        return None
+    still, none = (0,) * exact.dimension, np.empty(0, complex)
+    return Attractor(
+        Kind.QUASIPERIODIC, 0, points, still, none, exponents, exact.coordinates, cover=cover, torus=torus
+    )  # fmt: skip
 
 
 def _size(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,35 @@ _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of t
 _MOST_BOXES = 2**20
 
 
+class Attracting(Protocol):
+    """An invariant set around which a tube is verified.
+
+    ``points`` (..., dimension) are so many that any box beside the set is near one of them; ``size`` makes distances
+    along axes comparable.
+    """
+
+    @property
+    def exact(self) -> PointMap:
+        """The map under which the set is invariant."""
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Points of the set."""
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """Lengths along each axis."""
+
+    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of points (n, dimension) to the set, inf for points that are not finite."""
+
+    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points (radii, ..., dimension) beside the set, across it."""
+
+    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest of distances (radii, ...) of these points, and of those between them."""
+
+
 @dataclass(frozen=True, eq=False)
 class Curves:
     """Closed curves: points (curves, n, dimension) in their order; ``size`` makes distances along axes comparable."""
@@ -40,21 +71,9 @@ class Curves:
 
     def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance of points (n, dimension) to the nearest curve, inf for points that are not finite."""
-        from scipy.spatial import KDTree
-
-        d = points.shape[1]
-        lower, turn = turns_of(self.exact.coordinates)
-        corner = np.where(turn > 0, lower, 0.0)
-
-        def scaled(places: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.asarray(np.minimum((wrap(places, self.exact.coordinates) - corner) / self.size, highest))
-
-        box = np.where(turn > 0, turn, 0.0) / self.size
-        highest = np.where(turn > 0, np.nextafter(box, 0.0), np.inf)
         found = np.full(len(points), np.inf)
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-        tree = KDTree(scaled(self.points.reshape(-1, d)), boxsize=box)
-        nearest = tree.query(scaled(points[finite]))[1]
+        nearest = nearest_places(self, points[finite])
         curve, k = np.divmod(nearest, self.points.shape[1])
         for side in (-1, 1):
             here, there = self.points[curve, k], self.points[curve, (k + side) % self.points.shape[1]]
@@ -66,6 +85,32 @@ class Curves:
             found[finite] = np.minimum(found[finite], apart)
         return found
 
+    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
+        values = distances.reshape(len(distances), len(self.points), _SEEN, -1)
+        with np.errstate(invalid="ignore"):
+            beside = values + 0.5 * np.abs(values - np.roll(values, 1, axis=2))
+        return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(distances), -1).max(axis=1))
+
+    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
+        d, number = self.exact.dimension, self.points.shape[1]
+        chosen = np.arange(_SEEN) * (number // _SEEN)
+        here = self.points[:, chosen]
+        ahead, behind = (self.points[:, (chosen + side) % number] for side in (1, -1))
+        tangents = difference(ahead, behind, self.exact.coordinates) / self.size
+        tangents /= np.maximum(np.linalg.norm(tangents, axis=-1, keepdims=True), 1e-300)
+        if d == 2:
+            normal = np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1)
+            across = np.stack([normal, -normal], axis=-2)
+        else:
+            free = np.random.default_rng(0).standard_normal((4 * (d - 1), d))
+            free = np.concatenate([free, -free])
+            across = free - (free @ tangents[..., None]) * tangents[..., None, :]
+            across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        shift = radii[:, None, None, None, None] * across * self.size
+        return wrap((here[:, :, None, :] + shift).reshape(-1, d), self.exact.coordinates).reshape(shift.shape)
+
 
 @dataclass(frozen=True)
 class Tube:
@@ -76,7 +121,7 @@ class Tube:
     contraction: float
 
 
-def verified_tube(curves: Curves, extent: NDArray[np.float64], narrowest: float) -> Tube | None:
+def verified_tube(curves: Attracting, extent: NDArray[np.float64], narrowest: float) -> Tube | None:
     """Return the widest tube around attracting curves on whose inner surfaces all points are seen to come closer.
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
@@ -103,7 +148,7 @@ def verified_tube(curves: Curves, extent: NDArray[np.float64], narrowest: float)
     return Tube(radius, steps, factor)
 
 
-def cover_of_tube(curves: Curves, tube: Tube) -> Cover | None:
+def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     """Return boxes that lie in a tube, and hold all that is close to its curves; None where they are too many."""
     d = curves.exact.dimension
     lower, turn = turns_of(curves.exact.coordinates)
@@ -115,6 +160,8 @@ def cover_of_tube(curves: Curves, tube: Tube) -> Cover | None:
     visited = np.unique(boxes_of(points, corner, widths, curves.exact), axis=0)
     half = 0.5 * float(np.linalg.norm(widths / curves.size))
     reach = np.ceil((tube.radius - half) * curves.size / widths).astype(int).clip(1, None)
+    while len(visited) * np.prod(2 * reach + 1) > _MOST_BOXES and reach.max() > 1:
+        reach = np.maximum(reach - 1, 1)
     steps = list(itertools.product(*[range(-r, r + 1) for r in reach]))
     if len(visited) * len(steps) > _MOST_BOXES:
         return None
@@ -128,54 +175,47 @@ def cover_of_tube(curves: Curves, tube: Tube) -> Cover | None:
     return Cover(corner, widths, boxes, np.ones(len(boxes), bool))
 
 
-def _steps_needed(curves: Curves, radius: float) -> tuple[int, float]:
+def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the number of the point of the set that is nearest to each of some finite points (n, dimension)."""
+    return np.asarray(_tree(curves).query(_scaled(curves, points))[1], np.int64)
+
+
+@functools.lru_cache(maxsize=1)
+def _tree(curves: Attracting) -> Any:
+    from scipy.spatial import KDTree
+
+    box = turns_of(curves.exact.coordinates)[1] / curves.size
+    return KDTree(_scaled(curves, curves.points.reshape(-1, len(box))), boxsize=box)
+
+
+def _scaled(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points in units of the size, angles from their branch cuts."""
+    lower, turn = turns_of(curves.exact.coordinates)
+    highest = np.where(turn > 0, np.nextafter(turn / curves.size, 0.0), np.inf)
+    corner = np.where(turn > 0, lower, 0.0)
+    return np.asarray(np.minimum((wrap(points, curves.exact.coordinates) - corner) / curves.size, highest))
+
+
+def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:
     """Return after how many steps the points of a surface are close enough, and the factor; 0 steps if never."""
-    orbits = Orbits.starting(_surface(curves, np.array([radius])).reshape(-1, curves.exact.dimension))
+    orbits = Orbits.starting(curves.surface(np.array([radius])).reshape(-1, curves.exact.dimension))
     made, steps = 0, 1
     while steps <= MOST_STEPS:
         check_stop()
         curves.exact.advance(orbits, steps - made)
         made = steps
-        factor = float(_between(curves.distances(orbits.points)[None], curves)[0] / radius)
+        factor = float(curves.between(curves.distances(orbits.points)[None])[0] / radius)
         if factor <= FIRST_FACTOR:
             return steps, factor
         steps *= 2
     return 0, np.inf
 
 
-def _factors(curves: Curves, radii: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+def _factors(curves: Attracting, radii: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
     """Return for each surface the largest factor by which some steps change the distance to the curves."""
-    orbits = Orbits.starting(_surface(curves, radii).reshape(-1, curves.exact.dimension))
+    orbits = Orbits.starting(curves.surface(radii).reshape(-1, curves.exact.dimension))
     for begin in range(0, len(orbits), CHUNK):
         check_stop()
         curves.exact.advance(orbits[begin : begin + CHUNK], steps)
     after = curves.distances(orbits.points).reshape(len(radii), -1)
-    return np.asarray(_between(after, curves) / radii)
-
-
-def _between(distances: NDArray[np.float64], curves: Curves) -> NDArray[np.float64]:
-    """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
-    values = distances.reshape(len(distances), len(curves.points), _SEEN, -1)
-    with np.errstate(invalid="ignore"):
-        beside = values + 0.5 * np.abs(values - np.roll(values, 1, axis=2))
-    return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(distances), -1).max(axis=1))
-
-
-def _surface(curves: Curves, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
-    d, number = curves.exact.dimension, curves.points.shape[1]
-    chosen = np.arange(_SEEN) * (number // _SEEN)
-    here = curves.points[:, chosen]
-    ahead, behind = (curves.points[:, (chosen + side) % number] for side in (1, -1))
-    tangents = difference(ahead, behind, curves.exact.coordinates) / curves.size
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=-1, keepdims=True), 1e-300)
-    if d == 2:
-        normal = np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1)
-        across = np.stack([normal, -normal], axis=-2)
-    else:
-        free = np.random.default_rng(0).standard_normal((4 * (d - 1), d))
-        free = np.concatenate([free, -free])
-        across = free - (free @ tangents[..., None]) * tangents[..., None, :]
-        across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    shift = radii[:, None, None, None, None] * across * curves.size
-    return wrap((here[:, :, None, :] + shift).reshape(-1, d), curves.exact.coordinates).reshape(shift.shape)
+    return np.asarray(curves.between(after) / radii)

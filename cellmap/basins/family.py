@@ -20,7 +20,7 @@ from ..maps.interpolation.interpolated import Interpolated
 from ..maps.point_map import PointMap
 from ..maps.specification import MapSpec
 from ..maps.stroboscopic import carried
-from ..orbits.attractor import Attractor
+from ..orbits.attractor import Attractor, Kind
 
 _KEPT = 16  # maps that are kept with their attractors
 _REMEMBERED = 1024  # points that are kept of an attractor that may come back
@@ -117,7 +117,7 @@ class Family:
             point_map = examined(draft.point_map) if draft.unexamined else draft.point_map
             stop.check()
             found = with_regions(point_map, draft.known(), self._extent)
-            circles = {k: a for k, a in draft.before.items() if a.circle is not None}
+            circles = {k: a for k, a in draft.before.items() if a.kind is Kind.QUASIPERIODIC}
             names, orbits = list(circles), list(found.values())
             curves = circles_followed(point_map, list(circles.values()), self._extent, orbits)
             found |= {names[k]: a for k, a in curves.items()}

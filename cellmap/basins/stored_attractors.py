@@ -12,6 +12,7 @@ from .._lib.sealed import array_of, get_number, get_text, put_text
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
 from ..orbits.invariant_circle import InvariantCircle
+from ..orbits.invariant_torus import InvariantTorus
 
 _SAMPLED = (Kind.CHAOTIC, Kind.EQUILIBRIA, Kind.QUASIPERIODIC)  # kinds of which the points are a sample
 
@@ -33,7 +34,7 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     group.attrs.update(period=attractor.period, turns=attractor.rotations, grazing=attractor.grazing_distance)
     for name in ("points", "multipliers", "exponents"):
         group[name] = getattr(attractor, name)
-    for part in ("neighbourhood", "cover", "circle"):
+    for part in ("neighbourhood", "cover", "circle", "torus"):
         record = getattr(attractor, part)
         if record is not None:
             for field in dataclasses.fields(record):
@@ -77,6 +78,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         neighbourhood=neighbourhood,
         cover=cover,
         circle=circle,
+        torus=_read_torus(group, d) if "torus" in group else None,
         grazing_distance=float(group.attrs.get("grazing", np.inf)),
     )
 
@@ -91,4 +93,18 @@ def _read_circle(group: h5py.Group, d: int) -> InvariantCircle:
         rotation_numbers=array_of(group, "circle/rotation_numbers", np.float64, (d,)),
         rotation_errors=array_of(group, "circle/rotation_errors", np.float64, (d,)),
         **{name: float(array_of(group, f"circle/{name}", np.float64, ())) for name in numbers},
+    )
+
+
+def _read_torus(group: h5py.Group, d: int) -> InvariantTorus:
+    coefficients = array_of(group, "torus/coefficients", np.complex128, (d, None, None))
+    if coefficients.shape[1] != coefficients.shape[2] or coefficients.shape[1] % 2 == 0:
+        raise ValueError(f"{group.name} has Fourier coefficients of shape {coefficients.shape}")
+    return InvariantTorus(
+        frequencies=array_of(group, "torus/frequencies", np.float64, (2,)),
+        frequency_errors=array_of(group, "torus/frequency_errors", np.float64, (2,)),
+        rotation_numbers=array_of(group, "torus/rotation_numbers", np.float64, (d,)),
+        rotation_errors=array_of(group, "torus/rotation_errors", np.float64, (d,)),
+        coefficients=coefficients,
+        invariance_error=float(array_of(group, "torus/invariance_error", np.float64, ())),
     )

@@ -8,6 +8,7 @@ from .covariant import covariant_vectors as covariant_vectors
 from .exponent_fields import ExponentField as ExponentField
 from .exponent_fields import finite_time_exponents as finite_time_exponents
 from .invariant_circle import InvariantCircle as InvariantCircle
+from .invariant_torus import InvariantTorus as InvariantTorus
 from .lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .lyapunov import lyapunov_spectrum as lyapunov_spectrum
 from .orbit_kinds import OrbitKind as OrbitKind

@@ -17,6 +17,7 @@ from .._lib.conversions import ShownAsHtml
 from ..maps.coordinates import Coordinate
 from ..maps.grazing import GRAZING
 from .invariant_circle import InvariantCircle
+from .invariant_torus import InvariantTorus
 
 
 class Kind(StrEnum):
@@ -29,7 +30,7 @@ class Kind(StrEnum):
     EQUILIBRIA = "equilibria"
     """Sticking set, a continuum of equilibria: dry friction keeps the state at each of its points."""
     QUASIPERIODIC = "quasi-periodic"
-    """Invariant circle: closed curves on which no orbit ever closes, such as a limit cycle seen by a time-T map."""
+    """Invariant circle or torus on which no orbit ever closes, such as a limit cycle seen by a time-T map."""
     CHAOTIC = "chaotic"
 
 
@@ -107,6 +108,8 @@ class Attractor(ShownAsHtml):
         Names and units.
     circle : InvariantCircle or None
         Curves of a quasi-periodic attractor, with its rotation number and, for a limit cycle, its period in time.
+    torus : InvariantTorus or None
+        Torus of a quasi-periodic attractor with two frequencies.
     grazing_distance : float
         Of a periodic attractor, how near it comes to grazing a surface of impacts or of a discontinuity, see
         :func:`cellmap.maps.grazing_distance`.
@@ -122,6 +125,7 @@ class Attractor(ShownAsHtml):
     neighbourhood: Neighbourhood | None = None
     cover: Cover | None = None
     circle: InvariantCircle | None = None
+    torus: InvariantTorus | None = None
     grazing_distance: float = inf
 
     @property
@@ -139,8 +143,9 @@ class Attractor(ShownAsHtml):
     @property
     def rotation_number(self) -> tuple[float, ...]:
         """Rotation number: full rotations of each coordinate per step of the map; NaN for angles if chaotic."""
-        if self.circle is not None:
-            return tuple(self.circle.rotation_numbers.tolist())
+        curve = self.circle or self.torus
+        if curve is not None:
+            return tuple(curve.rotation_numbers.tolist())
         if not self.period:
             return tuple(np.nan if c.is_angle else 0.0 for c in self.coordinates)
         return tuple(t / self.period for t in self.rotations)
@@ -159,6 +164,8 @@ class Attractor(ShownAsHtml):
                 return f"limit cycle, period {self.circle.cycle_period:.6g} in time"
             curves = len(self.circle.coefficients)
             return f"quasi-periodic, rotation number {self.circle.frequency:.6g}" + f", {curves} curves" * (curves > 1)
+        if self.torus is not None:
+            return "quasi-periodic, rotation vector ({:.6g}, {:.6g})".format(*self.torus.frequencies)
         text = f"{self.kind}, period {self.period}"
         for t in self.rotations:
             if t:
@@ -168,7 +175,7 @@ class Attractor(ShownAsHtml):
     def __repr__(self) -> str:
         if self.kind is Kind.CHAOTIC:
             return f"Attractor(chaotic, largest exponent {self.exponents[0]:.4g})"
-        if self.circle is not None:
+        if self.kind is Kind.QUASIPERIODIC:
             return (
                 f"Attractor({self.name}, largest exponent {self.exponents[0]:.2g}, {self.exponents[-1]:.4g} the least)"
             )

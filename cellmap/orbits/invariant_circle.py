@@ -95,7 +95,7 @@ def fitted_circle(
     longest = min(1 << max(age - 1, 1).bit_length(), _STAGES[-1][0])
     for least, harmonics in _STAGES:
         number = max(least, longest)
-        history, rotations = _recorded(point_map, orbits, number)
+        history, rotations = recorded_orbit(point_map, orbits, number)
         if not orbits.alive.all():
             return None, 0
         period = _return(history, point_map, extent)
@@ -121,7 +121,7 @@ def fitted_circle(
     return best, 0
 
 
-def _recorded(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def recorded_orbit(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Move one orbit on by a number of steps; return where it has been, and its full rotations there."""
     points, rotations = [orbits.points.copy()], [orbits.rotations.copy()]
     for places, turned, _ in recorded(point_map.advance, orbits, number):
@@ -132,12 +132,12 @@ def _recorded(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray
 
 def _sharpened(point_map: PointMap, orbits: Orbits, circle: InvariantCircle) -> InvariantCircle:
     """Return a circle with the rotation numbers of a longer orbit that begins where the others have ended."""
-    history, rotations = _recorded(point_map, orbits, _STAGES[-1][0])
+    history, rotations = recorded_orbit(point_map, orbits, _STAGES[-1][0])
     if not orbits.alive.all():
         return circle
-    signals = _features(history, point_map.coordinates)[:: len(circle.coefficients)]
+    signals = signals_of(history, point_map.coordinates)[:: len(circle.coefficients)]
     frequency, error = _refined(signals, circle.frequency)
-    rho, rho_error = _rotation_numbers(point_map, history, rotations)
+    rho, rho_error = rotation_numbers_of(point_map, history, rotations)
     return replace(circle, frequency=frequency, frequency_error=error, rotation_numbers=rho, rotation_errors=rho_error)
 
 
@@ -162,7 +162,7 @@ def _return(history: NDArray[np.float64], point_map: PointMap, extent: NDArray[n
     return int(closest[0]) + 1 if len(closest) else 0
 
 
-def _features(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.complex128]:
+def signals_of(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.complex128]:
     """Return signals that are continuous along an orbit: points on the unit circle for angles."""
     turn = turns_of(coordinates)[1]
     around = np.where(turn > 0, turn, 1.0)
@@ -173,7 +173,7 @@ def _fit(
     point_map: PointMap, history: NDArray[np.float64], rotations: NDArray[np.int64], harmonics: int
 ) -> tuple[FittedCircle | None, bool]:
     """Fit one curve, or as few as possible, to an orbit; else tell whether a longer orbit may succeed."""
-    signals = _features(history, point_map.coordinates)
+    signals = signals_of(history, point_map.coordinates)
     places = np.concatenate([signals.real, signals.imag], axis=1)
     size = np.ptp(places, axis=0)
     moving = size > 1e-9 * (1e-3 + np.abs(places).max(axis=0))
@@ -189,7 +189,7 @@ def _fit(
         parts = [signals[k::curves][: len(signals) // curves] for k in range(curves)]
         frequency, error = _refined(parts[0], first)
         coefficients = np.array([_series(part, frequency, harmonics) for part in parts])
-        rho, rho_error = _rotation_numbers(point_map, history, rotations)
+        rho, rho_error = rotation_numbers_of(point_map, history, rotations)
         circle = _oriented(InvariantCircle(frequency, error, rho, rho_error, coefficients, np.inf), point_map)
         circle = measured(point_map, circle)
         if circle.invariance_error <= _HOPELESS:
@@ -269,7 +269,7 @@ def _series(signals: NDArray[np.complex128], frequency: float, harmonics: int) -
     return np.asarray(solve_toeplitz((gram, gram.conj()), right)).T
 
 
-def _rotation_numbers(
+def rotation_numbers_of(
     point_map: PointMap, history: NDArray[np.float64], rotations: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the mean full rotations of each angle per step, and their errors; 0 for other coordinates."""

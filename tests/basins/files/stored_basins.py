@@ -48,7 +48,7 @@ def assert_same_record(a, b) -> None:
         if isinstance(one, np.ndarray):
             assert one.dtype == other.dtype, f.name
             assert np.array_equal(one, other), f.name
-        elif f.name in ("neighbourhood", "cover", "circle") and one is not None:
+        elif f.name in ("neighbourhood", "cover", "circle", "torus") and one is not None:
             assert_same_record(one, other)
         elif f.name == "cycle_period":
             assert np.array_equal(one, other, equal_nan=True)

@@ -1,0 +1,154 @@
+"""Invariant tori of two frequencies: rotation vectors, closed forms, what is none, labels and files."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors import continue_attractors
+from cellmap.attractors.torus_tube import DenseTorus
+from cellmap.basins import load_basins, save_basins
+from cellmap.orbits import Kind
+from cellmap.orbits.invariant_torus import fitted_torus
+
+GOLDEN, SILVER = (sqrt(5) - 1) / 2, sqrt(2) - 1
+AROUND = (angle("a"), angle("b"), "r")
+
+
+def turning(x, p):
+    """Two rotations, and a coordinate that follows them: r = Im sum of 2^-k exp(i(a - k w1)) cos(b - k w2)."""
+    a, b, r = x
+    return a + 2 * pi * p.first, b + 2 * pi * p.second, 0.5 * r + sin(a) * cos(b)
+
+
+def coupled(x, p):
+    a, b, r = x
+    return (
+        a + 2 * pi * p.first + 0.3 * sin(b),
+        b + 2 * pi * p.second + 0.2 * sin(a),
+        0.5 * r + 0.2 * cos(a) * sin(b),
+    )
+
+
+def logistic_pair(x, p):
+    return p.a * x[0] * (1 - x[1]), x[0], p.b * x[2] * (1 - x[3]), x[2]
+
+
+TURNING = discrete_map(turning, {"first": GOLDEN, "second": SILVER}, AROUND)
+COUPLED = discrete_map(coupled, {"first": GOLDEN, "second": SILVER}, AROUND)
+PAIR = discrete_map(logistic_pair, {"a": 2.1, "b": 2.05}, ("x", "y", "u", "w"))
+
+
+def same_up_to_signs(found, expected) -> bool:
+    """Frequencies mod 1, in any order and with either sense of each phase."""
+    apart = np.abs(np.array(found)[:, None] - np.concatenate([expected, 1 - np.array(expected)]))
+    return bool((apart.min(axis=1) < 1e-9).all()) and abs(found[0] - found[1]) > 1e-6
+
+
+def test_rotation_vector_and_torus_in_closed_form():
+    torus = fitted_torus(TURNING, TURNING.iterate([0.3, 0.2, 0.0], 200).points)
+    assert torus.rotation_numbers == pytest.approx((GOLDEN, SILVER, 0.0), abs=1e-12)
+    assert np.abs(torus.rotation_errors).max() < 1e-12
+    assert same_up_to_signs(torus.frequencies, [GOLDEN, SILVER])
+    a, b, r = torus.points(np.random.default_rng(0).uniform(size=(100, 2)), AROUND).T
+    k = np.arange(1, 60)[:, None]
+    expected = (0.5 ** (k - 1) * np.sin(a - 2 * pi * k * GOLDEN) * np.cos(b - 2 * pi * k * SILVER)).sum(axis=0)
+    assert r == pytest.approx(expected, abs=1e-6)
+
+
+def test_basins_of_a_torus_and_files(tmp_path):
+    """All orbits come to it; what is read is what was written."""
+    basins = find_basins(COUPLED, CellGrid((-3, -3, -1), (3, 3, 1), (5, 5, 5)), max_periods=600)
+    (attractor,) = basins.attractors
+    assert (basins.labels == 0).all()
+    assert attractor.kind is Kind.QUASIPERIODIC and attractor.verified
+    assert attractor.torus.invariance_error < 1e-6
+    assert attractor.exponents == pytest.approx([0.0, 0.0, np.log(0.5)], abs=2e-3)
+    assert attractor.name.startswith("quasi-periodic, rotation vector (0.")
+    save_basins(basins, tmp_path / "torus.h5")
+    (again,) = load_basins(tmp_path / "torus.h5").attractors
+    assert (again.torus.coefficients == attractor.torus.coefficients).all()
+    assert (again.torus.frequencies == attractor.torus.frequencies).all()
+    assert again.name == attractor.name
+
+
+def test_product_of_two_invariant_curves():
+    """The frequencies are the rotation numbers that each of the two delayed logistic maps has alone."""
+    single = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 2.1}, ("x", "y"))
+    alone = [find_attractors(single.with_params(a=a), [[0.6, 0.6]])[0].circle.frequency for a in (2.1, 2.05)]
+    torus = fitted_torus(PAIR, PAIR.iterate([0.6, 0.6, 0.6, 0.6], 2000).points)
+    assert same_up_to_signs(torus.frequencies, alone)
+
+
+@pytest.mark.slow
+def test_product_of_two_invariant_curves_attracts():
+    basins = find_basins(PAIR, CellGrid((0.45,) * 4, (0.65,) * 4, (3,) * 4), max_periods=600)
+    assert [a.kind for a in basins.attractors] == [Kind.QUASIPERIODIC]
+    assert (basins.labels == 0).all()
+
+
+@pytest.mark.slow
+def test_two_limit_cycles_side_by_side():
+    """Two uncoupled oscillators of van der Pol, the second twice as fast by the root of 2: periods 6.663 and 4.712."""
+
+    def rhs(t, x, p):
+        return x[1], (1 - x[0] ** 2) * x[1] - x[0], 2**0.5 * x[3], 2**0.5 * ((1 - x[2] ** 2) * x[3] - x[2])
+
+    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x", "v", "y", "w")))
+    torus = fitted_torus(strobe, strobe.iterate([2.0, 0.0, 1.0, 1.0], 200).points)
+    period = 6.6632868593231301897  # Amore, Boyd, Fernandez (2018)
+    assert same_up_to_signs(torus.frequencies, [1 / period, sqrt(2) / period])
+
+
+# --- what is no torus of two frequencies
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [(GOLDEN, 2 * GOLDEN - 1), (GOLDEN, 0.2), (0.25, SILVER), (GOLDEN, 0.5 - GOLDEN / 3)]
+)
+def test_commensurate_frequencies_make_no_torus(first, second):
+    """The orbit fills a curve, or several."""
+    exact = TURNING.with_params(first=first, second=second)
+    assert fitted_torus(exact, exact.iterate([0.3, 0.2, 0.0], 200).points) is None
+
+
+def test_chaos_makes_no_torus():
+    chaotic = discrete_map(
+        lambda x, p: (x[0] + x[1], x[1] + 2.5 * sin(x[0] + x[1]), 0.5 * x[2] + 0.1 * cos(x[0])),
+        {},
+        (angle("a"), angle("b"), "r"),
+    )
+    assert fitted_torus(chaotic, chaotic.iterate([0.3, 0.2, 0.0], 200).points) is None
+
+
+def test_a_torus_that_does_not_attract_is_none():
+    """Volumes are kept: orbits are quasi-periodic, and undecided."""
+    neutral = discrete_map(lambda x, p: (x[0] + 2 * pi * GOLDEN, x[1] + 2 * pi * SILVER, x[2]), {}, AROUND)
+    assert find_attractors(neutral, [[0.1, 0.2, 0.3]], max_periods=600) == ()
+
+
+# --- distances
+
+
+def test_distance_from_a_torus():
+    """That of points beside the ring torus, at known heights above it."""
+    ring = discrete_map(
+        lambda x, p: (0.5 * x[0] + 0.5 * (2 + cos(x[1])), x[1] + 2 * pi * GOLDEN, x[2] + 2 * pi * SILVER), {},
+        ("r", angle("a"), angle("b")),
+    )  # fmt: skip
+    torus = fitted_torus(ring, ring.iterate([2.0, 0.3, 0.2], 200).points)
+    dense = DenseTorus(ring, torus, np.ones(3))
+    for radius in (1e-4, 1e-2):
+        beside = dense.surface(np.array([radius])).reshape(-1, 3)
+        assert dense.distances(beside) == pytest.approx(radius, rel=1e-2)
+    assert dense.distances(np.array([[np.nan, 0.0, 0.0]])) == np.inf
+
+
+@pytest.mark.slow
+def test_a_torus_is_followed_to_another_parameter():
+    (before,) = find_attractors(COUPLED, [[0.1, 0.2, 0.3]])
+    (after,) = continue_attractors(COUPLED.with_params(first=GOLDEN + 0.001), [before])
+    assert after.torus is not None and after.rotation_number != before.rotation_number
