@@ -89,12 +89,12 @@ def sierpinski(level: int) -> Points:
 
 def koch(level: int) -> Points:
     """Return Koch's curve, by the ends of its pieces, in their order."""
-    rotations = [turning(a) / 3.0 for a in (0.0, pi / 3.0, -pi / 3.0, 0.0)]
+    rotations = [rotation_by(a) / 3.0 for a in (0.0, pi / 3.0, -pi / 3.0, 0.0)]
     ends = [[0.0, 0.0], [1.0 / 3.0, 0.0], [0.5, sqrt(3.0) / 6.0], [2.0 / 3.0, 0.0]]
     return copies([(a, np.array(b)) for a, b in zip(rotations, ends, strict=True)], np.zeros((1, 2)), level)
 
 
-def turning(angle: float) -> Points:
+def rotation_by(angle: float) -> Points:
     """Return the matrix of a rotation."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
@@ -103,8 +103,8 @@ def snowflake_labels(cells: int, level: int, angle: float = 0.0) -> NDArray[np.i
     """Return the inside of Koch's snowflake, rotated, as 1 on an image of 0."""
     side = np.vstack([koch(level), [[1.0, 0.0]]])
     centre = np.array([0.5, -sqrt(3.0) / 6.0])
-    outline = np.concatenate([(side - centre) @ turning(-2.0 * pi * k / 3.0).T for k in range(3)])
-    outline = (outline @ turning(angle).T + 0.65) / 1.3 * cells - 0.5
+    outline = np.concatenate([(side - centre) @ rotation_by(-2.0 * pi * k / 3.0).T for k in range(3)])
+    outline = (outline @ rotation_by(angle).T + 0.65) / 1.3 * cells - 0.5
     return filled(outline, cells)
 
 
@@ -190,7 +190,7 @@ def compute(quick: bool) -> list[Row]:
         for placed, moved in (
             ("as built", points),
             ("shifted", points + np.array([0.1234, 0.777])),
-            ("turned", points @ turning(ANGLE).T),
+            ("turned", points @ rotation_by(ANGLE).T),
         ):
             rows.append(Row(name, placed, box_dimension(moved, n_offsets=4).fit, exact))
     for name, (labels, exact, samples) in images(quick).items():

@@ -63,12 +63,12 @@ def double_pendulum(alpha: float, beta: float, ratio: float) -> ForcedSystem:
         a, b, u, v = x
         weight = p.alpha - p.beta * cos(t)
         d = a - b
-        share = 1.0 + p.ratio * sin(d) ** 2
+        inertia = 1.0 + p.ratio * sin(d) ** 2
         first = p.ratio * (u * u * sin(2.0 * d) + 2.0 * v * v * sin(d))
         first += weight * ((2.0 + p.ratio) * sin(a) + p.ratio * sin(a - 2.0 * b))
         second = p.ratio * v * v * sin(2.0 * d)
         second += (1.0 + p.ratio) * (2.0 * u * u * sin(d) + weight * (sin(2.0 * a - b) - sin(b)))
-        return u, v, -first / (2.0 * share), second / (2.0 * share)
+        return u, v, -first / (2.0 * inertia), second / (2.0 * inertia)
 
     coordinates = (angle("theta1"), angle("theta2"), "v1", "v2")
     return ForcedSystem(rhs, {"alpha": alpha, "beta": beta, "ratio": ratio}, 2 * pi, coordinates, "double pendulum")
@@ -100,11 +100,11 @@ def precise_image() -> Callable[[ForcedSystem, ArrayLike], NDArray[np.float64]]:
     """Oracle of 25 digits: mpmath's Taylor integrator on the same right-hand side.  Slow, one orbit at a time."""
     import mpmath
 
-    def image(system: ForcedSystem, start: ArrayLike) -> NDArray[np.float64]:
+    def image(system: ForcedSystem, ic: ArrayLike) -> NDArray[np.float64]:
         with mpmath.workdps(25):
             rhs = rebind(system.rhs, {"sin": mpmath.sin, "cos": mpmath.cos})
             p = parameter_record(tuple(system.params))(*map(mpmath.mpf, system.params.values()))
-            state = [mpmath.mpf(float(v)) for v in np.asarray(start)]
+            state = [mpmath.mpf(float(v)) for v in np.asarray(ic)]
             solution = mpmath.odefun(lambda t, y: list(rhs(t, tuple(y), p)), mpmath.mpf(0), state)
             return np.array([float(v) for v in solution(mpmath.mpf(system.length))])
 
@@ -125,8 +125,8 @@ def scipy_images() -> Callable[..., NDArray[np.float64]]:
         begin = phase * system.length
         span = (begin, begin + periods * system.length)
         ends = []
-        for start in np.atleast_2d(np.asarray(initial_conditions, dtype=float)):
-            solution = solve_ivp(system.fun, span, start, method="DOP853", rtol=rtol, atol=1e-14)
+        for ic in np.atleast_2d(np.asarray(initial_conditions, dtype=float)):
+            solution = solve_ivp(system.fun, span, ic, method="DOP853", rtol=rtol, atol=1e-14)
             assert solution.success
             ends.append(solution.y[:, -1])
         return np.array(ends).reshape(np.shape(initial_conditions))

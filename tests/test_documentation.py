@@ -91,7 +91,7 @@ def shown() -> tuple[dict[str, object], list[Basins], int]:
     return names, found, len(plt.get_fignums())
 
 
-def test_program_of_the_readme_is_ten_lines_and_draws_a_picture():
+def test_program_of_the_readme_is_ten_lines_and_draws_an_image():
     text = SHOWN
     _, (basins,), figures = shown()
     assert figures == 1

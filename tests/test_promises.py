@@ -153,14 +153,14 @@ def test_bits_of_tables_and_basins_do_not_depend_on_threads(make) -> None:
         set_threads(threads)
         table = interpolated_map(point_map, TABLE, outside="integrate", tolerance=1e6)
         results.append((find_basins(point_map, SMALL), find_basins(table, SMALL), table.table.coefficients.tobytes()))
-    for exact, tabulated, coefficients in results[1:]:
+    for exact, interpolated, coefficients in results[1:]:
         assert_same(exact, results[0][0])
-        assert_same(tabulated, results[0][1])
+        assert_same(interpolated, results[0][1])
         assert coefficients == results[0][2]
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_bits_do_not_depend_on_how_starts_are_split(seed, double_well) -> None:
+def test_bits_do_not_depend_on_how_initial_conditions_are_split(seed, double_well) -> None:
     initial_conditions = WINDOW.centres().reshape(-1, 2)
     table = interpolated_map(double_well, TABLE, outside="integrate", tolerance=1e6)
     whole = find_basins(table, initial_conditions)
@@ -205,7 +205,7 @@ def writers(point_map: PointMap, basins: Basins, folder: Path) -> dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def picture(double_well) -> Basins:
+def basins_of(double_well) -> Basins:
     return find_basins(double_well, CellGrid((-1.5, -1.0), (1.5, 1.05), (40, 40)))
 
 
@@ -221,9 +221,9 @@ def limited(write: Callable[..., Any], room: Iterator[int]) -> Callable[..., Any
 
 
 @pytest.mark.parametrize("writer", ["saved.h5", "found.h5", "table.h5"])
-def test_a_disk_that_is_full(writer, double_well, picture, tmp_path, monkeypatch) -> None:
+def test_a_disk_that_is_full(writer, double_well, basins_of, tmp_path, monkeypatch) -> None:
     """At whatever moment it becomes full, the error names the file, and the same call succeeds when there is room."""
-    call, failures = writers(double_well, picture, tmp_path)[writer], 0
+    call, failures = writers(double_well, basins_of, tmp_path)[writer], 0
     for moment in range(20):
         room = iter(range(moment))
         with monkeypatch.context() as patch:
@@ -239,7 +239,7 @@ def test_a_disk_that_is_full(writer, double_well, picture, tmp_path, monkeypatch
         assert {p.name for p in tmp_path.iterdir()} <= {writer}
     assert 0 < failures < 20
     if writer != "table.h5":
-        assert_same(load_basins(tmp_path / writer), picture)
+        assert_same(load_basins(tmp_path / writer), basins_of)
 
 
 @contextlib.contextmanager
@@ -256,10 +256,10 @@ def somebody_else() -> Iterator[None]:
 
 
 @pytest.fixture
-def read_only(picture) -> Iterator[Path]:
+def read_only(basins_of) -> Iterator[Path]:
     """A folder that can be read and not written to, with basins in it."""
     folder = Path(tempfile.mkdtemp())
-    save_basins(picture, folder / "basins.h5")
+    save_basins(basins_of, folder / "basins.h5")
     (folder / "basins.h5").chmod(0o444)
     folder.chmod(0o555)
     yield folder
@@ -268,26 +268,26 @@ def read_only(picture) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("writer", ["saved.h5", "found.h5", "table.h5"])
-def test_a_folder_that_cannot_be_written_to(writer, double_well, picture, read_only) -> None:
-    call = writers(double_well, picture, read_only)[writer]
+def test_a_folder_that_cannot_be_written_to(writer, double_well, basins_of, read_only) -> None:
+    call = writers(double_well, basins_of, read_only)[writer]
     with somebody_else():
         with pytest.raises(PermissionError, match=writer):
             call()
-        assert_same(load_basins(read_only / "basins.h5"), picture)
+        assert_same(load_basins(read_only / "basins.h5"), basins_of)
     assert [p.name for p in read_only.iterdir()] == ["basins.h5"]
 
 
 # --- repetitions
 
 
-def test_repetitions_leave_nothing_behind(double_well, picture) -> None:
+def test_repetitions_leave_nothing_behind(double_well, basins_of) -> None:
     """Forty times a map, a table and its basins: more than 200 kB each, of which nothing stays."""
     process = psutil.Process()
 
     def once(k: int) -> None:
         point_map = double_well.with_params() if k % 4 else wells()
         table = interpolated_map(point_map, TABLE, outside="integrate", tolerance=1e6)
-        find_basins(table, SMALL, attractors=picture.attractors if k % 8 else ())
+        find_basins(table, SMALL, attractors=basins_of.attractors if k % 8 else ())
 
     for k in range(9):
         once(k)

@@ -160,7 +160,7 @@ def other(x):
 """
 
 
-def test_a_loop_is_compiled_anew_after_a_change_of_what_it_is_compiled_from(tmp_path: Path) -> None:
+def test_a_loop_is_compiled_again_after_a_change_of_what_it_is_compiled_from(tmp_path: Path) -> None:
     environment = {
         **os.environ,
         "CELLMAP_CACHE_DIR": str(tmp_path / "kept"),

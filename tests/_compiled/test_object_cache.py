@@ -80,7 +80,7 @@ def doubled(loaded: MachineCode) -> float:
     return place.value
 
 
-compile_anew = machine_code.__wrapped__
+compile_again = machine_code.__wrapped__
 """What a new process does: this one keeps the functions that it has loaded."""
 
 
@@ -92,54 +92,54 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_code_is_kept_in_a_private_folder(folder: Path) -> None:
-    assert doubled(compile_anew(small_program())) == 4.0
+    assert doubled(compile_again(small_program())) == 4.0
     assert folder.stat().st_mode & 0o777 == 0o700
     assert len(list(folder.iterdir())) == 1
-    assert doubled(compile_anew(small_program())) == 4.0
+    assert doubled(compile_again(small_program())) == 4.0
 
 
 @pytest.mark.parametrize("tries", [20, pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_damaged_entry_is_recompiled(folder: Path, tries: int) -> None:
-    compile_anew(small_program())
+    compile_again(small_program())
     (path,) = folder.iterdir()
     whole = path.read_bytes()
     for place in range(0, len(whole), -(-len(whole) // tries)):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.warns(RuntimeWarning, match=re.escape(str(path))):
-            assert doubled(compile_anew(small_program())) == 4.0
+            assert doubled(compile_again(small_program())) == 4.0
         assert path.read_bytes() == whole
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
 def test_a_folder_that_others_can_write_is_not_used(folder: Path, mode: int) -> None:
-    compile_anew(small_program())
+    compile_again(small_program())
     folder.chmod(mode)
     for path in folder.iterdir():
         path.write_bytes(b"planted")
     with pytest.warns(UserWarning, match="others can write to it"):
-        assert doubled(compile_anew(small_program())) == 4.0
+        assert doubled(compile_again(small_program())) == 4.0
     assert [path.read_bytes() for path in folder.iterdir()] == [b"planted"]
 
 
 def test_a_folder_of_somebody_else_is_not_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_anew(small_program())
+    compile_again(small_program())
     monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
     with pytest.warns(UserWarning, match="others can write to it"):
-        assert doubled(compile_anew(small_program())) == 4.0
+        assert doubled(compile_again(small_program())) == 4.0
 
 
 def test_without_a_folder_code_lives_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CELLMAP_CACHE_DIR", "")
-    assert doubled(compile_anew(small_program())) == 4.0
+    assert doubled(compile_again(small_program())) == 4.0
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    assert doubled(compile_anew(small_program())) == 4.0
+    assert doubled(compile_again(small_program())) == 4.0
 
 
 def test_the_folder_is_made_for_its_user_alone(folder: Path) -> None:
     old = os.umask(0)
     try:
-        compile_anew(small_program())
+        compile_again(small_program())
     finally:
         os.umask(old)
     assert folder.stat().st_mode & 0o777 == 0o700
@@ -154,7 +154,7 @@ def test_the_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_no_temporary_file_is_left(folder: Path) -> None:
-    compile_anew(small_program())
+    compile_again(small_program())
     assert [path.suffix for path in folder.rglob("*") if path.is_file()] == [".object"]
 
 

@@ -122,7 +122,7 @@ def test_basins_of_one_dimension(monkeypatch):
 
 
 @pytest.mark.parametrize("shape", [(2**20 + 7,), (3, 2**20), (200, 300)])
-def test_starts_of_long_axes_have_the_same_bits(shape):
+def test_initial_conditions_of_long_axes_have_the_same_bits(shape):
     grid = CellGrid((-0.3,) * len(shape), (1.7,) * len(shape), shape)
     axes = [grid.axis(j) for j in range(grid.dimension)]
     for rows in (slice(grid.size - 1000, grid.size), np.arange(0, grid.size, grid.size // 500)):
@@ -139,7 +139,7 @@ def slope():
     return discrete_map(lambda x, p: (p.r * x[0] - 0.5 * x[0] ** 3,), {"r": 1.5}, ("x",))
 
 
-def tabulated():
+def interpolated():
     return find_basins(interpolated_map(cubic(), WINDOW, order=1), WINDOW)
 
 
@@ -162,7 +162,7 @@ COUNTS: dict[str, Callable[[Any, int], Any]] = {
     "n_points= of a saddle": lambda basins, many: chaotic_saddle(tent(), TENT, n_points=many),
     "transient=": lambda basins, many: chaotic_saddle(tent(), TENT, transient=many),
     "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, n_discs=many),
-    "audit=": lambda basins, many: certify(tabulated(), audit=many),
+    "audit=": lambda basins, many: certify(interpolated(), audit=many),
     "max_period=": lambda basins, many: find_basins(cubic(), WINDOW, max_period=many),
     "max_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], max_period=many),
     "max_period= of a continuation": lambda basins, many: continue_basins(

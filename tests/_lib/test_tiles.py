@@ -31,7 +31,7 @@ pytestmark = [
 ]
 
 WINDOW = CellGrid((-pi, -300.0), (pi, 300.0), (48, 40))
-PICTURE = CellGrid((-pi, -500.0), (pi, 500.0), (200, 170))  # three tiles
+GRID = CellGrid((-pi, -500.0), (pi, 500.0), (200, 170))  # three tiles
 
 
 @pytest.fixture(scope="module")
@@ -162,14 +162,14 @@ def test_table_from_a_cluster(client):
 @pytest.mark.parametrize("name", ["stroboscopic", "table", "discrete"])
 def test_basins_from_a_cluster(client, name):
     point_map = MAPS[name]()
-    initial_conditions = PICTURE if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
+    initial_conditions = GRID if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
     assert_same(
         find_basins(point_map, initial_conditions, 400, 8, client=client),
         find_basins(point_map, initial_conditions, 400, 8),
     )
 
 
-def test_basins_of_given_starts_from_a_cluster(client):
+def test_basins_of_given_initial_conditions_from_a_cluster(client):
     initial_conditions = np.random.default_rng(1).uniform(-3.0, 3.0, (30_000, 1))
     assert_same(
         find_basins(newton_map(), initial_conditions, client=client), find_basins(newton_map(), initial_conditions)
@@ -263,7 +263,7 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, 
 
 @pytest.mark.slow
 def test_basins_survive_the_death_of_a_worker():
-    point_map, expected = pendulum(), find_basins(pendulum(), PICTURE, 400, 8)
+    point_map, expected = pendulum(), find_basins(pendulum(), GRID, 400, 8)
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
@@ -271,7 +271,7 @@ def test_basins_survive_the_death_of_a_worker():
         victims = iter(list(client.run(os.getpid).values())[:1])
         timer = threading.Timer(1.0, lambda: os.kill(next(victims), signal.SIGKILL))
         timer.start()
-        found = find_basins(point_map, PICTURE, 400, 8, client=client)
+        found = find_basins(point_map, GRID, 400, 8, client=client)
         while timer.is_alive():
-            found = find_basins(point_map, PICTURE, 400, 8, client=client)
+            found = find_basins(point_map, GRID, 400, 8, client=client)
     assert_same(found, expected)

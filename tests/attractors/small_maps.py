@@ -17,13 +17,13 @@ def _logistic(x, p):
     return (p.r * x[0] * (1.0 - x[0]),)
 
 
-def circle(rate: float, k: float = 0.9, turn: float = 2 * pi) -> PointMap:
-    """theta' = theta + turn (rate - k sin(2 pi theta/turn) / (2 pi))."""
-    return discrete_map(_circle, {"rate": rate, "k": k, "turn": turn}, (angle("a", period=turn),), name="circle")
+def circle(rate: float, k: float = 0.9, period: float = 2 * pi) -> PointMap:
+    """theta' = theta + period (rate - k sin(2 pi theta/period) / (2 pi))."""
+    return discrete_map(_circle, {"rate": rate, "k": k, "period": period}, (angle("a", period=period),), name="circle")
 
 
 def _circle(x, p):
-    return (x[0] + p.turn * (p.rate - p.k * sin(2 * pi * x[0] / p.turn) / (2 * pi)),)
+    return (x[0] + p.period * (p.rate - p.k * sin(2 * pi * x[0] / p.period) / (2 * pi)),)
 
 
 def grid_of(lower, upper, n=20) -> np.ndarray:

@@ -27,7 +27,7 @@ def stuck():
     return find_basins(strobe, CellGrid((-pi, -100.0), (pi, 100.0), (40, 40)))
 
 
-def test_the_pendulum_sticks_at_both_rest_states(stuck) -> None:
+def test_the_pendulum_sticks_at_both_equilibria(stuck) -> None:
     """Two intervals of equilibria beside the stick-slip cycles: all orbits are decided."""
     assert [a.kind for a in stuck.attractors] == [Kind.FIXED_POINT] * 2 + [Kind.EQUILIBRIA] * 2
     assert not (stuck.labels < 0).any()
@@ -53,7 +53,7 @@ def test_every_end_is_where_its_label_says(stuck) -> None:
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
 
 
-def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
+def test_the_image_is_kept_on_disk(stuck, tmp_path: Path) -> None:
     save_basins(stuck, tmp_path / "stuck.h5")
     again = load_basins(tmp_path / "stuck.h5")
     assert [a.kind for a in again.attractors] == [a.kind for a in stuck.attractors]
@@ -62,9 +62,9 @@ def test_the_picture_is_kept_on_disk(stuck, tmp_path: Path) -> None:
         assert np.array_equal(one.cover.boxes, other.cover.boxes)
 
 
-def test_mirror_images_have_equal_shares(stuck) -> None:
-    shares = [stuck.fractions[k].fraction for k in range(4)]
-    assert shares[0] == shares[1]
+def test_mirror_images_have_equal_fractions(stuck) -> None:
+    fractions = [stuck.fractions[k].fraction for k in range(4)]
+    assert fractions[0] == fractions[1]
 
 
 def test_without_gravity_all_angles_are_held() -> None:

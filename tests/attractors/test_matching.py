@@ -20,12 +20,12 @@ def fixed(*points, rotations=0, period=None):
     )
 
 
-def test_distances_go_round_the_circle():
-    turn = np.array([2 * pi])
-    assert attractor_distance(fixed(pi - 0.1), fixed(-pi + 0.1), turn) == pytest.approx(0.2 / (2 * pi))
+def test_distances_wrap():
+    circle = np.array([2 * pi])
+    assert attractor_distance(fixed(pi - 0.1), fixed(-pi + 0.1), circle) == pytest.approx(0.2 / (2 * pi))
     # A cycle that has just doubled is as near as its points have moved apart.
-    assert attractor_distance(fixed(1.0), fixed(0.9, 1.1), turn) == pytest.approx(0.1 / (2 * pi))
-    assert attractor_distance(fixed(1.0), fixed(1.0, 2.0), turn) == pytest.approx(0.5 / (2 * pi))
+    assert attractor_distance(fixed(1.0), fixed(0.9, 1.1), circle) == pytest.approx(0.1 / (2 * pi))
+    assert attractor_distance(fixed(1.0), fixed(1.0, 2.0), circle) == pytest.approx(0.5 / (2 * pi))
 
 
 def test_matching_takes_the_least_sum():

@@ -47,7 +47,7 @@ CIRCLE = discrete_map(sine_circle, {"shift": 0.6, "k": 0.9}, (angle("u", period=
 STRIP = CellGrid((-0.5, -1), (0.5, 1), (12, 12))
 
 
-def turns_about_the_fixed_point(a: float, periods: int) -> np.ndarray:
+def rotations_about_the_fixed_point(a: float, periods: int) -> np.ndarray:
     """Turns of the delayed logistic map's orbit about its fixed point, step by step, in plain Python."""
     x = y = 1 - 1 / a + 0.1
     centre, angles = 1 - 1 / a, []
@@ -71,7 +71,7 @@ def test_rotation_number_of_the_delayed_logistic_map(logistic_basins):
     """To 8 digits, against the turns of a long orbit: their weighted mean, and the plain one, whose error is 1/n."""
     (attractor,) = logistic_basins.attractors
     assert attractor.kind is Kind.QUASIPERIODIC
-    steps = turns_about_the_fixed_point(2.1, 30_000)
+    steps = rotations_about_the_fixed_point(2.1, 30_000)
     t = np.arange(1, len(steps) + 1) / (len(steps) + 1)
     weights = np.exp(-1 / (t * (1 - t)))
     witness = abs(weights @ steps / weights.sum())
@@ -138,23 +138,23 @@ def test_forced_oscillator_outside_its_tongue():
 # --- what is not quasi-periodic
 
 
-def shift_of_cycle(turns: int, period: int) -> float:
+def shift_of_cycle(rotations: int, period: int) -> float:
     """The parameter at which the critical circle map has a superstable cycle, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(60):
         middle, u = 0.5 * (low + high), 0.0
         for _ in range(period):
             u += middle - sin(2 * pi * u) / (2 * pi)
-        low, high = (middle, high) if u < turns else (low, middle)
+        low, high = (middle, high) if u < rotations else (low, middle)
     return middle
 
 
-@pytest.mark.parametrize(("turns", "period"), [(5, 8), (21, 89), (13, 200)])
-def test_locked_cycles_are_periodic(turns, period):
+@pytest.mark.parametrize(("rotations", "period"), [(5, 8), (21, 89), (13, 200)])
+def test_locked_cycles_are_periodic(rotations, period):
     """Superstable cycles of the critical circle map, longer than the periods that are tried first."""
-    locked = CIRCLE.with_params(shift=shift_of_cycle(turns, period), k=1.0)
+    locked = CIRCLE.with_params(shift=shift_of_cycle(rotations, period), k=1.0)
     (attractor,) = find_attractors(locked, [[0.1, 0.2], [0.3, -0.5]])
-    assert (attractor.kind, attractor.period, attractor.rotations[0]) == (Kind.ROTATING, period, turns)
+    assert (attractor.kind, attractor.period, attractor.rotations[0]) == (Kind.ROTATING, period, rotations)
 
 
 def test_between_tongues_it_is_quasi_periodic():

@@ -18,7 +18,7 @@ W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
 
 def spiral(modulus: float, phase: float) -> PointMap:
-    """Shrink and turn about (1, 2), and halve the distance to z = -3."""
+    """Shrink and rotate about (1, 2), and halve the distance to z = -3."""
 
     def spiral(x, p):
         a, b = x[0] - 1.0, x[1] - 2.0
@@ -78,15 +78,15 @@ def test_longer_cycles_than_those_tried_first_are_found(r, period):
 
 
 @pytest.mark.parametrize("rotations", [-2, -1, 0, 1, 3])
-@pytest.mark.parametrize("turn", [2 * pi, 360.0, 1.0])
-def test_rotation_on_the_circle(rotations, turn):
+@pytest.mark.parametrize("period", [2 * pi, 360.0, 1.0])
+def test_rotation_on_the_circle(rotations, period):
     """Fixed up to full rotations where sin = 2 pi rate/k; the multiplier is 1 - k cos."""
     rate, k = 0.05, 0.9
-    (a,) = find_attractors(circle(rotations + rate, k, turn), CIRCLE * turn / (2 * pi))
+    (a,) = find_attractors(circle(rotations + rate, k, period), CIRCLE * period / (2 * pi))
     place = np.arcsin(2 * pi * rate / k)
     assert a.kind is (Kind.ROTATING if rotations else Kind.FIXED_POINT)
     assert (a.period, a.rotations, a.rotation_number) == (1, (rotations,), (rotations,))
-    assert a.points == pytest.approx(np.array([[place * turn / (2 * pi)]]), abs=1e-12 * turn)
+    assert a.points == pytest.approx(np.array([[place * period / (2 * pi)]]), abs=1e-12 * period)
     assert a.multipliers == pytest.approx([1 - k * cos(place)], abs=1e-11)
 
 
@@ -218,7 +218,7 @@ def test_weakly_attracting_cycles_close_to_a_flip():
     assert longer.verify(40).wrong == 0
 
 
-def test_orbits_at_rest_on_a_new_attractor_are_on_no_set_of_equilibria(monkeypatch):
+def test_orbits_at_rest_on_a_new_attractor_are_on_no_sticking_set(monkeypatch):
     """Fast contraction brings all of them to rest before the first look; none has to be explored."""
     explored = []
     monkeypatch.setattr("cellmap.attractors.equilibria._explored", lambda *arguments: explored.append(arguments))

@@ -73,7 +73,7 @@ def test_mirror_images_stand_side_by_side(search):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_order_of_starts_does_not_matter(search, seed):
+def test_order_of_initial_conditions_does_not_matter(search, seed):
     exact, initial_conditions, _, found = search
     shuffled = np.random.default_rng(seed).permutation(initial_conditions.reshape(-1, 2))
     again = find_attractors(exact, shuffled)

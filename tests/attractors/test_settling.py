@@ -158,7 +158,7 @@ def test_orbits_that_nothing_captures_are_labelled_by_their_ends(periods):
     assert len(calls) <= 10
 
 
-def test_codes_of_starts_without_attractor():
+def test_codes_of_initial_conditions_without_attractor():
     """Escaped, diverged and undecided orbits together: x' = x + y drifts, and y = 2, 3 are special."""
 
     def drift(x, p):
@@ -184,7 +184,7 @@ def test_ended_orbits_have_no_settling_time():
     assert (basins.settling_time[basins.labels >= 0] >= 0).all()
 
 
-def test_starts_on_the_attractor_are_settled_from_the_beginning():
+def test_initial_conditions_on_the_attractor_are_settled_from_the_beginning():
     point_map = pendulum(0.010)
     attractors = find_attractors(point_map, WIDE.centres())
     initial_conditions = np.concatenate([a.points for a in attractors])
@@ -193,13 +193,13 @@ def test_starts_on_the_attractor_are_settled_from_the_beginning():
     assert (basins.settling_time == 0).all()
 
 
-def test_starts_any_number_of_turns_away():
+def test_initial_conditions_any_number_of_rotations_away():
     point_map = pendulum(0.003)
     initial_conditions = WIDE.centres().reshape(-1, 2)[::11]
-    turned = (
+    shifted = (
         initial_conditions + np.array([2 * pi, 0.0]) * np.arange(-3, 4)[np.arange(len(initial_conditions)) % 7, None]
     )
-    here, there = find_basins(point_map, initial_conditions), find_basins(point_map, turned)
+    here, there = find_basins(point_map, initial_conditions), find_basins(point_map, shifted)
     assert np.array_equal(here.labels, there.labels)
     assert np.array_equal(here.settling_time, there.settling_time)
 

@@ -74,7 +74,7 @@ def test_every_attractor_has_a_neighbourhood_of_some_size(case):
         assert half_widths.min() > 1e-6
 
 
-def test_one_round_shortens_the_distance(case):
+def test_one_period_shortens_the_distance(case):
     """At random places, none of which the verification has seen."""
     _, exact, found = case
     for a in found:

@@ -24,7 +24,7 @@ def counts(basins: Basins) -> list[int]:
     return [f.count for f in basins.fractions.values()]
 
 
-def shares(basins: Basins) -> list[float]:
+def fractions(basins: Basins) -> list[float]:
     return [f.fraction for f in basins.fractions.values()]
 
 

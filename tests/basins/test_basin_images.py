@@ -1,7 +1,7 @@
 """Basin images against small reference images, by the fraction of cells that differ.
 
-Each smooth reference equals, cell by cell, the labels of `tests/reference/pictures.py`: a plain RK4 with 256 steps a
-period (Henon: the map in NumPy).
+Each smooth reference equals, cell by cell, the labels of `tests/reference/basin_images.py`: a plain RK4 with 256 steps
+a period (Henon: the map in NumPy).
 
 ``pytest --update-reference`` redraws the images in tests/reference/ on purpose.
 """
@@ -35,7 +35,7 @@ PALETTE = {
 
 
 @dataclass(frozen=True)
-class Picture:
+class BasinImage:
     """A basin image, and the fraction of its cells that may differ, with the reason why."""
 
     make: Callable[[], PointMap]
@@ -61,21 +61,21 @@ def inverted() -> PointMap:
 
 SMOOTH = "smooth boundary: one cell in a thousand may lie on it to the last digit"
 FRACTAL = "fractal boundary: cells near it depend on the last digits"
-PICTURES = {
-    "pendulum_3mm": Picture(lambda: driven(0.003), circle_grid(100.0, 80), 0.001, SMOOTH),
-    "pendulum_3mm_wide": Picture(lambda: driven(0.003), circle_grid(500.0, 100), 0.001, SMOOTH),
-    "pendulum_3mm_table": Picture(
+BASIN_IMAGES = {
+    "pendulum_3mm": BasinImage(lambda: driven(0.003), circle_grid(100.0, 80), 0.001, SMOOTH),
+    "pendulum_3mm_wide": BasinImage(lambda: driven(0.003), circle_grid(500.0, 100), 0.001, SMOOTH),
+    "pendulum_3mm_table": BasinImage(
         lambda: interpolated_map(driven(0.003), circle_grid(100.0, 128), outside="escape"),
         circle_grid(100.0, 80),
         0.001,
         SMOOTH,
     ),
-    "pendulum_10mm": Picture(lambda: driven(0.010), circle_grid(100.0, 80), 0.02, FRACTAL),
-    "inverted": Picture(inverted, circle_grid(4.0, 80), 0.001, SMOOTH),
-    "duffing": Picture(
+    "pendulum_10mm": BasinImage(lambda: driven(0.010), circle_grid(100.0, 80), 0.02, FRACTAL),
+    "inverted": BasinImage(inverted, circle_grid(4.0, 80), 0.001, SMOOTH),
+    "duffing": BasinImage(
         lambda: stroboscopic_map(systems.two_well_duffing()), CellGrid((-2.2, -2.2), (2.2, 2.2), (80, 80)), 0.1, FRACTAL
     ),
-    "henon": Picture(systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (100, 100)), 0.001, SMOOTH),
+    "henon": BasinImage(systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (100, 100)), 0.001, SMOOTH),
 }
 
 
@@ -90,9 +90,9 @@ def drawn(basins: Basins) -> Image.Image:
     return image
 
 
-def differing_share(image: Image.Image, reference: Path) -> float:
+def differing_fraction(image: Image.Image, reference: Path) -> float:
     with Image.open(reference) as other:
-        assert other.mode == "P", f"{reference} is not a palette picture"
+        assert other.mode == "P", f"{reference} is not a palette image"
         if other.size != image.size:
             return 1.0
         return float((np.array(other) != np.array(image)).mean())
@@ -102,33 +102,33 @@ def compare(image: Image.Image, reference: Path, allowed: float, reason: str, ou
     """Fail where too many cells differ from the reference; leave the new image."""
     new = output / reference.name
     image.save(new, optimize=True)
-    advice = f"The new picture is {new}; if it is right, redraw the reference with pytest --update-reference"
+    advice = f"The new image is {new}; if it is right, redraw the reference with pytest --update-reference"
     if not reference.exists():
-        pytest.fail(f"there is no reference picture {reference}. {advice}", pytrace=False)
-    share = differing_share(image, reference)
-    if share > allowed:
+        pytest.fail(f"there is no reference image {reference}. {advice}", pytrace=False)
+    fraction = differing_fraction(image, reference)
+    if fraction > allowed:
         pytest.fail(
-            f"{100 * share:.3g} % of the cells differ from {reference}, and {100 * allowed:g} % may ({reason}). "
+            f"{100 * fraction:.3g} % of the cells differ from {reference}, and {100 * allowed:g} % may ({reason}). "
             f"{advice}",
             pytrace=False,
         )
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", BASIN_IMAGES)
 def test_basins_look_as_before(name, request, tmp_path):
-    picture = PICTURES[name]
-    image = drawn(picture.basins())
+    basin_image = BASIN_IMAGES[name]
+    image = drawn(basin_image.basins())
     reference = REFERENCE / f"{name}.png"
     if request.config.getoption("--update-reference"):
         image.save(reference, optimize=True)
         pytest.skip(f"{reference} is redrawn")
-    compare(image, reference, picture.allowed, picture.reason, tmp_path)
+    compare(image, reference, basin_image.allowed, basin_image.reason, tmp_path)
 
 
 @pytest.mark.parametrize("name", ["duffing", "pendulum_10mm"])
-def test_shares_of_fractal_pictures(name):
+def test_fractions_of_fractal_images(name):
     """Where single cells may differ, the fractions of the colours may not, by more than 1.5 points on so few cells."""
-    image = np.array(drawn(PICTURES[name].basins()))
+    image = np.array(drawn(BASIN_IMAGES[name].basins()))
     with Image.open(REFERENCE / f"{name}.png") as other:
         reference = np.array(other)
     for colour in np.union1d(image, reference):
@@ -137,7 +137,7 @@ def test_shares_of_fractal_pictures(name):
 
 def independent() -> ModuleType:
     """Return the program that labels the cells of the reference images without cellmap."""
-    spec = importlib.util.spec_from_file_location("reference_pictures", REFERENCE / "pictures.py")
+    spec = importlib.util.spec_from_file_location("reference_basin_images", REFERENCE / "basin_images.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -146,20 +146,22 @@ def independent() -> ModuleType:
 
 
 @pytest.mark.parametrize("name", ["henon", "pendulum_3mm_table"])
-def test_reference_pictures_are_those_of_an_independent_program(name):
+def test_reference_images_are_those_of_an_independent_program(name):
     assert independent().differing(name, every=1 if name == "henon" else 61) == 0.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PICTURES)
-def test_every_cell_of_a_reference_picture_is_that_of_an_independent_program(name):
-    allowed = {"pendulum_10mm": PICTURES[name].allowed, "duffing": PICTURES[name].allowed}.get(name, 0.0)  # fractal
+@pytest.mark.parametrize("name", BASIN_IMAGES)
+def test_every_cell_of_a_reference_image_is_that_of_an_independent_program(name):
+    allowed = {"pendulum_10mm": BASIN_IMAGES[name].allowed, "duffing": BASIN_IMAGES[name].allowed}.get(
+        name, 0.0
+    )  # fractal
     assert independent().differing(name) <= allowed
 
 
 @pytest.mark.parametrize("path", sorted(REFERENCE.glob("*.png")), ids=lambda p: p.stem)
-def test_reference_pictures_are_small_and_all_in_use(path):
-    assert path.stem in PICTURES
+def test_reference_images_are_small_and_all_in_use(path):
+    assert path.stem in BASIN_IMAGES
     assert path.stat().st_size < 8000
 
 
@@ -173,13 +175,13 @@ def halves() -> Image.Image:
     return image
 
 
-def test_equal_pictures_pass(halves, tmp_path):
+def test_equal_images_pass(halves, tmp_path):
     halves.save(tmp_path / "reference.png")
     (tmp_path / "output").mkdir()
     compare(halves, tmp_path / "reference.png", 0.0, "equal", tmp_path / "output")
 
 
-def test_failure_says_the_share_and_leaves_the_picture(halves, tmp_path):
+def test_failure_says_the_fraction_and_leaves_the_image(halves, tmp_path):
     halves.save(tmp_path / "reference.png")
     (tmp_path / "output").mkdir()
     changed = halves.copy()
@@ -189,18 +191,18 @@ def test_failure_says_the_share_and_leaves_the_picture(halves, tmp_path):
     left = tmp_path / "output" / "reference.png"
     assert str(left) in str(failure.value)
     assert "--update-reference" in str(failure.value)
-    assert differing_share(changed, left) == 0.0
+    assert differing_fraction(changed, left) == 0.0
 
 
 def test_missing_reference_is_a_failure(halves, tmp_path):
     (tmp_path / "output").mkdir()
-    with pytest.raises(pytest.fail.Exception, match="no reference picture"):
+    with pytest.raises(pytest.fail.Exception, match="no reference image"):
         compare(halves, tmp_path / "none.png", 0.0, "", tmp_path / "output")
 
 
-def test_picture_of_another_size_differs_altogether(halves, tmp_path):
+def test_image_of_another_size_differs_altogether(halves, tmp_path):
     halves.crop((0, 0, 50, 50)).save(tmp_path / "reference.png")
-    assert differing_share(halves, tmp_path / "reference.png") == 1.0
+    assert differing_fraction(halves, tmp_path / "reference.png") == 1.0
 
 
 def test_codes_have_colours_of_their_own():

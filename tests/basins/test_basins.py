@@ -61,7 +61,7 @@ def test_odd_map_has_equal_halves():
 # --- what the record says
 
 
-def test_shares_add_up_and_have_standard_errors():
+def test_fractions_add_up_and_have_standard_errors():
     basins = find_basins(systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (60, 60)), max_periods=300)
     fractions = basins.fractions
     assert sum(f.fraction for f in fractions.values()) == pytest.approx(1.0, abs=1e-12)
@@ -72,7 +72,7 @@ def test_shares_add_up_and_have_standard_errors():
 
 
 @pytest.mark.slow
-def test_standard_error_is_that_of_random_starts():
+def test_standard_error_is_that_of_random_initial_conditions():
     """The fraction of the left well among 200 random initial conditions scatters as its standard error says."""
     rng = np.random.default_rng(0)
     found = [find_basins(LINE, rng.uniform(-1, 2, (200, 1))) for _ in range(60)]
@@ -82,7 +82,7 @@ def test_standard_error_is_that_of_random_starts():
     assert np.mean([f.fraction for f in left]) == pytest.approx(1 / 3, abs=0.015)
 
 
-def test_repr_names_the_attractors_and_their_shares():
+def test_repr_names_the_attractors_and_their_fractions():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(100.0, 40))
     text = repr(basins)
     assert text.startswith("Basins(driven pendulum, 1,600 initial conditions: fixed point (0, 0) ")
@@ -92,7 +92,7 @@ def test_repr_names_the_attractors_and_their_shares():
     assert repr(undecided) == "Basins(flip, 2 initial conditions: undecided 100 %)"
 
 
-def test_labels_are_small_integers_in_the_shape_of_the_starts():
+def test_labels_are_small_integers_in_the_shape_of_the_initial_conditions():
     for shape in ((), (1,), (3, 4), (2, 1, 5)):
         initial_conditions = np.random.default_rng(0).uniform(-1, 1, (*shape, 1))
         basins = find_basins(LINE, initial_conditions)
@@ -100,7 +100,7 @@ def test_labels_are_small_integers_in_the_shape_of_the_starts():
         assert basins.labels.dtype == np.int16
 
 
-def test_single_start():
+def test_single_initial_condition():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), [1.0, 2.0])
     assert basins.labels.shape == ()
     assert int(basins.labels) == 0
@@ -131,7 +131,7 @@ def test_one_dimensional_system():
     assert basins.verify(200).wrong == 0
 
 
-def test_four_dimensional_starts_on_a_slice():
+def test_four_dimensional_initial_conditions_on_a_slice():
     """A slice of one cell along two axes is a grid like any other."""
 
     def two(x, p):
@@ -207,7 +207,7 @@ def test_attractor_outside_the_window_is_found_all_the_same():
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("far", [10.0, 100.0, 1e4, 1e8, 1e200])
-def test_far_starts_change_nothing_for_the_others(far):
+def test_far_initial_conditions_change_nothing_for_the_others(far):
     basins = find_basins(LINE, [[0.5], [-0.5], [far], [-far]])
     ends = [basins.attractors[k].points[0, 0] for k in basins.labels]
     assert ends == pytest.approx([0.957504, -0.957504, 0.957504, -0.957504], abs=1e-6)
@@ -234,7 +234,7 @@ def test_strong_damping_in_a_wide_window():
 # --- warnings, memory, bad input
 
 
-def test_starts_with_missed_tolerance_are_counted_and_warned_of():
+def test_initial_conditions_with_missed_tolerance_are_counted_and_warned_of():
     """Three steps a period do not suffice for anything."""
     strobe = stroboscopic_map(systems.driven_pendulum(), max_steps=4)
     with pytest.warns(ToleranceWarning, match="missed its tolerance along"):
@@ -301,7 +301,7 @@ def test_known_attractors_of_another_system():
 
 
 @pytest.mark.parametrize("n", [0, -1, 2.5, "many"])
-def test_bad_number_of_starts_to_verify(n):
+def test_bad_number_of_initial_conditions_to_verify(n):
     with pytest.raises((TypeError, ValueError), match="n_samples="):
         find_basins(LINE, [[0.5]]).verify(n)
 
@@ -312,7 +312,7 @@ def test_basins_without_their_map_cannot_be_verified():
         basins.verify()
 
 
-def test_starts_are_copied():
+def test_initial_conditions_are_copied():
     initial_conditions = np.array([[0.5], [-0.5]])
     basins = find_basins(LINE, initial_conditions)
     initial_conditions[:] = np.nan

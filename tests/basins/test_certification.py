@@ -42,7 +42,7 @@ def fractal():
     return certified(two_well_duffing(), *side)
 
 
-def test_every_label_of_a_fractal_picture_is_that_of_direct_integration(fractal):
+def test_every_label_of_a_fractal_image_is_that_of_direct_integration(fractal):
     certificate, basins, direct = fractal
     assert (basins.labels != direct.labels).mean() > 0.02
     np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
@@ -163,7 +163,7 @@ def test_attractors_across_the_edge_of_the_window(gap):
 
 
 @pytest.mark.parametrize("contraction", [0.9, 0.98])
-def test_starts_that_settle_late_or_never(contraction):
+def test_initial_conditions_that_settle_late_or_never(contraction):
     """Cells around a weak attractor touch others that lead out of the window.
 
     Labels are those after the periods that were allowed.
@@ -242,7 +242,7 @@ def test_an_attractor_that_the_table_has_not_shown():
     assert certificate.basins.verify(100).wrong == 0
 
 
-def test_given_starts_and_three_dimensions():
+def test_given_initial_conditions_and_three_dimensions():
     def contraction(x, p):
         return x[0] - 0.2 * x[0] * (x[0] * x[0] - 1.0), 0.5 * x[1] + 0.1 * x[0], 0.6 * x[2] + 0.1 * x[1]
 

@@ -12,7 +12,7 @@ from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, strob
 from systems import two_well_duffing
 
 TABLE = CellGrid((-3.0, -3.0), (3.0, 3.0), (40, 40))
-STARTS = CellGrid((-1.5, -1.5), (1.5, 1.5), (30, 30))
+INITIAL_CONDITIONS = CellGrid((-1.5, -1.5), (1.5, 1.5), (30, 30))
 
 
 def counted(calls):
@@ -34,10 +34,10 @@ def test_table_counts_exact_images():
     assert icm.cost.look_ups == 0
 
 
-def test_every_step_of_a_picture_is_a_look_up_or_an_image():
+def test_every_step_is_a_look_up_or_an_image():
     calls = []
     exact = counted(calls)
-    direct = find_basins(exact, STARTS)
+    direct = find_basins(exact, INITIAL_CONDITIONS)
     assert direct.cost.evaluations == direct.cost.steps > 0
     icm = interpolated_map(exact, TABLE, order=1, outside="integrate")  # coarse: some cells are left to the map
     basins = find_basins(icm, CellGrid((-3.6, -3.6), (3.6, 3.6), (50, 50)))
@@ -58,9 +58,11 @@ def test_right_hand_sides_of_methods(method, stages):
     assert cost.look_ups == cost.tabulation == 0
 
 
-def test_leaps_take_fewer_look_ups():
+def test_multi_period_steps_take_fewer_look_ups():
     exact = discrete_map(lambda x, p: (0.995 * x[0] - 0.001 * x[0] ** 3, 0.99 * x[1]), {}, ("x", "y"))
-    costs = [find_basins(interpolated_map(exact, TABLE, max_step=leap), STARTS).cost for leap in (1, 8)]
+    costs = [
+        find_basins(interpolated_map(exact, TABLE, max_step=max_step), INITIAL_CONDITIONS).cost for max_step in (1, 8)
+    ]
     assert costs[1].look_ups < costs[0].look_ups
 
 

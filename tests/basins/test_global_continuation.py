@@ -133,10 +133,10 @@ def test_attractor_that_comes_back_has_its_old_label(tilted_sweep):
 
 def test_fractions_of_wells(tilted_sweep):
     """The ridge between the wells is the middle root of x - x^3 + t."""
-    for c, shares, found in zip(SWEEP, tilted_sweep.fractions, tilted_sweep.attractors, strict=True):
+    for c, fractions, found in zip(SWEEP, tilted_sweep.fractions, tilted_sweep.attractors, strict=True):
         if len(found) == 2:
             ridge = np.sort(np.roots([-1.0, 0.0, 1.0, 0.6 - c * c]).real)[1]
-            assert shares == pytest.approx([(ridge + 2) / 4, (2 - ridge) / 4], abs=0.5 / 100 + 1e-9)
+            assert fractions == pytest.approx([(ridge + 2) / 4, (2 - ridge) / 4], abs=0.5 / 100 + 1e-9)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -165,7 +165,7 @@ def test_cascade_to_chaos_is_one_attractor():
 # --- orbits without an attractor
 
 
-def test_starts_without_an_attractor_have_their_own_labels():
+def test_initial_conditions_without_an_attractor_have_their_own_labels():
     """x^2 + c has bounded orbits in abs(x) < (1 + sqrt(1 - 4 c))/2, for c from -2 to 1/4."""
     values = np.array([-0.5, 0.0, 0.2, 0.5])
     sweep = continue_basins(discrete_map(parabola, {"c": 0.0}, ("x",)), "c", values, LINE)
@@ -177,13 +177,13 @@ def test_starts_without_an_attractor_have_their_own_labels():
     assert sweep.present.tolist() == [[True, True]] * 3 + [[False, True]]
 
 
-def test_undecided_starts_are_counted():
+def test_undecided_initial_conditions_are_counted():
     """A turned plane that shrinks to its fixed point, and one that keeps its circles, of which none attracts."""
 
-    def turned(x, p):
+    def rotated(x, p):
         return p.rate * (cos(1.0) * x[0] - sin(1.0) * x[1]), p.rate * (sin(1.0) * x[0] + cos(1.0) * x[1])
 
-    maps = discrete_map(turned, {"rate": 0.0}, ("x", "y"))
+    maps = discrete_map(rotated, {"rate": 0.0}, ("x", "y"))
     sweep = continue_basins(maps, "rate", [0.5, 1.0], CellGrid((-1, -1), (1, 1), (6, 6)), max_periods=200)
     assert sweep.labels == (0, Label.UNDECIDED)
     assert sweep.counts.tolist() == [[36, 0], [0, 36]]
@@ -305,7 +305,7 @@ def test_bad_arguments_are_named(change, message):
 # --- figures
 
 
-def test_picture(tilted_sweep):
+def test_figure(tilted_sweep):
     upper, lower = plot.basin_continuation(tilted_sweep)
     assert len(upper.collections) == 2
     tops = [c.get_facecolor()[0][:3].tolist() for c in upper.collections]
@@ -316,13 +316,13 @@ def test_picture(tilted_sweep):
     assert (lower.get_xlabel(), lower.get_ylabel()) == ("c", "x")
 
 
-def test_picture_on_given_axes(tilted_sweep):
+def test_figure_on_given_axes(tilted_sweep):
     _, ax = plt.subplots()
     assert plot.basin_continuation(tilted_sweep, ax=ax, colours={1: "red"}, legend=False) == (ax,)
     assert ax.collections[1].get_facecolor()[0][:3].tolist() == [1.0, 0.0, 0.0]
 
 
-def test_picture_of_nothing(tilted_sweep):
+def test_figure_of_nothing(tilted_sweep):
     with pytest.raises(ValueError, match="coordinate='y'"):
         plot.basin_continuation(tilted_sweep, coordinate="y")
     with pytest.raises(TypeError, match="continuation=3"):

@@ -72,12 +72,12 @@ def same_basins(frame: LiveFrame, point_map: PointMap, grid: CellGrid) -> None:
     assert np.array_equal(frame.basins.labels, alone.labels)
 
 
-@pytest.mark.parametrize("tabulated", [False, True])
-def test_images_are_those_of_basins_found_alone(tabulated: bool) -> None:
+@pytest.mark.parametrize("interpolated", [False, True])
+def test_images_are_those_of_basins_found_alone(interpolated: bool) -> None:
     def make(phase: float = 0.0, **params: float) -> PointMap:
         nodes = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
         exact = duffing(phase, **params)
-        return interpolated_map(exact, nodes, tolerance=1e-2) if tabulated else exact
+        return interpolated_map(exact, nodes, tolerance=1e-2) if interpolated else exact
 
     live = LiveBasins(make(), WINDOW)
     same_basins(image(live), make(), WINDOW)

@@ -208,15 +208,15 @@ def test_the_most_accurate_way_where_none_serves():
     assert option.error == min(o.error for o in options_of(measurements()))
 
 
-PICTURES = {
+GRIDS = {
     "pendulum": (lambda: dimensionless_pendulum(0.1, -0.545, 0.08), CellGrid((-pi, -2), (pi, 2), (60, 40))),
     "discrete": (lambda: henon_map(0.5), CellGrid((-1, -1), (1, 1), (60, 60))),
 }
 
 
-@pytest.fixture(scope="module", params=PICTURES)
+@pytest.fixture(scope="module", params=GRIDS)
 def planned(request):
-    make, grid = PICTURES[request.param]
+    make, grid = GRIDS[request.param]
     return plan(make(), grid, accuracy=1e-6)
 
 
@@ -253,7 +253,7 @@ def test_the_way_up_and_down(planned):
     assert planned.memory == planned.chosen.memory
 
 
-def test_a_picture_by_plan(planned):
+def test_an_image_by_plan(planned):
     basins = planned.basins(max_period=16)
     assert basins.labels.shape == planned.job.grid.shape
     assert basins.settings["max_period"] == 16

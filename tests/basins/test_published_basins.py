@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from known_basins import DUFFING, GOY, circle_grid, counts, shares
+from known_basins import DUFFING, GOY, circle_grid, counts, fractions
 
 import systems
 from cellmap import (
@@ -140,18 +140,18 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_published_shares(name):
+def test_published_fractions(name):
     point_map, grid, points, expected, allowed = PUBLISHED[name]
     basins = find_basins(point_map, grid)
     assert len(basins.attractors) == len(points)
     for a, point in zip(basins.attractors, points, strict=True):
         assert difference(a.points[0], np.array(point), a.coordinates) == pytest.approx(0.0, abs=1e-4)
-    assert shares(basins) == pytest.approx(expected, abs=allowed)
+    assert fractions(basins) == pytest.approx(expected, abs=allowed)
     assert basins.labels.min() == 0
 
 
 @pytest.mark.slow
-def test_bounded_share_of_henons_map():
+def test_bounded_fraction_of_henons_map():
     """0.4319 of the 1000 x 1000 starts on the nodes of [-2, 2]^2 stay bounded."""
     nodes = np.linspace(-2.0, 2.0, 1000)
     basins = find_basins(systems.henon_map(), np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1))
@@ -160,17 +160,17 @@ def test_bounded_share_of_henons_map():
     assert set(basins.fractions) == {0, Label.DIVERGED}
 
 
-def test_bounded_share_of_henons_map_on_a_coarse_grid():
+def test_bounded_fraction_of_henons_map_on_a_coarse_grid():
     grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200))
     basins = find_basins(systems.henon_map(), grid, max_periods=500)
     assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
 
 
 @pytest.mark.slow
-def test_shares_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
+def test_fractions_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
     """Two exact maps disagree on single cells, and agree on fractions to 0.3 points."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
     system = systems.two_well_duffing()
     rough, fine = (find_basins(stroboscopic_map(system, rtol=t, atol=t), grid) for t in (1e-8, 1e-12))
     assert (rough.labels != fine.labels).any()
-    assert shares(rough) == pytest.approx(shares(fine), abs=0.003)
+    assert fractions(rough) == pytest.approx(fractions(fine), abs=0.003)

@@ -182,11 +182,11 @@ def test_rotating_orbits_on_an_invariant_circle_by_scipy():
     assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT, Kind.QUASIPERIODIC]
     assert not (basins.labels < 0).any()
     circle = basins.attractors[1].circle
-    start = grid.centres().reshape(-1, 2)[np.flatnonzero(basins.labels.ravel() == 1)[0]]
+    ic = grid.centres().reshape(-1, 2)[np.flatnonzero(basins.labels.ravel() == 1)[0]]
     times = strobe.period * np.arange(150, 201)
     orbit = solve_ivp(
         lambda t, x: pendulum(t, x, SimpleNamespace(**strobe.params)),
-        (0.0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-11,
+        (0.0, times[-1]), ic, "DOP853", times, rtol=1e-11, atol=1e-11,
     ).y.T  # fmt: skip
     curve = circle.points(np.linspace(0.0, 1.0, 2**14), strobe.coordinates)[0]
     apart = np.abs(difference(orbit[:, None], curve, strobe.coordinates)).max(axis=-1).min(axis=-1)

@@ -57,7 +57,7 @@ def test_bits_do_not_depend_on_threads(repeated):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_labels_do_not_depend_on_the_order_of_starts(repeated, seed):
+def test_labels_do_not_depend_on_the_order_of_initial_conditions(repeated, seed):
     _, initial_conditions, straight = repeated
     order = np.random.default_rng(seed).permutation(len(initial_conditions))
     shuffled = find_basins(straight.point_map, initial_conditions[order], max_periods=500)
@@ -83,7 +83,7 @@ def test_known_attractors_give_the_same_labels():
     assert len(again.attractors) == len(first.attractors)
 
 
-def test_starts_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():
+def test_initial_conditions_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():
     """Five of 40,001 initial conditions belong to an attractor of their own, and the sample holds none of them."""
     point_map = discrete_map(tiny, {}, ("x",))
     initial_conditions = np.linspace(-10.0, 10.0, 40_001)[:, None]
@@ -100,7 +100,7 @@ def tiny(x, p):
     return (0.5 * x[0] + 2.5 * exp(-(((x[0] - 5.0) / 1e-3) ** 2)),)
 
 
-def test_known_attractors_without_a_start_get_no_label():
+def test_known_attractors_without_an_initial_condition_get_no_label():
     point_map = stroboscopic_map(systems.driven_pendulum())
     wide = find_basins(point_map, circle_grid(500.0, 30))
     hanging = find_basins(point_map, [[0.1, 0.0], [0.2, 0.0]], attractors=wide.attractors)

@@ -220,7 +220,7 @@ SINKS = discrete_map(holomorphic, {"re": 0.5 * cos(0.5), "im": 0.5 * sin(0.5)}, 
 TINY = 5.4e-12
 
 
-def test_a_sink_is_no_set_of_equilibria_in_a_tiny_window() -> None:
+def test_a_sink_is_no_sticking_set_in_a_tiny_window() -> None:
     """A step of 1e-18 is lost in rounding at pi, and not at 0: the point would rest along one axis only."""
     sinks = np.array([[k * pi, 0.0] for k in (1, -3, 7)])
     assert sticking_sets(SINKS, sinks, np.full(2, 2 * TINY)) == []
@@ -228,8 +228,8 @@ def test_a_sink_is_no_set_of_equilibria_in_a_tiny_window() -> None:
 
 def test_a_sink_far_away_from_a_tiny_window() -> None:
     """Rounding at 1053 pi is a sixth of half the window."""
-    start = SINKS.iterate([[-1053 * pi + 0.3, 0.2]], 60).points
-    (sink,) = find_attractors(SINKS, np.concatenate([start, start + TINY]), max_periods=300)
+    ic = SINKS.iterate([[-1053 * pi + 0.3, 0.2]], 60).points
+    (sink,) = find_attractors(SINKS, np.concatenate([ic, ic + TINY]), max_periods=300)
     assert sink.kind is Kind.FIXED_POINT
     assert sink.points[0] == pytest.approx([-1053 * pi, 0.0], abs=1e-11)
     assert np.abs(sink.multipliers) == pytest.approx([0.6102601397] * 2, abs=1e-9)

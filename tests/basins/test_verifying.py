@@ -50,7 +50,7 @@ def test_verify_counts_exactly_what_is_planted():
 
 
 @pytest.mark.parametrize(("n", "wrong"), [(10, 0), (10, 10), (200, 3), (400, 200), (1, 0)])
-def test_interval_of_the_share(n, wrong):
+def test_interval_of_the_fraction(n, wrong):
     """Wilson's interval is where abs(share - p) = 1.96 sqrt(p (1 - p) / n)."""
     from cellmap.basins.record import Verification
 
@@ -64,17 +64,17 @@ def test_interval_of_the_share(n, wrong):
     assert (high == 1) == (wrong == n)
 
 
-def test_undecided_starts_are_never_right():
+def test_undecided_initial_conditions_are_never_right():
     """A rotation has no attractor: by both maps all orbits are undecided, and nothing says that this is right."""
-    turning = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
-    basins = find_basins(turning, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
+    rotating = discrete_map(lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), {}, ("x", "y"))
+    basins = find_basins(rotating, CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), max_periods=50)
     assert (basins.labels == Label.UNDECIDED).all()
     check = basins.verify(80)
     assert (check.compared, check.wrong, check.undecided) == (0, 0, 80)
     assert (check.low, check.high) == (0.0, 1.0)
 
 
-def test_undecided_starts_reach_from_right_to_wrong():
+def test_undecided_initial_conditions_reach_from_right_to_wrong():
     from cellmap.basins.record import Verification
 
     found = Verification.of(5, 50, undecided=45)
@@ -105,10 +105,10 @@ def test_verify_sees_what_a_coarse_table_spoils():
     icm = interpolated_map(exact, circle_grid(550.0, 24), order=1, outside="integrate", tolerance=1e3)
     basins = find_basins(icm, circle_grid(500.0, 60))
     truth = find_basins(exact, basins.grid, attractors=basins.attractors)
-    share = float((truth.labels != basins.labels).mean())
+    fraction = float((truth.labels != basins.labels).mean())
     check = basins.verify(2000)
-    assert share > 0.005
-    assert check.low <= share <= check.high
+    assert fraction > 0.005
+    assert check.low <= fraction <= check.high
 
 
 def test_verify_does_not_trust_the_neighbourhoods():

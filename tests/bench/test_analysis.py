@@ -30,7 +30,7 @@ def test_uncertainty_exponent(say: Callable[[str], None]) -> None:
         exact = stroboscopic_map(system)
         began = time.process_time()
         icm = interpolated_map(exact, CellGrid((-pi, -speed), (pi, speed), (512, 768)), outside="integrate")
-        tabulated = time.process_time() - began
+        interpolated = time.process_time() - began
         basins = find_basins(icm, region)
         lines = {}
         for label, point_map in (
@@ -44,7 +44,7 @@ def test_uncertainty_exponent(say: Callable[[str], None]) -> None:
             found = uncertainty_exponent(point_map, region, attractors=basins.attractors, distances=DISTANCES)
             lines[label] = found, (time.process_time() - began) / found.pairs.sum() * 1e6
         by_table = lines["table"][1]
-        say(f"uncertainty exponent of the {name}; CPU time for 10^6 pairs (tabulation {tabulated:.1f} s, once)")
+        say(f"uncertainty exponent of the {name}; CPU time for 10^6 pairs (tabulation {interpolated:.1f} s, once)")
         for label, (found, seconds) in lines.items():
             say(
                 f"  {label}: exponent {found.exponent:.4f} +- {found.standard_error:.4f}, {seconds:.2f} s, "
@@ -63,7 +63,7 @@ def test_uncertainty_exponent(say: Callable[[str], None]) -> None:
         say(f"  {many.pairs.sum():,} pairs by table on {cellmap.thread_count()} threads: {many.cost.seconds:.1f} s")
 
 
-def test_uncertainty_exponent_of_a_picture(say: Callable[[str], None]) -> None:
+def test_uncertainty_exponent_of_an_image(say: Callable[[str], None]) -> None:
     labels = np.random.default_rng(0).integers(0, 2, (4096, 4096), dtype=np.int16)
     began = time.process_time()
     found = image_uncertainty_exponent(labels)

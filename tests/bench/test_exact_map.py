@@ -8,13 +8,13 @@ from peers import best_time, diffrax_vmap, heyoka_batches, ours, pendulum, pynam
 
 import cellmap
 
-STARTS = np.random.default_rng(0).uniform((-np.pi, -4.0), (np.pi, 4.0), (20_000, 2))
+INITIAL_CONDITIONS = np.random.default_rng(0).uniform((-np.pi, -4.0), (np.pi, 4.0), (20_000, 2))
 LONG = 25  # periods a call of heyoka, so that the overhead of its calls from Python does not count
 
 
 @pytest.fixture(scope="module")
 def reference():
-    return cellmap.stroboscopic_map(pendulum(), rtol=1e-14, atol=1e-14).iterate(STARTS, 1).unwrapped
+    return cellmap.stroboscopic_map(pendulum(), rtol=1e-14, atol=1e-14).iterate(INITIAL_CONDITIONS, 1).unwrapped
 
 
 @pytest.mark.benchmark(group="exact map, one period of 20,000 starts")
@@ -22,8 +22,8 @@ def reference():
 @pytest.mark.parametrize("method", ["auto", "DOP853"])
 def test_our_map(benchmark, say, one_thread, reference, method, tolerance):
     step = ours(tolerance, method)
-    images = benchmark.pedantic(step, args=(STARTS,), rounds=5, warmup_rounds=1)
-    rate = len(STARTS) / benchmark.stats.stats.min
+    images = benchmark.pedantic(step, args=(INITIAL_CONDITIONS,), rounds=5, warmup_rounds=1)
+    rate = len(INITIAL_CONDITIONS) / benchmark.stats.stats.min
     say(f"cellmap {method} {tolerance:g}: {rate:,.0f} periods/s, largest error {np.abs(images - reference).max():.1e}")
 
 
@@ -33,17 +33,22 @@ def test_ratio_to_heyoka(say, one_thread, reference):
     rows = []
     for tolerance in (1e-9, 2e-9, 4e-9, 8e-9):
         step = ours(tolerance)
-        rows.append((np.abs(step(STARTS) - reference).max(), len(STARTS) / best_time(lambda s=step: s(STARTS))))
+        rows.append(
+            (
+                np.abs(step(INITIAL_CONDITIONS) - reference).max(),
+                len(INITIAL_CONDITIONS) / best_time(lambda s=step: s(INITIAL_CONDITIONS)),
+            )
+        )
     for tolerance in (1e-9, 1e-10, 1e-15):
-        error = np.abs(heyoka_batches(tolerance)(STARTS) - reference).max()
+        error = np.abs(heyoka_batches(tolerance)(INITIAL_CONDITIONS) - reference).max()
         long = heyoka_batches(tolerance, periods=LONG)
-        rate = LONG * len(STARTS) / best_time(lambda run=long: run(STARTS), rounds=2)
+        rate = LONG * len(INITIAL_CONDITIONS) / best_time(lambda run=long: run(INITIAL_CONDITIONS), rounds=2)
         say(f"heyoka batch {tolerance:g}: {rate:,.0f} periods/s, largest error {error:.1e}")
         able = [r for e, r in rows if e <= max(error, 1e-9)] if error > 1e-11 else []
         if able:
             say(f"  cellmap at an error no larger than {max(error, 1e-9):.1e}: {max(able) / rate:.2f} times as fast")
     tight = ours(1e-14)
-    say(f"cellmap 1e-14: {len(STARTS) / best_time(lambda: tight(STARTS)):,.0f} periods/s")
+    say(f"cellmap 1e-14: {len(INITIAL_CONDITIONS) / best_time(lambda: tight(INITIAL_CONDITIONS)):,.0f} periods/s")
 
 
 @pytest.mark.parametrize(
@@ -56,9 +61,9 @@ def test_ratio_to_heyoka(say, one_thread, reference):
 )
 def test_ratio_to_others(say, one_thread, reference, peer, module, count, tolerances):
     pytest.importorskip(module)
-    initial_conditions, mine = STARTS[:count], ours(4e-9)
-    seconds = best_time(lambda: mine(STARTS)) / len(STARTS)
-    own_error = np.abs(mine(STARTS) - reference).max()
+    initial_conditions, mine = INITIAL_CONDITIONS[:count], ours(4e-9)
+    seconds = best_time(lambda: mine(INITIAL_CONDITIONS)) / len(INITIAL_CONDITIONS)
+    own_error = np.abs(mine(INITIAL_CONDITIONS) - reference).max()
     for tolerance in tolerances:
         step = peer(tolerance)
         error = np.abs(step(initial_conditions) - reference[:count]).max()

@@ -39,13 +39,13 @@ def windows() -> Iterator[tuple[str, ForcedSystem, CellGrid]]:
     yield "two-well Duffing", two_well_duffing(), CellGrid((-2.2, -2.2), (2.2, 2.2), (250, 250))
 
 
-def table(point_map: PointMap, window: CellGrid, cells: int, order: int = 5, leap: int = 1) -> PointMap:
+def table(point_map: PointMap, window: CellGrid, cells: int, order: int = 5, max_step: int = 1) -> PointMap:
     """Interpolate on 1.3 times the window along what is not an angle."""
     wider = [1.0 if c.period else 1.3 for c in point_map.coordinates]
     nodes = CellGrid(tuple(np.multiply(window.lower, wider)), tuple(np.multiply(window.upper, wider)), (cells, cells))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return interpolated_map(point_map, nodes, order, "integrate", max_step=leap)
+        return interpolated_map(point_map, nodes, order, "integrate", max_step=max_step)
 
 
 def iterations(
@@ -69,38 +69,38 @@ def test_cost_of_a_look_up(say: Say) -> None:
         say(f"look-up of order {order} in {cells} x {cells} cells: {1e9 * each:.1f} ns, 1/{direct / each:.0f} image")
 
 
-def test_leaps(say: Say) -> None:
+def test_multi_period_steps(say: Say) -> None:
     """Iteration alone, against single periods of the same table, and the error of 50 periods."""
     for name, system, window in windows():
         point_map = stroboscopic_map(system, rtol=1e-9, atol=1e-9)
         initial_conditions = window.centres().reshape(-1, 2)
         reference = stroboscopic_map(system, rtol=1e-13, atol=1e-13).iterate(initial_conditions, PERIODS).unwrapped
         for cells in (128, 256):
-            leaps = (1, 2, 4, 8, 16)
-            maps = [table(point_map, window, cells, leap=leap) for leap in leaps]
+            max_steps = (1, 2, 4, 8, 16)
+            maps = [table(point_map, window, cells, max_step=max_step) for max_step in max_steps]
             times = best_times(iterations(maps, initial_conditions, PERIODS), seconds=0.5, rounds=2)
             parts = []
-            for leap, icm, seconds in zip(leaps, maps, times, strict=True):
+            for max_step, icm, seconds in zip(max_steps, maps, times, strict=True):
                 error = np.median(np.abs(icm.iterate(initial_conditions, PERIODS).unwrapped - reference).max(axis=-1))
-                parts.append(f"leap {leap} {times[0] / seconds:.2f} ({error:.0e})")
+                parts.append(f"step {max_step} {times[0] / seconds:.2f} ({error:.0e})")
             say(f"{name}, {cells} x {cells}, times as fast as single periods (median error): {', '.join(parts)}")
 
 
-def test_leaps_of_basins(say: Say) -> None:
+def test_multi_period_steps_of_basins(say: Say) -> None:
     """The slower orbits settle, the more multi-period steps gain."""
     for damping in (10.0, 1.0):
         point_map = stroboscopic_map(pendulum(0.003, damping), rtol=1e-9, atol=1e-9)
         window = CellGrid((-pi, -100 / SPEED), (pi, 100 / SPEED), (250, 250))
-        leaps = (1, 4, 8, 16)
-        maps = [table(point_map, window, 128, leap=leap) for leap in leaps]
+        max_steps = (1, 4, 8, 16)
+        maps = [table(point_map, window, 128, max_step=max_step) for max_step in max_steps]
         times = best_times([partial(find_basins, icm, window) for icm in maps], rounds=3)
         found = [find_basins(m, window) for m in maps]
         settled = found[0].settling_time.mean()
-        for leap, seconds, basins in zip(leaps[1:], times[1:], found[1:], strict=True):
+        for max_step, seconds, basins in zip(max_steps[1:], times[1:], found[1:], strict=True):
             labels = 100 * (basins.labels != found[0].labels).mean()
             periods = 100 * (basins.settling_time != found[0].settling_time).mean()
             say(
-                f"basins at {damping:g} /s, settled after {settled:.0f} periods: leap {leap} "
+                f"basins at {damping:g} /s, settled after {settled:.0f} periods: step {max_step} "
                 f"{times[0] / seconds:.2f} times as fast, {labels:.4f} % of labels and {periods:.4f} % of "
                 "settling times differ"
             )
@@ -137,8 +137,8 @@ def test_tables_in_four_dimensions(say: Say) -> None:
             f"{gains[1]:.0f} times in random places, {gains[2]:.0f} times where these are sorted by cells"
         )
     needed = 64**2 * 77**2 + 64**4  # nodes, with those past the ends of the rates, and centres
-    share = needed / icm.cost.steps * made / direct
-    say(f"  64^4 cells: {needed / 1e6:.0f} million images, {share:.0f} times the time of the slice")
+    fraction = needed / icm.cost.steps * made / direct
+    say(f"  64^4 cells: {needed / 1e6:.0f} million images, {fraction:.0f} times the time of the slice")
 
 
 def four_dimensional_table(point_map: PointMap, cells: int) -> PointMap:

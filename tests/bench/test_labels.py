@@ -55,8 +55,8 @@ def icm():
 
 
 def test_basins_in_look_ups(say, icm):
-    starts = GRID.centres().reshape(-1, 2)
-    look_ups = best_time(lambda: icm.iterate(starts, 20), rounds=5)
+    initial_conditions = GRID.centres().reshape(-1, 2)
+    look_ups = best_time(lambda: icm.iterate(initial_conditions, 20), rounds=5)
     cases = {"4 mm, table": icm, "10 mm, table": table(exact(0.010)), "10 mm, exact map": exact(0.010)}
     for name, point_map in cases.items():
         taken = best_time(lambda m=point_map: find_basins(m, GRID), rounds=5)
@@ -194,12 +194,12 @@ def test_labels_against_heyoka(say):
     ours = time.perf_counter() - began
     ours = min(ours, best_time(lambda: find_basins(table(exact(0.004)), GRID), rounds=3))
     cores = cellmap.thread_count()
-    share = np.random.default_rng(0).permutation(GRID.size)[: GRID.size // 20 // (8 * cores) * 8 * cores]
-    tasks = [(part, basins.attractors, 300) for part in np.array_split(share, cores)]
+    fraction = np.random.default_rng(0).permutation(GRID.size)[: GRID.size // 20 // (8 * cores) * 8 * cores]
+    tasks = [(part, basins.attractors, 300) for part in np.array_split(fraction, cores)]
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
         parts = pool.starmap(heyoka_labels, tasks)
-    seconds = max(taken for _, taken in parts) * GRID.size / len(share)
-    same = float(np.mean(np.concatenate([labels for labels, _ in parts]) == basins.labels.ravel()[share]))
+    seconds = max(taken for _, taken in parts) * GRID.size / len(fraction)
+    same = float(np.mean(np.concatenate([labels for labels, _ in parts]) == basins.labels.ravel()[fraction]))
     say(
         f"labels of 500 x 500 at 4 mm, {cores} cores: heyoka batch 1e-9 with the same regions {seconds:.1f} s; "
         f"ours with map, table and search {ours:.2f} s: {seconds / ours:.0f} times as fast; "

@@ -39,11 +39,11 @@ RATES = (30.0, 100.0)
 """Half-widths (rad/s) of the windows."""
 
 
-def pendulum_starts(count: int, rate: float) -> np.ndarray:
+def pendulum_initial_conditions(count: int, rate: float) -> np.ndarray:
     return np.random.default_rng(0).uniform((-pi, -rate), (pi, rate), (count, 2))
 
 
-def double_starts(count: int, rate: float) -> np.ndarray:
+def double_initial_conditions(count: int, rate: float) -> np.ndarray:
     return np.random.default_rng(0).uniform((-pi, -pi, -rate, -rate), (pi, pi, rate, rate), (count, 4))
 
 
@@ -112,14 +112,14 @@ def smooth_square(t: float, theta: float, p: Any, s: Any) -> float:
 
 
 def triangle(t: float, theta: float, p: Any, s: Any) -> float:
-    turned = 2 * pi * p.frequency * t + p.phase
-    lift = -p.acceleration * ((4 / pi) * atan(cos(turned) / (1 + s[0] * sin(turned))))
+    rotated = 2 * pi * p.frequency * t + p.phase
+    lift = -p.acceleration * ((4 / pi) * atan(cos(rotated) / (1 + s[0] * sin(rotated))))
     return -((p.gravity + lift) / p.length) * sin(theta)
 
 
 def smooth_triangle(t: float, theta: float, p: Any, s: Any) -> float:
-    turned, e = 2 * pi * p.frequency * t + p.phase, p.smoothing
-    wave = atan(cos(turned) / sqrt(sin(turned) ** 2 + e * e)) / atan(1 / e)
+    rotated, e = 2 * pi * p.frequency * t + p.phase, p.smoothing
+    wave = atan(cos(rotated) / sqrt(sin(rotated) ** 2 + e * e)) / atan(1 / e)
     return -(p.gravity - p.acceleration * wave) / p.length * sin(theta)
 
 
@@ -173,7 +173,7 @@ def kernel_of(system: ForcedSystem) -> Any:
 
 def test_effects_against_terms_by_hand(say, one_thread):
     """Where the formulas are equal so is the kernel: one time, measured twice."""
-    initial_conditions = pendulum_starts(8192, 100.0)
+    initial_conditions = pendulum_initial_conditions(8192, 100.0)
     base = stroboscopic_map(scene(Pendulum(0.0272), Gravity(9.8), DRIVE))
     say("scenes of a pendulum with gravity: time against terms by hand, and against the vertical drive alone")
     for name, (effects, rhs) in SCENES.items():
@@ -190,17 +190,22 @@ def test_effects_against_terms_by_hand(say, one_thread):
 def friction_cases() -> dict[str, tuple[ForcedSystem, ForcedSystem, Callable[[int, float], np.ndarray], int]]:
     single, double = driven_pendulum(), double_pendulum()
     return {
-        "pendulum, friction 10 rad/s^2": (single, driven_pendulum(damping=0.0, friction=10.0), pendulum_starts, 16384),
+        "pendulum, friction 10 rad/s^2": (
+            single,
+            driven_pendulum(damping=0.0, friction=10.0),
+            pendulum_initial_conditions,
+            16384,
+        ),
         "pendulum, friction 300 rad/s^2": (
             single,
             driven_pendulum(damping=0.0, friction=300.0),
-            pendulum_starts,
+            pendulum_initial_conditions,
             16384,
         ),
         "double pendulum, friction 10 rad/s^2": (
             double,
             double_pendulum(damping=0.0, friction=10.0),
-            double_starts,
+            double_initial_conditions,
             2048,
         ),
     }
@@ -208,15 +213,19 @@ def friction_cases() -> dict[str, tuple[ForcedSystem, ForcedSystem, Callable[[in
 
 @pytest.mark.parametrize("name", friction_cases())
 def test_dry_friction_against_viscous(say, one_thread, name):
-    smooth, rough, starts_in, count = friction_cases()[name]
-    if rough.dimension == 2:
+    smooth, approximate, initial_conditions_in, count = friction_cases()[name]
+    if approximate.dimension == 2:
         hand = ForcedSystem(
-            by_hand(vertical, dry), rough.params, rough.period, rough.coordinates, switches=rough.switches
+            by_hand(vertical, dry),
+            approximate.params,
+            approximate.period,
+            approximate.coordinates,
+            switches=approximate.switches,
         )
-        assert kernel_of(hand) is kernel_of(rough)
+        assert kernel_of(hand) is kernel_of(approximate)
     for rate in RATES:
-        initial_conditions = starts_in(count, rate)
-        maps = [stroboscopic_map(system) for system in (smooth, rough)]
+        initial_conditions = initial_conditions_in(count, rate)
+        maps = [stroboscopic_map(system) for system in (smooth, approximate)]
         for periods in (1, 50):
             # Later on many stick: the last period begins with the orbits that the earlier ones have left active.
             some = initial_conditions if periods == 1 else maps[1].iterate(initial_conditions, periods - 1).points
@@ -234,15 +243,15 @@ def double_by_hand(t: float, x: Any, p: Any) -> tuple[float, ...]:
     weight = p.gravity - p.amplitude * w * w * cos(w * t + p.phase)
     m, n, k, l = p.mass_1, p.mass_2, p.length_1, p.length_2  # noqa: E741
     d = a - b
-    share = m + n * sin(d) ** 2
+    fraction = m + n * sin(d) ** 2
     first = n * (k * u * u * sin(2 * d) + 2 * l * v * v * sin(d))
     first += weight * ((2 * m + n) * sin(a) + n * sin(a - 2 * b))
     second = n * l * v * v * sin(2 * d) + (m + n) * (2 * k * u * u * sin(d) + weight * (sin(2 * a - b) - sin(b)))
-    first, second = -first / (2 * k * share), second / (2 * l * share)
+    first, second = -first / (2 * k * fraction), second / (2 * l * fraction)
     if hasattr(p, "damping"):
         inner, outer = -p.damping * m * k * k * u, -p.damping * m * k * k * (v - u)
         inner = inner - outer
-        determinant = n * k * k * l * l * share
+        determinant = n * k * k * l * l * fraction
         first += (n * l * l * inner - n * k * l * cos(d) * outer) / determinant
         second += ((m + n) * k * k * outer - n * k * l * cos(d) * inner) / determinant
     return u, v, first, second
@@ -256,7 +265,7 @@ FORMS = {"the scene's equations": None, "textbook equations": double_by_hand}
 def test_double_pendulum_against_heyoka(say, one_thread, damping):
     """Errors are those of one period, in units of 1 + abs(image), which is how both programs weigh them."""
     pytest.importorskip("heyoka")
-    system, initial_conditions = double_pendulum(damping=damping), double_starts(2048, 100.0)
+    system, initial_conditions = double_pendulum(damping=damping), double_initial_conditions(2048, 100.0)
     reference = stroboscopic_map(system, rtol=1e-14, atol=1e-14).iterate(initial_conditions, 1).unwrapped
     forms = {name: rhs or system.rhs for name, rhs in FORMS.items()}
 

@@ -27,7 +27,7 @@ def wells(r: float = 1.5):
     return discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": r}, ("x", "y"), "two wells")
 
 
-def tabulated():
+def interpolated():
     return find_basins(interpolated_map(wells(), WINDOW, order=1, tolerance=0.3), WINDOW, max_periods=60)
 
 
@@ -39,7 +39,7 @@ CASES = {
     ),
     "initial conditions": lambda: find_basins(wells(), np.random.default_rng(0).uniform(-1, 1, (4, 3, 2))),
     "one initial condition": lambda: find_basins(wells(), [0.1, 0.2]),
-    "certificate": lambda: certify(tabulated()),
+    "certificate": lambda: certify(interpolated()),
     "continuation": lambda: continue_basins(wells(), "r", [1.2, 1.5, 1.8], WINDOW),
     "diagram": lambda: bifurcation_diagram(wells(), "r", [1.2, 1.5, 2.8], [[0.4, 0.1], [-0.3, 0.2]], periods=64),
     "exponents": lambda: finite_time_exponents(wells(), WINDOW, 4),
@@ -115,8 +115,8 @@ def test_attractors_are_a_group_with_their_points_one_after_another():
 
 
 def test_angles_say_their_unit_period_and_branch_cut():
-    turning = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("theta"), "theta'"))
-    tree = find_basins(turning, CellGrid((-np.pi, -1), (np.pi, 1), (8, 4))).to_xarray()
+    rotating = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("theta"), "theta'"))
+    tree = find_basins(rotating, CellGrid((-np.pi, -1), (np.pi, 1), (8, 4))).to_xarray()
     assert tree["labels"].dims == ("theta", "theta_")
     assert tree["theta"].attrs == {
         "long_name": "theta", "units": "rad", "period": 2 * np.pi, "branch_cut": -np.pi,
@@ -125,7 +125,7 @@ def test_angles_say_their_unit_period_and_branch_cut():
 
 
 def test_certificates_add_the_evidence():
-    certificate = certify(tabulated())
+    certificate = certify(interpolated())
     evidence = certificate.to_xarray()["evidence"]
     np.testing.assert_array_equal(evidence, certificate.evidence)
     assert evidence.attrs["flag_values"].tolist() == list(Evidence)

@@ -16,7 +16,7 @@ from cellmap.attractors.labels import Label
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("speed", [1e20, 1e100, 1e200, 1e308, -1e200])
-def test_start_of_enormous_speed(speed):
+def test_initial_condition_of_enormous_speed(speed):
     """It has a label of its own, and its neighbour has the right one."""
     basins = find_basins(strobe(), [[0.0, speed], [0.1, 1.0]], max_periods=60)
     assert basins.labels.tolist() == [Label.DIVERGED, 0]
@@ -24,7 +24,7 @@ def test_start_of_enormous_speed(speed):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_starts_that_are_not_finite_are_refused(bad):
+def test_initial_conditions_that_are_not_finite_are_refused(bad):
     with pytest.raises(ValueError, match=r"initial_conditions\[1, 0\] = .*: remove points that are not finite"):
         find_basins(strobe(), [[0.0, 0.0], [bad, 0.0]])
 

@@ -104,9 +104,9 @@ class Oracle:
                 best, least = tuple(trial), violation
         return best
 
-    def image(self, start: ArrayLike, log: list[tuple[float, Array, Mode, Mode]] | None = None) -> Array:
+    def image(self, ic: ArrayLike, log: list[tuple[float, Array, Mode, Mode]] | None = None) -> Array:
         """State after one period; the log takes time, state, and the modes before and after each event."""
-        t, end, x = 0.0, self.system.length, np.array(start, dtype=float)
+        t, end, x = 0.0, self.system.length, np.array(ic, dtype=float)
         heights = self.heights(t, x)
         mode = tuple(map(int, np.sign(heights)))
         mode = self.consistent(t, x, mode, [e for e, side in enumerate(mode) if side == 0]) if 0 in mode else mode
@@ -163,11 +163,11 @@ class Oracle:
         return event
 
 
-def differences(oracle: Oracle, start: Array, scale: Array, h: float = 2e-5) -> Array:
+def differences(oracle: Oracle, ic: Array, scale: Array, h: float = 2e-5) -> Array:
     """Derivative of the oracle's image by central differences of order 4, in units of the scale."""
     columns = []
     for direction in np.diag(scale):
-        values = [oracle.image(start + k * h * direction) for k in (-2, -1, 1, 2)]
+        values = [oracle.image(ic + k * h * direction) for k in (-2, -1, 1, 2)]
         columns.append((values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / (12.0 * h * scale))
     return np.array(columns).T
 
@@ -248,7 +248,7 @@ EVERY_CASE = {**CASES, **SLOW_CASES}
 AT_ONCE = ("weak dry friction",)
 
 
-def starts_of(span: Sequence[float], count: int) -> Array:
+def initial_conditions_of(span: Sequence[float], count: int) -> Array:
     return np.random.default_rng(1).uniform(-1.0, 1.0, (count, len(span))) * span
 
 

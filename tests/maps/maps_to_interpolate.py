@@ -68,7 +68,7 @@ SMOOTH = {
 }
 
 
-ROUGH = {
+NONSMOOTH = {
     "kink": lambda x, p: (fabs(x[0] - 0.1234) - 0.5,),
     "jump": lambda x, p: (0.3 * floor(1.7 * x[0]) + 0.2 * x[0],),
     "root": lambda x, p: (0.3 * sqrt(fabs(x[0] - 0.4)),),
@@ -81,7 +81,7 @@ def exact_map(name: str) -> PointMap:
     return discrete_map(function, {}, coordinates)
 
 
-def tabulated(name: str, shape: tuple[int, ...], order: int = 5, **options) -> PointMap:
+def interpolated(name: str, shape: tuple[int, ...], order: int = 5, **options) -> PointMap:
     return interpolated_map(exact_map(name), CellGrid(*SMOOTH[name][2], shape), order, **options)
 
 

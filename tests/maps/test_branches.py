@@ -100,14 +100,14 @@ class Pieces:
         return found
 
 
-def reference(pieces: Pieces, params: dict[str, float], start: NDArray[np.float64]) -> NDArray[np.float64]:
+def reference(pieces: Pieces, params: dict[str, float], ic: NDArray[np.float64]) -> NDArray[np.float64]:
     """Integrate a period; restart at each event, where each step sees one side of all surfaces.
 
     The side is that of a place a little further on, at which all decisions are taken by plain Python.
     """
     names = type("P", (), params)
     events = pieces.events()
-    t, x = 0.0, np.array(start)
+    t, x = 0.0, np.array(ic)
     for _ in range(200):
         ahead = 1e-12
         side = x + ahead * np.array(pieces(t + ahead, x, names))

@@ -26,14 +26,14 @@ places = st.floats(-1e9, 1e9)
 
 def wrapped_rows(x: float, circle: Coordinate) -> tuple[float, int]:
     points, rotations = np.array([[x]]), np.zeros((1, 1), np.int64)
-    lower, turn = turns_of([circle])
-    wrap_rows(points, rotations, lower, turn)
+    lower, circle_period = turns_of([circle])
+    wrap_rows(points, rotations, lower, circle_period)
     return float(points[0, 0]), int(rotations[0, 0])
 
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(x=places)
-def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) -> None:
+def test_an_angle_stays_in_its_period_and_its_place(circle: Coordinate, x: float) -> None:
     assert circle.lower is not None and circle.period is not None
     point, rotations = wrapped_rows(x, circle)
     assert circle.lower <= point < circle.lower + circle.period
@@ -44,7 +44,7 @@ def test_an_angle_stays_in_its_turn_and_its_place(circle: Coordinate, x: float) 
 
 @pytest.mark.parametrize("circle", CIRCLES, ids=str)
 @given(x=st.floats(allow_nan=False, allow_infinity=False))
-def test_wrapping_any_number_gives_an_angle_of_the_turn_or_none(circle: Coordinate, x: float) -> None:
+def test_wrapping_any_number_gives_an_angle_of_the_period_or_none(circle: Coordinate, x: float) -> None:
     """From 1e15 rotations on numbers lie a tenth of a period apart, and nothing is left of a phase."""
     assert circle.lower is not None and circle.period is not None
     with np.errstate(over="ignore"):
@@ -69,7 +69,7 @@ def test_an_angle_next_to_the_cut_is_wrapped_once(circle: Coordinate) -> None:
             assert abs(rotations - whole) <= 1
 
 
-def test_the_cut_belongs_to_the_turn_above_it() -> None:
+def test_the_cut_belongs_to_the_period_above_it() -> None:
     circle = angle("theta")
     assert wrapped_rows(-pi, circle) == (-pi, 0)
     assert wrapped_rows(pi, circle) == (-pi, 1)

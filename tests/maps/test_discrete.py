@@ -89,7 +89,7 @@ def test_functions_without_vector_form() -> None:
     assert some([0.5, 2.0]).tolist() == [erf(0.5), atan2(0.5, 2.0)]
 
 
-def test_angles_are_wrapped_and_turns_counted() -> None:
+def test_angles_are_wrapped_and_rotations_counted() -> None:
     def standard(x: Any, p: Any) -> tuple[float, float]:
         momentum = x[1] + p.k * sin(x[0])
         return x[0] + momentum, momentum
@@ -125,7 +125,7 @@ def test_other_parameters_compile_nothing(henon_map: PointMap) -> None:
     assert machine_code.cache_info().misses == compiled
 
 
-def test_the_bounded_share_of_henons_map(henon_map: PointMap) -> None:
+def test_the_bounded_fraction_of_henons_map(henon_map: PointMap) -> None:
     """Fraction of 1000^2 orbits from edge to edge of [-2, 2]^2 that stay: 0.4319 (REFERENCES.md)."""
     axis = np.linspace(-2.0, 2.0, 1000)
     initial_conditions = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)

@@ -6,7 +6,7 @@ from math import floor, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from maps_to_interpolate import COARSE, ORDERS, ROUGH, errors_at, exact_map, tabulated
+from maps_to_interpolate import COARSE, NONSMOOTH, ORDERS, errors_at, exact_map, interpolated
 
 from cellmap import (
     CellGrid,
@@ -26,9 +26,9 @@ STEPS = {
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("name", ROUGH)
-def test_rough_cells_are_found_and_left_to_the_exact_map(name, order, tolerance):
-    exact = discrete_map(ROUGH[name], {}, ("x",))
+@pytest.mark.parametrize("name", NONSMOOTH)
+def test_fallback_cells_are_found_and_evaluated_with_the_exact_map(name, order, tolerance):
+    exact = discrete_map(NONSMOOTH[name], {}, ("x",))
     icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (200,)), order, "integrate", tolerance)
     places = np.linspace(-1.0, 1.0, 20_003)[:, None]
     assert errors_at(icm, places).max() < 3 * tolerance
@@ -39,7 +39,7 @@ def test_rough_cells_are_found_and_left_to_the_exact_map(name, order, tolerance)
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_smooth_cells_far_from_a_jump_stay_in_the_table(order):
-    exact = discrete_map(ROUGH["jump"], {}, ("x",))
+    exact = discrete_map(NONSMOOTH["jump"], {}, ("x",))
     icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (400,)), order, tolerance=1e-6)
     distance = np.abs(icm.table.grid.axis(0)[:, None] - STEPS["jump"]).min(axis=1) / icm.table.grid.widths[0]
     assert not icm.table.rough[distance > 20].any()
@@ -60,7 +60,7 @@ def test_jump_along_a_circle_in_the_plane():
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("outside", ["escape", "integrate"])
 @pytest.mark.parametrize("order", ORDERS)
-def test_window_with_starts_that_have_no_image(order, outside):
+def test_window_with_initial_conditions_that_have_no_image(order, outside):
     """sqrt(x - 0.1) is not a number below 0.1; its orbits have diverged under both maps."""
     exact = discrete_map(lambda x, p: (sqrt(x[0] - 0.1) - 0.2,), {}, ("x",))
     icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (200,)), order, outside, tolerance=1e-6)
@@ -81,7 +81,7 @@ def test_window_without_any_image_is_left_to_the_exact_map():
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_indicator_is_the_largest_error_in_a_cell_in_cell_widths(order):
-    icm = tabulated("plane", (32, 48), order, tolerance=COARSE)
+    icm = interpolated("plane", (32, 48), order, tolerance=COARSE)
     grid = icm.table.grid
     inside = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 11)] * 2), axis=-1).reshape(-1, 1, 1, 2)
     errors = (errors_at(icm, grid.centres() + inside * grid.widths) / grid.widths[0]).max(axis=0)
@@ -115,17 +115,17 @@ def test_errors_that_cancel_at_the_centres_count(order, name, error):
     assert icm.table.indicator == pytest.approx(expected / grid.widths[0], rel=0.06)
 
 
-@pytest.mark.parametrize(("order", "cells", "share"), [(1, 16, 0.05), (3, 12, 1e-3), (5, 9, 1e-4)])
+@pytest.mark.parametrize(("order", "cells", "fraction"), [(1, 16, 0.05), (3, 12, 1e-3), (5, 9, 1e-4)])
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
-def test_default_tolerance_is_a_share_of_a_cell(order, cells, share):
+def test_default_tolerance_is_a_fraction_of_a_cell(order, cells, fraction):
     grid = CellGrid((-pi,), (pi,), (cells,))
     lax, default = (interpolated_map(exact_map("circle"), grid, order, tolerance=t) for t in (COARSE, None))
     assert not lax.table.rough.any()
-    assert np.array_equal(default.table.rough, lax.table.indicator > share)
+    assert np.array_equal(default.table.rough, lax.table.indicator > fraction)
     assert 0 < default.table.rough.mean() < 1
 
 
-def test_warns_where_most_cells_are_rough():
+def test_warns_where_most_cells_are_fallback_cells():
     noise = discrete_map(lambda x, p: (sin(1e4 * x[0]),), {}, ("x",))
     with pytest.warns(UserWarning, match="too coarse or the map not smooth; take more cells"):
         interpolated_map(noise, CellGrid((-1.0,), (1.0,), (50,)))
@@ -137,7 +137,7 @@ def test_warns_where_most_cells_are_rough():
 @pytest.mark.parametrize("shape", [(1, 1), (2, 1), (1, 2), (2, 2), (3, 1)])
 def test_grids_of_very_few_cells(shape, order, outside):
     """A strict tolerance leaves them to the exact map; every image in the window is right all the same."""
-    icm = tabulated("cylinder", shape, order, outside=outside, tolerance=1e-6)
+    icm = interpolated("cylinder", shape, order, outside=outside, tolerance=1e-6)
     assert icm.table.coefficients.shape == (shape[0] + order, shape[1] + order, 2)
     centres = icm.table.grid.centres()
     assert errors_at(icm, centres).max() < 1e-6

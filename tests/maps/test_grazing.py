@@ -42,11 +42,11 @@ def test_impact_at_a_small_velocity(speed):
     depth = grazing_distance(exact, [0.0, reach])
     assert depth == pytest.approx(speed**2 / 2 / (1 + back), rel=1e-3 + 1e-13 / speed**2)
 
-    def turn(t):
+    def rotation(t):
         return np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])
 
     first = np.arctan2(1.0, speed)
-    expected = turn(2 * pi - first) @ [[-0.8, 0.0], [-1.8 / speed, -0.8]] @ turn(first)
+    expected = rotation(2 * pi - first) @ [[-0.8, 0.0], [-1.8 / speed, -0.8]] @ rotation(first)
     if speed > 1e-5:
         assert jacobian(exact, [0.0, reach]) == pytest.approx(expected, rel=1e-4, abs=1e-2)
 

@@ -77,7 +77,7 @@ def test_cells_are_in_the_order_of_their_places(grid: CellGrid, fractions: list[
 
 
 @given(st.floats(-50.0, 50.0), st.integers(-5, 5), st.integers(1, 400))
-def test_whole_turns_do_not_matter(x: float, rotations: int, cells: int) -> None:
+def test_full_rotations_do_not_matter(x: float, rotations: int, cells: int) -> None:
     # Dyadic cells and places: adding turns is exact.
     x = round(x * 64) / 64
     grid = CellGrid((-4.0,), (4.0,), (2 ** (cells % 7),), (True,))
@@ -150,7 +150,7 @@ def test_points_of_a_wrong_shape_are_refused() -> None:
             grid.locate(points)
 
 
-def test_axes_wrap_where_they_cover_one_turn() -> None:
+def test_axes_wrap_where_they_cover_one_period() -> None:
     coordinates = (angle("theta"), Coordinate("v"))
     assert CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
     assert CellGrid((0.0, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)

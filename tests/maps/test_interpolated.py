@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maps_to_interpolate import COARSE, ORDERS, SMOOTH, errors_at, exact_map, tabulated
+from maps_to_interpolate import COARSE, ORDERS, SMOOTH, errors_at, exact_map, interpolated
 
 import systems
 from cellmap import (
@@ -46,7 +46,7 @@ def test_order_of_convergence(name, order):
     coarsest = SMOOTH[name][3][order]
     levels = 2 if len(coarsest) == 4 else 3
     shapes = [tuple(n * 2**k for n in coarsest) for k in range(levels)]
-    errors = [tabulated(name, shape, order, tolerance=COARSE).error(4000).percentile_99 for shape in shapes]
+    errors = [interpolated(name, shape, order, tolerance=COARSE).error(4000).percentile_99 for shape in shapes]
     slope = -np.polyfit(range(levels), np.log2(errors), 1)[0]
     assert errors[-1] > 1e-13, "the finest table is at the limit of rounding, where no order can be seen"
     assert slope == pytest.approx(order + 1, abs=0.35)
@@ -62,7 +62,7 @@ def test_pendulum_converges_with_order_six(pendulum):
 
 def test_four_dimensional_table_is_accurate():
     """Order 5 on 20 x 20 x 2 x 2 cells: (h^6 / 720) max |f''''''| of the sines, with h = pi/10, is 3e-7."""
-    icm = tabulated("coupled standard maps", (20, 20, 2, 2))
+    icm = interpolated("coupled standard maps", (20, 20, 2, 2))
     assert icm.error(4000).largest < 3e-7
     assert not icm.table.rough.any()
 
@@ -83,12 +83,12 @@ def test_ends_of_an_interval_are_as_accurate_as_its_middle(order):
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("lower", [-pi, 0.0, 1.0, -2.5])
-def test_seam_is_as_accurate_as_the_rest_of_the_circle(order, lower):
+def test_branch_cut_is_as_accurate_as_the_rest_of_the_circle(order, lower):
     exact = discrete_map(lambda x, p: (x[0] + 2.0 + sin(12 * x[0]),), {}, (angle("a"),))
     icm = interpolated_map(exact, CellGrid((lower,), (lower + 2 * pi,), (240,)), order, tolerance=COARSE)
     everywhere = errors_at(icm, np.linspace(-pi, pi, 20_001)[:, None])
-    for seam in (-pi, lower):
-        near = np.linspace(seam - 0.05, seam + 0.05, 801)[:, None]
+    for cut in (-pi, lower):
+        near = np.linspace(cut - 0.05, cut + 0.05, 801)[:, None]
         assert errors_at(icm, near).max() <= 1.01 * everywhere.max()
 
 
@@ -113,11 +113,11 @@ def test_partial_arc_of_an_angle(arc):
 def test_angles_wrap_whatever_the_cut_of_the_grid(lower, theta, v, rotations):
     icm = _cylinder_from(lower)
     image = icm.iterate([theta, v], 1)
-    turned = icm.iterate([theta + 2 * pi * rotations, v], 1)
+    rotated = icm.iterate([theta + 2 * pi * rotations, v], 1)
     exact = icm.exact.iterate([theta, v], 1)
     assert -pi <= image.points[0] < pi
     # At the cut of the angle two images may lie at both of its sides.
-    for other in (turned, exact):
+    for other in (rotated, exact):
         shift = (image.points[0] - other.points[0] + pi) % (2 * pi) - pi
         assert shift == pytest.approx(0.0, abs=1e-7)
         assert image.points[1] == pytest.approx(other.points[1], abs=1e-7)
@@ -135,7 +135,7 @@ def _cylinder_from(lower: float) -> PointMap:
     return _CYLINDERS[place]
 
 
-def test_turns_are_counted():
+def test_rotations_are_counted():
     exact = discrete_map(lambda x, p: (x[0] + 2 * pi * p.rate + 0.1 * sin(x[0]),), {"rate": 2.6}, (angle("a"),))
     icm = interpolated_map(exact, CellGrid((-pi,), (pi,), (64,)))
     initial_conditions = np.linspace(-3, 3, 41)[:, None]
@@ -159,7 +159,7 @@ def test_orbits_that_leave_have_escaped_for_ever():
 
 
 def test_iterating_at_once_and_step_by_step_escape_alike():
-    icm = tabulated("cylinder", (32, 16), outside="escape")
+    icm = interpolated("cylinder", (32, 16), outside="escape")
     initial_conditions = np.random.default_rng(2).uniform([-pi, -1], [pi, 1], (300, 2))
     at_once, orbit = icm.iterate(initial_conditions, 12), icm.orbit(initial_conditions, 12)
     assert 0 < np.count_nonzero(at_once.status == Status.ESCAPED) < 300
@@ -171,7 +171,7 @@ def test_iterating_at_once_and_step_by_step_escape_alike():
 def test_the_exact_map_carries_orbits_outside(name):
     lower, upper = map(np.array, SMOOTH[name][2])
     shape = tuple(2 * n for n in SMOOTH[name][3][5])
-    icm = tabulated(name, shape, outside="integrate")
+    icm = interpolated(name, shape, outside="integrate")
     middle, half = (lower + upper) / 2, (upper - lower) / 2
     initial_conditions = middle + half * np.random.default_rng(3).uniform(-3.0, 3.0, (200, len(half)))
     exact = icm.exact.iterate(initial_conditions, 4)
@@ -228,7 +228,7 @@ def test_error_is_reproducible(pendulum_table):
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_error_counts_the_points_that_have_an_image():
-    icm = tabulated("line", (100,), outside="escape")
+    icm = interpolated("line", (100,), outside="escape")
     assert icm.error(1000).points == 1000
     exact = discrete_map(lambda x, p: (sqrt(x[0]),), {}, ("x",))
     half = interpolated_map(exact, CellGrid((-1.0,), (1.5,), (100,)))
@@ -293,10 +293,10 @@ def test_map_describes_itself(pendulum, pendulum_table):
 def test_memory_is_what_was_stated(order):
     """At most three tables, and beside them a few slices of 8192 orbits for each thread."""
     set_threads(1)
-    tabulated("cylinder", (4, 4), order, tolerance=COARSE)  # compile
+    interpolated("cylinder", (4, 4), order, tolerance=COARSE)  # compile
     tracemalloc.start()
     try:
-        icm = tabulated("cylinder", (1200, 800), order)
+        icm = interpolated("cylinder", (1200, 800), order)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -27,7 +27,7 @@ def pendulum_table(pendulum) -> PointMap:
 
 
 GRID = CellGrid((-pi, -100.0), (pi, 100.0), (16, 16))
-TURN_AND_A_HALF = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
+ONE_AND_A_HALF_PERIODS = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ TURN_AND_A_HALF = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
         ((GRID, 5, "escape", "small"), TypeError, "tolerance='small'"),
         ((CellGrid((0.0,), (1.0,), (8,)),), ValueError, "grid has 1 axes and the system 2 coordinates"),
         ((CellGrid((0.0,) * 3, (1.0,) * 3, (8,) * 3),), ValueError, "grid has 3 axes and the system 2 coordinates"),
-        ((TURN_AND_A_HALF,), ValueError, "more than one period"),
+        ((ONE_AND_A_HALF_PERIODS,), ValueError, "more than one period"),
         (((16, 16),), TypeError, "give a CellGrid"),
         ((None,), TypeError, "give a CellGrid"),
     ],
@@ -85,6 +85,6 @@ def test_windows_that_are_none(lower, upper, shape, message):
 
 
 @pytest.mark.parametrize("points", [[np.nan, 0.0], [0.0, np.inf], [1.0], [[1.0, 2.0, 3.0]], "ab"], ids=repr)
-def test_starts_that_are_none(pendulum_table, points):
+def test_initial_conditions_that_are_none(pendulum_table, points):
     with pytest.raises((ValueError, TypeError), match="points"):
         pendulum_table(points)

@@ -70,14 +70,14 @@ def test_the_matrix_of_a_linear_system() -> None:
 def test_the_derivative_is_that_of_the_images(problems: Mapping[str, ForcedSystem]) -> None:
     for name in ("vertically driven", "double pendulum"):
         strobe = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12)
-        start = np.full(strobe.dimension, 0.4)
+        ic = np.full(strobe.dimension, 0.4)
         h = 1e-3
         columns = []
         for j in range(strobe.dimension):
-            moved = start + h * np.arange(-2, 3)[:, None] * np.eye(strobe.dimension)[j]
+            moved = ic + h * np.arange(-2, 3)[:, None] * np.eye(strobe.dimension)[j]
             images = strobe.iterate(moved, 2).unwrapped
             columns.append((images[0] - 8.0 * images[1] + 8.0 * images[3] - images[4]) / (12.0 * h))
-        assert jacobian(strobe, start, periods=2) == pytest.approx(np.stack(columns, axis=-1), rel=1e-6, abs=1e-7)
+        assert jacobian(strobe, ic, periods=2) == pytest.approx(np.stack(columns, axis=-1), rel=1e-6, abs=1e-7)
 
 
 def test_a_right_hand_side_that_cannot_be_traced(problems: Mapping[str, ForcedSystem]) -> None:

@@ -42,7 +42,7 @@ TABLES = {
 }
 
 
-def tabulated(name: str, order: int, tolerance: float = 1e6) -> PointMap:
+def interpolated(name: str, order: int, tolerance: float = 1e6) -> PointMap:
     function, coordinates, grid = TABLES[name]
     return interpolated_map(discrete_map(function, {}, coordinates), grid, order, tolerance=tolerance)
 
@@ -68,7 +68,7 @@ def test_basis_adds_up_to_one(order):
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", TABLES)
 def test_look_up_equals_scipys_tensor_spline(name, order):
-    icm = tabulated(name, order)
+    icm = interpolated(name, order)
     table = icm.table
     points = places_in(table.grid)
     knots = tuple(
@@ -84,7 +84,7 @@ def test_look_up_equals_scipys_tensor_spline(name, order):
 def test_periodic_table_equals_ndimage(name, order):
     function, coordinates, grid = TABLES[name]
     exact = discrete_map(function, {}, coordinates)
-    icm = tabulated(name, order)
+    icm = interpolated(name, order)
     nodes = np.stack(np.meshgrid(*(grid.edges(j)[:-1] for j in range(grid.dimension)), indexing="ij"), axis=-1)
     moved = exact.iterate(nodes, 1).unwrapped - nodes
     points = places_in(grid)
@@ -98,7 +98,7 @@ def test_periodic_table_equals_ndimage(name, order):
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", TABLES)
 def test_nodes_have_their_exact_images(name, order):
-    icm = tabulated(name, order)
+    icm = interpolated(name, order)
     grid = icm.table.grid
     corners = [grid.edges(j)[:-1] if grid.wraps[j] else grid.edges(j) for j in range(grid.dimension)]
     nodes = np.stack(np.meshgrid(*corners, indexing="ij"), axis=-1).reshape(-1, grid.dimension)
@@ -107,7 +107,7 @@ def test_nodes_have_their_exact_images(name, order):
 
 @pytest.mark.parametrize("count", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
 def test_image_does_not_depend_on_the_neighbours(count):
-    icm = tabulated("cylinder", 5)
+    icm = interpolated("cylinder", 5)
     points = places_in(icm.table.grid, count)
     together = icm.iterate(points, 3)
     for i in {0, count // 2, count - 1}:
@@ -153,7 +153,7 @@ def test_a_row_that_stops_leaves_its_lane_to_another():
 STEPS = np.array([1e-6, 1e-3, 1.0])  # what the maps over 1, 2 and 4 periods add here, to distinguish them
 
 
-def leaps_made(periods: int, reach: int) -> list[int]:
+def steps_made(periods: int, reach: int) -> list[int]:
     """Count the look-ups in each of three tables that a row makes where its cell allows `reach` of them."""
     table = np.concatenate([*(np.full(1001, step) for step in STEPS), np.zeros(WIDTH)])
     points, rotations, left = np.zeros((1, 1)), np.zeros((1, 1), np.int64), np.array([periods])
@@ -167,10 +167,10 @@ def leaps_made(periods: int, reach: int) -> list[int]:
 
 
 @pytest.mark.parametrize("periods", range(12))
-def test_a_row_takes_the_longest_leap_that_its_cell_and_its_periods_allow(periods):
-    assert leaps_made(periods, 1) == [periods, 0, 0]
-    assert leaps_made(periods, 2) == [periods % 2, periods // 2, 0]
-    assert leaps_made(periods, 3) == [periods % 2, periods % 4 // 2, periods // 4]
+def test_a_row_takes_the_longest_step_that_its_cell_and_its_periods_allow(periods):
+    assert steps_made(periods, 1) == [periods, 0, 0]
+    assert steps_made(periods, 2) == [periods % 2, periods // 2, 0]
+    assert steps_made(periods, 3) == [periods % 2, periods % 4 // 2, periods // 4]
 
 
 # --- the compiled kernel
@@ -186,7 +186,7 @@ def assembly_of(order: int) -> str:
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_places_turns_and_sums_are_vector_code(order):
+def test_places_rotations_and_sums_are_vector_code(order):
     """Two floors bring places into the circle, two find cells and two rotations; each row takes so many products."""
     assembly = assembly_of(order)
     assert len(PACKED_FLOOR.findall(assembly)) >= 6

@@ -38,8 +38,8 @@ def test_what_is_called_met_is_met(rhs, tolerance):
     images = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), initial_conditions, 1)
     met = images.status == Status.OK
     assert met.sum() >= 10
-    for start, image in zip(initial_conditions[met], images.points[met], strict=True):
-        done = solve_ivp(system.fun, (0, PERIOD), start, method="DOP853", rtol=3e-14, atol=1e-14, max_step=PERIOD / 500)
+    for ic, image in zip(initial_conditions[met], images.points[met], strict=True):
+        done = solve_ivp(system.fun, (0, PERIOD), ic, method="DOP853", rtol=3e-14, atol=1e-14, max_step=PERIOD / 500)
         exact = done.y[:, -1]
         assert (np.abs(image - exact) <= 4.0 * tolerance * (1.0 + np.abs(exact))).all()
 

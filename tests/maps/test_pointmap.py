@@ -81,7 +81,7 @@ def test_no_period_wraps_and_nothing_else(rotation: PointMap) -> None:
     assert not images.rotations.any()
 
 
-def test_turns_are_counted_from_the_start(rotation: PointMap) -> None:
+def test_rotations_are_counted_from_the_initial_condition(rotation: PointMap) -> None:
     # Dyadic numbers: every sum is exact.
     initial_conditions = [[0.25, 3.5], [0.25, -2.75], [7.25, 0.125], [0.0, 0.0]]
     images = rotation.iterate(initial_conditions, 10)
@@ -89,9 +89,9 @@ def test_turns_are_counted_from_the_start(rotation: PointMap) -> None:
     assert images.rotations.tolist() == [[35, 0], [-28, 0], [1, 0], [0, 0]]
 
 
-def test_whole_turns_of_a_start_do_not_matter(pendulum: PointMap) -> None:
-    start = np.array([1.0, 0.5])
-    images = pendulum.iterate(start + 2 * np.pi * np.array([[0, 0], [1, 0], [-3, 0]]), 3)
+def test_full_rotations_of_an_initial_condition_do_not_matter(pendulum: PointMap) -> None:
+    ic = np.array([1.0, 0.5])
+    images = pendulum.iterate(ic + 2 * np.pi * np.array([[0, 0], [1, 0], [-3, 0]]), 3)
     assert images.points == pytest.approx(np.broadcast_to(images.points[0], (3, 2)), abs=1e-9)
     assert np.ptp(images.rotations, axis=0).tolist() == [0, 0]
 

@@ -25,7 +25,7 @@ from cellmap.sets import simple_cell_mapping
 
 PENDULUM = systems.driven_pendulum()
 WINDOW = CellGrid((-pi, -300.0), (pi, 300.0), (48, 40))
-STARTS = np.random.default_rng(0).uniform([-pi, -300.0], [pi, 300.0], (200, 2))
+INITIAL_CONDITIONS = np.random.default_rng(0).uniform([-pi, -300.0], [pi, 300.0], (200, 2))
 
 
 def strobe(**options):
@@ -55,7 +55,7 @@ def test_map_from_its_recipe_has_the_same_bits(name):
     original = make()
     recipe = json.loads(json.dumps(original.recipe))  # as it comes from a file
     again = rebuild_map(source, recipe)
-    initial_conditions = STARTS * ([1.0, 1.0] if source is PENDULUM else [0.3, 0.003])
+    initial_conditions = INITIAL_CONDITIONS * ([1.0, 1.0] if source is PENDULUM else [0.3, 0.003])
     ours, theirs = again.iterate(initial_conditions, 3), original.iterate(initial_conditions, 3)
     assert np.array_equal(ours.points, theirs.points, equal_nan=True)
     assert np.array_equal(ours.rotations, theirs.rotations)
@@ -101,7 +101,7 @@ def test_period_that_follows_a_parameter():
 
 
 def test_other_parameters_are_refused(tmp_path):
-    basins = find_basins(strobe(), STARTS[:5])
+    basins = find_basins(strobe(), INITIAL_CONDITIONS[:5])
     with pytest.raises(ValueError, match=r"source has params .*0\.004.* and the basins .*0\.003"):
         recompute_basins(basins, systems.driven_pendulum(amplitude=0.004))
 
@@ -113,7 +113,7 @@ def test_other_period_is_refused():
 
 def test_other_coordinates_are_refused():
     """The same parameters, but an angle that is none, or another dimension."""
-    basins = find_basins(strobe(), STARTS[:5])
+    basins = find_basins(strobe(), INITIAL_CONDITIONS[:5])
     line = ForcedSystem(PENDULUM.rhs, PENDULUM.params, PENDULUM.period, ("theta", "theta'"))
     with pytest.raises(ValueError, match="coordinates"):
         recompute_basins(basins, line)

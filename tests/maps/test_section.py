@@ -31,12 +31,12 @@ SPIRAL = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}
 TORQUE = ForcedSystem(
     lambda t, x, p: (x[1], p.torque - sin(x[0]) - 0.2 * x[1]), {"torque": 1.5}, 2.0, (angle("theta"), "v")
 )
-TURNING = ForcedSystem(lambda t, x, p: (p.w, sin(x[0]) - x[1]), {"w": 1.0}, 2.0, (angle("theta"), "v"))
+ROTATING = ForcedSystem(lambda t, x, p: (p.w, sin(x[0]) - x[1]), {"w": 1.0}, 2.0, (angle("theta"), "v"))
 PENDULUM = ForcedSystem(lambda t, x, p: (x[1], -sin(x[0]) - p.d * x[1]), {"d": 0.02}, 2.0, (angle("theta"), "v"))
 CENTRED = ForcedSystem(lambda t, x, p: (x[1], p.c - x[0] - 0.4 * x[1]), {"c": 0.0}, 6.0, ("q", "v"))
 
 
-def by_events(system, place, value, direction, start, time=60.0):
+def by_events(system, place, value, direction, ic, time=60.0):
     """First crossing after the start."""
 
     def event(t, y):
@@ -44,7 +44,7 @@ def by_events(system, place, value, direction, start, time=60.0):
 
     settings = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853", "max_step": 0.05}
     event.direction = direction
-    done = solve_ivp(system.fun, (0.0, time), start, events=event, **settings)
+    done = solve_ivp(system.fun, (0.0, time), ic, events=event, **settings)
     late = done.t_events[0] > 1e-9
     return done.t_events[0][late][0], done.y_events[0][late][0]
 
@@ -63,8 +63,8 @@ def test_returns_are_those_of_an_event_finder(system, section, initial_condition
     place = [c.name for c in system.axes].index(section[0])
     returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(initial_conditions)
     loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(initial_conditions)
-    for k, start in enumerate(initial_conditions):
-        time, state = by_events(system, place, section[1], section[2], np.insert(start, place, section[1]))
+    for k, ic in enumerate(initial_conditions):
+        time, state = by_events(system, place, section[1], section[2], np.insert(ic, place, section[1]))
         assert returns.times[k] == pytest.approx(time, abs=1e-10)
         np.testing.assert_allclose(returns.points[k], np.delete(state, place), atol=1e-9)
         np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
@@ -89,7 +89,7 @@ def test_damped_oscillator_in_closed_form(direction):
         np.testing.assert_allclose(half.points, initial_conditions * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
-def test_rotation_crosses_the_section_of_an_angle_in_every_turn():
+def test_rotation_crosses_the_section_of_an_angle_in_every_period():
     """A pendulum that a torque drives round and round: from theta = 1 to theta = 1 + 2 pi."""
     back = section_map(TORQUE, ("theta", 1.0, 1), rtol=1e-11, atol=1e-11)
     returns = back.returns([[3.0], [7.0]])
@@ -109,7 +109,7 @@ def test_an_angle_that_only_grows_never_falls_through_its_section(value):
     """theta' = w: a rotation takes 2 pi / w, in the direction of w alone."""
     for w in (1.0, -1.0):
         for direction in (-1, 0, 1):
-            back = section_map(TURNING.with_params(w=w), ("theta", value, direction), max_time=20.0)
+            back = section_map(ROTATING.with_params(w=w), ("theta", value, direction), max_time=20.0)
             time = back.returns([[0.3]]).times[0]
             assert np.isnan(time) if direction == -w else time == pytest.approx(2 * pi, rel=1e-12)
 
@@ -159,8 +159,8 @@ def test_maps_travel_and_are_made_again(tmp_path):
     same = pickle.loads(pickle.dumps(back))
     np.testing.assert_array_equal(same(initial_conditions), back(initial_conditions))
     np.testing.assert_array_equal(same.returns(initial_conditions).times, back.returns(initial_conditions).times)
-    turning = section_map(TORQUE, ("theta", 1.0, 1))
-    basins = find_basins(turning, CellGrid((3.0,), (9.0,), (10,)))
+    rotating = section_map(TORQUE, ("theta", 1.0, 1))
+    basins = find_basins(rotating, CellGrid((3.0,), (9.0,), (10,)))
     again = recompute_basins(load_basins(save_basins(basins, tmp_path / "turning.h5")), TORQUE)
     np.testing.assert_array_equal(again.labels, basins.labels)
 
@@ -182,8 +182,8 @@ def test_orbits_that_do_not_return_say_so():
 def test_derivatives_are_those_of_differences():
     back = section_map(LORENZ, ("z", 27.0, -1), rtol=1e-13, atol=1e-13)
     initial_conditions = np.array([[6.0, 2.0], [-10.0, -12.0]])
-    for start, matrix in zip(initial_conditions, jacobian(back, initial_conditions), strict=True):
-        columns = [(back(start + 1e-5 * e) - back(start - 1e-5 * e)) / 2e-5 for e in np.eye(2)]
+    for ic, matrix in zip(initial_conditions, jacobian(back, initial_conditions), strict=True):
+        columns = [(back(ic + 1e-5 * e) - back(ic - 1e-5 * e)) / 2e-5 for e in np.eye(2)]
         np.testing.assert_allclose(matrix, np.stack(columns, axis=-1), atol=1e-8)
 
 
@@ -197,11 +197,11 @@ def test_image_does_not_depend_on_its_neighbours():
 
 def test_fixed_time_map_is_the_flow():
     pendulum = magnetic_pendulum()
-    start = np.array([[0.4, 0.3, 0.0, 0.1]])
-    done = solve_ivp(pendulum.fun, (0.0, 2.5), start[0], method="DOP853", rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(flow_map(pendulum, 2.5)(start)[0], done.y[:, -1], atol=1e-8)
+    ic = np.array([[0.4, 0.3, 0.0, 0.1]])
+    done = solve_ivp(pendulum.fun, (0.0, 2.5), ic[0], method="DOP853", rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(flow_map(pendulum, 2.5)(ic)[0], done.y[:, -1], atol=1e-8)
     half = flow_map(pendulum, 1.25, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(half(half(start)), flow_map(pendulum, 2.5, 1e-12, 1e-12)(start), atol=1e-10)
+    np.testing.assert_allclose(half(half(ic)), flow_map(pendulum, 2.5, 1e-12, 1e-12)(ic), atol=1e-10)
 
 
 def test_right_hand_sides_that_jump_have_no_section():

@@ -67,27 +67,27 @@ def decay(t: float, x: Any, p: Any) -> tuple[float, ...]:
     return x[1], -x[0] - p.rate * x[1] + 0.1 * cos(t)
 
 
-def turning(x: Any, p: Any) -> tuple[float, float]:
+def rotating(x: Any, p: Any) -> tuple[float, float]:
     return x[0] + 1.0 + p.k * sin(x[0]), 0.5 * x[1] + 0.1 * cos(x[0])
 
 
 SYSTEM = ForcedSystem(decay, {"rate": 0.3}, 2 * pi, ("q", "v"))
 FREE = ForcedSystem(lambda t, x, p: (x[1], -x[0] - p.rate * x[1]), {"rate": 0.3}, 6.0, ("q", "v"))
-TURNING = discrete_map(turning, {"k": 0.2}, (angle("a"), "y"))
+ROTATING = discrete_map(rotating, {"k": 0.2}, (angle("a"), "y"))
 GRID = CellGrid((-pi, -1.0), (pi, 1.0), (16, 8))
 CASES = {
     "stroboscopic": (SYSTEM, lambda: stroboscopic_map(SYSTEM, rtol=1e-6)),
     "inverse": (SYSTEM, lambda: inverse_stroboscopic_map(SYSTEM, phase=0.25)),
     "section": (FREE, lambda: section_map(FREE, ("q", 0.0, 1), rtol=1e-7)),
-    "discrete": (TURNING, lambda: TURNING),
-    "interpolated": (TURNING, lambda: interpolated_map(TURNING, GRID, order=3, tolerance=1.0, max_step=2)),
+    "discrete": (ROTATING, lambda: ROTATING),
+    "interpolated": (ROTATING, lambda: interpolated_map(ROTATING, GRID, order=3, tolerance=1.0, max_step=2)),
     "swept": (SYSTEM, lambda: swept_map(stroboscopic_map(SYSTEM, rtol=1e-6), "rate")),
 }
-STARTS = np.random.default_rng(1).uniform(0.2, 0.9, (20, 3))
+INITIAL_CONDITIONS = np.random.default_rng(1).uniform(0.2, 0.9, (20, 3))
 
 
 def bits(point_map: PointMap) -> bytes:
-    return point_map.iterate(STARTS[:, : point_map.dimension], 2).points.tobytes()
+    return point_map.iterate(INITIAL_CONDITIONS[:, : point_map.dimension], 2).points.tobytes()
 
 
 @pytest.mark.parametrize("kind", CASES)
@@ -121,7 +121,7 @@ def test_parameters_of_every_kind_can_be_changed(kind: str) -> None:
 def test_an_inverse_map_is_not_rebuilt_as_its_forward_map() -> None:
     forward, inverse = CASES["stroboscopic"][1](), inverse_stroboscopic_map(SYSTEM)
     again = rebuild_map(SYSTEM, inverse.recipe)
-    assert again(forward(STARTS[:, :2])) == pytest.approx(STARTS[:, :2], abs=1e-5)
+    assert again(forward(INITIAL_CONDITIONS[:, :2])) == pytest.approx(INITIAL_CONDITIONS[:, :2], abs=1e-5)
 
 
 # --- a kind of map of a user's own
@@ -152,7 +152,7 @@ def test_a_file_that_lacks_a_field_takes_that_of_the_source(valley: PointMap) ->
     recipe = {"kind": Valley.kind, "width": 1.0}
     assert rebuild_map(valley, recipe)([0.5]) == 0.75
     with pytest.raises(ValueError, match=r"cannot be rebuilt from .*: give its system, or a map of the same kind"):
-        rebuild_map(TURNING, recipe)
+        rebuild_map(ROTATING, recipe)
 
 
 def test_kinds_have_names_of_their_own() -> None:
@@ -198,7 +198,7 @@ def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCapture
     assert repr(flow).endswith(
         "formulas unknown, they give other values than the function: it catches exceptions, or asks for types)"
     )
-    assert "unknown" not in repr(TURNING)
+    assert "unknown" not in repr(ROTATING)
     assert stroboscopic_map(SYSTEM).unknown_formulas == ""
 
 
@@ -218,11 +218,11 @@ def test_switches_that_cannot_be_traced_say_why() -> None:
 def test_tables_with_foreign_memory_behind_them_are_evaluated_alike(dimension: int) -> None:
     from cellmap.maps.interpolation.look_ups import LookUps
 
-    exact = TURNING if dimension == 2 else Valley({"pull": 0.5}).build()
+    exact = ROTATING if dimension == 2 else Valley({"pull": 0.5}).build()
     grid = GRID if dimension == 2 else CellGrid((-2.0,), (2.0,), (10,))
     table = interpolated_map(exact, grid, order=5, tolerance=10.0).table
     assert table is not None
-    expected = Orbits.starting(STARTS[:, :dimension].copy())
+    expected = Orbits.starting(INITIAL_CONDITIONS[:, :dimension].copy())
     LookUps(exact, [table], "integrate")(expected, 1)
     size, shape = table.coefficients.size, table.coefficients.shape
     foreign = np.full(size + 64, np.nan)
@@ -230,6 +230,6 @@ def test_tables_with_foreign_memory_behind_them_are_evaluated_alike(dimension: i
     wider = np.full((*shape[:-1], dimension + 1), np.nan)
     wider[..., :dimension] = table.coefficients
     for coefficients in (foreign[:size].reshape(shape), table.coefficients.copy(), wider[..., :dimension]):
-        orbits = Orbits.starting(STARTS[:, :dimension].copy())
+        orbits = Orbits.starting(INITIAL_CONDITIONS[:, :dimension].copy())
         LookUps(exact, [replace(table, coefficients=coefficients)], "integrate")(orbits, 1)
         assert orbits.points.tobytes() == expected.points.tobytes()

@@ -29,7 +29,7 @@ SPANS: dict[str, tuple[float, ...]] = {
 ImagesOf = Callable[..., NDArray[np.float64]]
 
 
-def starts_of(name: str, count: int, seed: int = 0) -> NDArray[np.float64]:
+def initial_conditions_of(name: str, count: int, seed: int = 0) -> NDArray[np.float64]:
     span = SPANS[name]
     return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(span))) * span
 
@@ -77,27 +77,27 @@ def tight_images(problems: Mapping[str, ForcedSystem]) -> ImagesOf:
     @functools.cache
     def images(name: str) -> NDArray[np.float64]:
         strobe = stroboscopic_map(problems[name], rtol=1e-13, atol=1e-13, method="DOP853")
-        return strobe.iterate(starts_of(name, RANDOM), 1).unwrapped
+        return strobe.iterate(initial_conditions_of(name, RANDOM), 1).unwrapped
 
     return images
 
 
 @pytest.mark.parametrize("method", ["auto", "DOP853"])
 @pytest.mark.parametrize("name", SPANS)
-def test_the_default_tolerance_is_met_at_random_starts(
+def test_the_default_tolerance_is_met_at_random_initial_conditions(
     problems: Mapping[str, ForcedSystem], allowance: ImagesOf, tight_images: ImagesOf, name: str, method: str
 ) -> None:
-    system, initial_conditions = problems[name], starts_of(name, RANDOM)
+    system, initial_conditions = problems[name], initial_conditions_of(name, RANDOM)
     exact = tight_images(name)
     images = stroboscopic_map(system, method=method).iterate(initial_conditions, 1).unwrapped
     assert (np.abs(images - exact) <= allowance(system, exact, 1e-9, 1e-9)).all()
 
 
 @pytest.mark.parametrize("name", ["pendulum, 10 mm", "vertically driven", "Duffing"])
-def test_taylor_meets_a_loose_tolerance_at_random_starts(
+def test_taylor_meets_a_loose_tolerance_at_random_initial_conditions(
     problems: Mapping[str, ForcedSystem], allowance: ImagesOf, tight_images: ImagesOf, name: str
 ) -> None:
-    system, initial_conditions = problems[name], starts_of(name, RANDOM)
+    system, initial_conditions = problems[name], initial_conditions_of(name, RANDOM)
     exact = tight_images(name)
     strobe = stroboscopic_map(system, rtol=1e-6, atol=1e-6, method="Taylor")
     error = np.abs(strobe.iterate(initial_conditions, 1).unwrapped - exact)
@@ -117,16 +117,18 @@ def test_loose_tolerances_are_met(
     tolerance: float,
 ) -> None:
     """The flow stretches the errors of large steps most; the margin under the tolerance makes up for it."""
-    system, initial_conditions = problems[name], starts_of(name, RANDOM)[:5_000]
+    system, initial_conditions = problems[name], initial_conditions_of(name, RANDOM)[:5_000]
     exact = tight_images(name)[:5_000]
     strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method)
     error = np.abs(strobe.iterate(initial_conditions, 1).unwrapped - exact)
     assert (error <= allowance(system, exact, tolerance, tolerance)).all()
 
 
-def test_agreement_with_scipy_at_random_starts(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
+def test_agreement_with_scipy_at_random_initial_conditions(
+    problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf
+) -> None:
     for name, span in SPANS.items():
-        initial_conditions = starts_of(name, 8, seed=7)
+        initial_conditions = initial_conditions_of(name, 8, seed=7)
         exact = scipy_images(problems[name], initial_conditions)
         images = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1).unwrapped
         assert np.abs(images - exact).max() <= 1e-9 * max(span)
@@ -136,12 +138,12 @@ def test_agreement_with_heyoka(problems: Mapping[str, ForcedSystem]) -> None:
     hy = pytest.importorskip("heyoka")
     theta, v = hy.make_vars("theta", "v")
     equations = [(theta, v), (v, -0.08 * v - (0.1 + 0.545 * hy.cos(hy.time)) * hy.sin(theta))]
-    initial_conditions = starts_of("vertically driven", 50, seed=3)
+    initial_conditions = initial_conditions_of("vertically driven", 50, seed=3)
     integrator = hy.taylor_adaptive(equations, [0.0, 0.0], tol=1e-16)
     exact = []
-    for start in initial_conditions:
+    for ic in initial_conditions:
         integrator.time = 0.0
-        integrator.state[:] = start
+        integrator.state[:] = ic
         integrator.propagate_until(2 * pi)
         exact.append(integrator.state.copy())
     strobe = stroboscopic_map(problems["vertically driven"], rtol=1e-12, atol=1e-12)
@@ -174,7 +176,7 @@ def test_the_section_lies_at_the_phase(
     problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf, phase: float
 ) -> None:
     for name in ("Duffing", "pendulum, 3 mm"):
-        initial_conditions = starts_of(name, 4, seed=5)
+        initial_conditions = initial_conditions_of(name, 4, seed=5)
         images = stroboscopic_map(problems[name], phase=phase).iterate(initial_conditions, 1).unwrapped
         exact = scipy_images(problems[name], initial_conditions, phase=phase)
         assert images == pytest.approx(exact, rel=1e-8, abs=1e-8)
@@ -182,13 +184,13 @@ def test_the_section_lies_at_the_phase(
 
 def test_maps_at_two_phases_are_conjugate(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
     system = problems["Duffing"]
-    initial_conditions = starts_of("Duffing", 4, seed=6)
+    initial_conditions = initial_conditions_of("Duffing", 4, seed=6)
     through = stroboscopic_map(system, phase=0.3)(scipy_images(system, initial_conditions, periods=0.3))
     back = scipy_images(system, through, phase=0.3, periods=0.7)
     assert back == pytest.approx(stroboscopic_map(system).iterate(initial_conditions, 2).points, abs=1e-6)
 
 
-def test_whole_turns_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
+def test_full_rotations_of_a_fast_rotation(problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf) -> None:
     """Up to 3000 rad a period and 40 periods; the angle returned stays wrapped."""
     system = problems["forced pendulum"]
     initial_conditions = np.array([[0.0, 500.0], [2.0, -333.0], [3.1, 41.0], [-3.1, 0.1]])
@@ -225,7 +227,7 @@ def test_an_image_does_not_depend_on_its_neighbours(
 ) -> None:
     """Bit by bit: order, number and kind of the other orbits, and the number of threads."""
     strobe = stroboscopic_map(problems[name], method=method)
-    initial_conditions = starts_of(name, CHUNK + 777)
+    initial_conditions = initial_conditions_of(name, CHUNK + 777)
     set_threads(1)
     images = strobe.iterate(initial_conditions, 2).points
     set_threads(None)
@@ -240,8 +242,8 @@ def test_an_image_does_not_depend_on_its_neighbours(
         assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)
 
 
-def test_repeated_starts_have_one_image(problems: Mapping[str, ForcedSystem]) -> None:
-    initial_conditions = np.repeat(starts_of("Duffing", 1), 1000, axis=0)
+def test_repeated_initial_conditions_have_one_image(problems: Mapping[str, ForcedSystem]) -> None:
+    initial_conditions = np.repeat(initial_conditions_of("Duffing", 1), 1000, axis=0)
     images = stroboscopic_map(problems["Duffing"])(initial_conditions)
     assert (images == images[0]).all()
 

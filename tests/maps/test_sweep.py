@@ -93,7 +93,7 @@ def test_a_table_gives_the_exact_map(pendulum: PointMap) -> None:
     assert other.recipe["shape"] == table.recipe["shape"]
 
 
-def test_turns_are_counted() -> None:
+def test_rotations_are_counted() -> None:
     circle = discrete_map(lambda x, p: (x[0] + p.shift,), {"shift": 1.0}, (angle("theta"),))
     np.testing.assert_array_equal(swept_map(circle, "shift").iterate([[0.0, 7.0]], 3).rotations, [[3, 0]])
 

@@ -18,12 +18,12 @@ from discontinuous_systems import (
     Oracle,
     curved,
     differences,
+    initial_conditions_of,
     masses_at,
     relay,
     relay_at,
     rubbed,
     speed,
-    starts_of,
     table,
 )
 
@@ -50,11 +50,11 @@ from systems import (
 )
 def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Callable[..., Array]) -> None:
     make, span = EVERY_CASE[name]
-    system, initial_conditions = make(), starts_of(span, 12)
+    system, initial_conditions = make(), initial_conditions_of(span, 12)
     oracle = Oracle(system)
     images = stroboscopic_map(system, rtol=tolerance, atol=tolerance).iterate(initial_conditions, 1)
     assert (images.status == Status.OK).all()
-    exact = np.array([oracle.image(start) for start in initial_conditions])
+    exact = np.array([oracle.image(ic) for ic in initial_conditions])
     floor = 1e-11 * np.abs(exact).max()
     assert (np.abs(images.unwrapped - exact) <= floor + allowance(system, exact, tolerance, tolerance)).all()
 
@@ -63,17 +63,17 @@ def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Ca
 def test_derivatives_agree_with_the_oracle(name: str) -> None:
     """Saltation at crossings, loss of rank where sliding begins, none where it ends."""
     make, span = EVERY_CASE[name]
-    system, initial_conditions = make(), starts_of(span, 2 if name in AT_ONCE else 6)
+    system, initial_conditions = make(), initial_conditions_of(span, 2 if name in AT_ONCE else 6)
     scale = np.array(span)
     matrices = jacobian(stroboscopic_map(system), initial_conditions) * (scale[None, :] / scale[:, None])
-    for start, matrix in zip(initial_conditions, matrices, strict=True):
-        expected = differences(Oracle(system), start, scale)
+    for ic, matrix in zip(initial_conditions, matrices, strict=True):
+        expected = differences(Oracle(system), ic, scale)
         assert matrix == pytest.approx(expected, abs=1e-9 + 1e-6 * np.abs(expected).max())
 
 
 def test_sections_at_negative_times_are_those_a_period_later() -> None:
     make, span = CASES["weak dry friction"]
-    system, initial_conditions = make(), starts_of(span, 64)
+    system, initial_conditions = make(), initial_conditions_of(span, 64)
     before, after = (
         stroboscopic_map(system, phase=phase).iterate(initial_conditions, 1).unwrapped for phase in (-1.3, 0.7)
     )
@@ -86,8 +86,8 @@ def test_the_cases_see_every_mode() -> None:
     every = set(itertools.product((-1, 0, 1), repeat=2))
     for system, span in ((masses_at(0.7, 0.2), [1.0] * 4), (double_pendulum(friction=3000.0), [pi, pi, 30.0, 30.0])):
         log: list[tuple[float, Array, Mode, Mode]] = []
-        for start in starts_of(span, 40):
-            Oracle(system).image(start, log)
+        for ic in initial_conditions_of(span, 40):
+            Oracle(system).image(ic, log)
         assert {mode for _, _, *modes in log for mode in modes} == every
 
 
@@ -95,9 +95,9 @@ def test_the_cases_see_every_mode() -> None:
 def test_three_links() -> None:
     """The most switches tested; every one of them sticks now and then."""
     system = triple_pendulum(friction=2500.0, frequency=50.0)
-    initial_conditions = starts_of([pi] * 3 + [20.0] * 3, 8)
+    initial_conditions = initial_conditions_of([pi] * 3 + [20.0] * 3, 8)
     log: list[tuple[float, Array, Mode, Mode]] = []
-    exact = np.array([Oracle(system).image(start, log) for start in initial_conditions])
+    exact = np.array([Oracle(system).image(ic, log) for ic in initial_conditions])
     images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(initial_conditions, 1)
     assert (images.status == Status.OK).all()
     assert images.unwrapped == pytest.approx(exact, rel=1e-8, abs=1e-8)
@@ -108,14 +108,14 @@ def test_the_determinant_is_that_of_damping_and_jumps() -> None:
     """det DP = exp(-gamma T) times, for each crossing, deceleration after over deceleration before."""
     system = dimensionless_pendulum(0.5, 0.3, 0.03, 0.1)
     oracle, strobe, seen = Oracle(system), stroboscopic_map(system), 0
-    for start in starts_of((pi, 2.0), 12):
+    for ic in initial_conditions_of((pi, 2.0), 12):
         log: list[tuple[float, Array, Mode, Mode]] = []
-        oracle.image(start, log)
+        oracle.image(ic, log)
         if all(0 not in after for _, _, _, after in log):
             expected = exp(-0.03 * system.length)
             for t, x, before, after in log:
                 expected *= oracle.field(t, x, after)[1] / oracle.field(t, x, before)[1]
-            assert np.linalg.det(jacobian(strobe, start)) == pytest.approx(expected, rel=1e-9)
+            assert np.linalg.det(jacobian(strobe, ic)) == pytest.approx(expected, rel=1e-9)
             seen += len(log)
     assert seen > 5
 
@@ -124,7 +124,7 @@ def test_derivatives_multiply_over_periods() -> None:
     """Three periods at once are those of the system watched at every third."""
     system = relay_at(1.5, curved)
     slow = ForcedSystem(relay, {"thrust": 1.5}, 6.0 * pi, ("x", "v"), switches=curved)
-    initial_conditions = starts_of((2.0, 2.0), 6)
+    initial_conditions = initial_conditions_of((2.0, 2.0), 6)
     assert jacobian(stroboscopic_map(system), initial_conditions, 3) == pytest.approx(
         jacobian(stroboscopic_map(slow), initial_conditions), rel=1e-9, abs=1e-9
     )
@@ -151,7 +151,7 @@ def test_an_image_does_not_depend_on_its_neighbours() -> None:
 
 def test_one_bad_lane_does_not_disturb_the_others() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
-    initial_conditions = starts_of((pi, 3.0), 2 * LANES)
+    initial_conditions = initial_conditions_of((pi, 3.0), 2 * LANES)
     bad = initial_conditions.copy()
     bad[5], bad[40] = (1.0, 1e300), (1e15, -1e200)
     images, again = strobe.iterate(initial_conditions, 1), strobe.iterate(bad, 1)
@@ -169,7 +169,7 @@ def test_no_switches_no_events() -> None:
     assert free.switches is None and free.rhs is dimensionless_pendulum().rhs and rough.rhs is not free.rhs
     smooth = stroboscopic_map(free)
     limit = stroboscopic_map(rough.with_params(delta=0.0))
-    initial_conditions = starts_of((pi, 2.0), 20)
+    initial_conditions = initial_conditions_of((pi, 2.0), 20)
     assert limit(initial_conditions) == pytest.approx(smooth(initial_conditions), abs=1e-9)
 
 

@@ -10,8 +10,8 @@ import pytest
 from discontinuous_systems import (
     Array,
     Oracle,
+    initial_conditions_of,
     masses_at,
-    starts_of,
     table,
 )
 from scipy.linalg import expm
@@ -60,8 +60,8 @@ def test_thrust_towards_a_tilted_line() -> None:
     for tilt in (-0.037, 0.0, 0.01, 0.041):
         initial_conditions = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
         images = stroboscopic_map(system.with_params(tilt=tilt)).iterate(initial_conditions, 1)
-        for start, image, status in zip(initial_conditions.tolist(), images.unwrapped, images.status, strict=True):
-            if (exact := parabolas(*start, tilt, 12.0)) is not None:
+        for ic, image, status in zip(initial_conditions.tolist(), images.unwrapped, images.status, strict=True):
+            if (exact := parabolas(*ic, tilt, 12.0)) is not None:
                 assert image == pytest.approx(exact, abs=1e-10)
                 assert status == Status.OK
                 count += 1
@@ -128,10 +128,10 @@ def test_den_hartogs_motion_without_stops(force: float, friction: float, frequen
     assert strobe.iterate([amplitude + 0.1, 0.1], 400).points == pytest.approx([amplitude, 0.0], abs=1e-9)
     # The derivative is taken at a quarter of a period, away from the turnings.
     phase = 0.25
-    (start,) = trajectory(system, [amplitude, 0.0], 1, samples_per_period=4).states[1:2]
+    (ic,) = trajectory(system, [amplitude, 0.0], 1, samples_per_period=4).states[1:2]
     pull = amplitude - force * cos(lag)
     expected = ((pull - friction) / (pull + friction)) ** 2
-    assert np.linalg.det(jacobian(stroboscopic_map(system, phase=phase), start)) == pytest.approx(expected, rel=1e-7)
+    assert np.linalg.det(jacobian(stroboscopic_map(system, phase=phase), ic)) == pytest.approx(expected, rel=1e-7)
 
 
 def test_a_force_that_grows_beyond_the_friction_and_falls_below_it() -> None:
@@ -197,7 +197,7 @@ def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
 
     exact = images(400)
     errors = np.array([np.abs(images(steps) - exact).max() for steps in (8, 16, 32)])
-    assert exact == pytest.approx(np.array([Oracle(system).image(start) for start in initial_conditions]), abs=1e-11)
+    assert exact == pytest.approx(np.array([Oracle(system).image(ic) for ic in initial_conditions]), abs=1e-11)
     assert (np.log2(errors[:-1] / errors[1:]) > 7.0).all()
 
 
@@ -213,7 +213,7 @@ def position(t: float, x: Any, p: Any) -> tuple[float]:
 
 
 @pytest.mark.parametrize("force", [-1.0, 1.0])
-def test_a_start_that_touches_a_surface_leaves_it_on_the_right_side(force: float) -> None:
+def test_an_initial_condition_that_touches_a_surface_leaves_it_on_the_right_side(force: float) -> None:
     """Position and velocity zero where one spring meets another: only the acceleration tells where it goes."""
     system = ForcedSystem(two_springs, {"force": force}, 2.0 * pi, ("x", "v"), switches=position)
     images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate([[0.0, 0.0], [1e-14, 0.0], [-1e-14, 0.0]], 1)
@@ -229,7 +229,7 @@ def test_rest_on_a_surface_is_rest() -> None:
     assert np.abs(images.points).max() <= 1e-305
 
 
-def test_the_derivative_at_a_start_that_sticks() -> None:
+def test_the_derivative_at_an_initial_condition_that_sticks() -> None:
     """Neighbours of the start with a small velocity stop at once: their image does not depend on it."""
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 1.0))
     assert jacobian(strobe, [0.3, 0.0]) == pytest.approx(np.diag([1.0, 0.0]), abs=1e-15)
@@ -253,7 +253,7 @@ def test_a_surface_that_repels_is_left_to_the_side_of_the_smooth_part(side: floa
     assert still([0.0]) == pytest.approx([1.0])
 
 
-def test_a_start_on_two_surfaces() -> None:
+def test_an_initial_condition_on_two_surfaces() -> None:
     """Both masses at rest: held, one let go, both let go."""
     for force, table_friction, between, stuck in (
         (0.1, 0.3, 0.2, True),
@@ -268,12 +268,12 @@ def test_a_start_on_two_surfaces() -> None:
 
 def test_what_sticks_stays_to_the_last_bit() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
-    settled = strobe.iterate(starts_of((pi, 2.0), 500), 60).points
+    settled = strobe.iterate(initial_conditions_of((pi, 2.0), 500), 60).points
     stuck = settled[np.abs(np.sin(settled[:, 0])) < 0.4 / 0.81]
     assert len(stuck) > 50 and not stuck[:, 1].any()
     assert np.array_equal(strobe.iterate(stuck, 1000).points, stuck)
     masses = stroboscopic_map(masses_at(0.7, 0.4, force=0.2), rtol=1e-6, atol=1e-6)
-    held = masses.iterate(starts_of([0.3] * 4, 200), 20).points
+    held = masses.iterate(initial_conditions_of([0.3] * 4, 200), 20).points
     later = masses.iterate(held, 1000).points
     assert not held[:, 2:].any() and not later[:, 2:].any()
     assert later == pytest.approx(held, abs=1e-11)  # a speed that is held against another one is held to rounding
@@ -290,7 +290,7 @@ def test_grazing(miss: float) -> None:
         return (x[0] + 1.0,)
 
     system = ForcedSystem(rhs, {"extra": 5.0}, 2.0 * pi, ("x", "v"), switches=wall)
-    start = [1.0 - miss, 0.0]
-    images = stroboscopic_map(system).iterate(start, 1)
+    ic = [1.0 - miss, 0.0]
+    images = stroboscopic_map(system).iterate(ic, 1)
     assert images.status == Status.OK
-    assert images.points == pytest.approx(start, abs=1e-8 + 20.0 * max(-miss, 0.0))
+    assert images.points == pytest.approx(ic, abs=1e-8 + 20.0 * max(-miss, 0.0))

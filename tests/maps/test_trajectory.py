@@ -26,12 +26,12 @@ ROTATION = ForcedSystem(lambda t, x, p: (3.0 + cos(t),), {}, 2 * pi, (angle("the
 BLOW_UP = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",))  # x = 1 / (1/x0 - t)
 
 
-def solution(system, start, times):
+def solution(system, ic, times):
     """SciPy's DOP853 with steps short enough for its dense output to have 11 digits."""
     made = solve_ivp(
         system.fun,
         (times[0], times[-1]),
-        start,
+        ic,
         "DOP853",
         times,
         rtol=1e-13,
@@ -83,19 +83,19 @@ def test_one_sample_a_period_is_the_map_alone():
     assert motion.states == pytest.approx(np.tile([1.0, 0.0], (4, 1)), abs=1e-9)
 
 
-def test_no_starts():
+def test_no_initial_conditions():
     motion = trajectory(OSCILLATOR, np.zeros((0, 2)), 3)
     assert motion.states.shape == (193, 0, 2)
     assert motion.output("energy").shape == (193, 0, 1)
 
 
-def test_angles_are_unwrapped_from_the_given_start():
+def test_angles_are_unwrapped_from_the_given_initial_condition():
     """Exactly theta = theta0 + 3 t + sin t, three turns a period."""
     motion = trajectory(ROTATION, [[1.0], [1.0 + 20 * pi]], 5)
-    for i, start in enumerate((1.0, 1.0 + 20 * pi)):
-        exact = start + 3 * motion.times + np.sin(motion.times)
+    for i, ic in enumerate((1.0, 1.0 + 20 * pi)):
+        exact = ic + 3 * motion.times + np.sin(motion.times)
         assert motion.states[:, i, 0] == pytest.approx(exact, abs=1e-8)
-        assert motion.states[0, i, 0] == start
+        assert motion.states[0, i, 0] == ic
     assert (motion.wrapped >= -pi).all() and (motion.wrapped < pi).all()
     assert np.cos(motion.wrapped) == pytest.approx(np.cos(motion.states), abs=1e-12)
 

@@ -26,7 +26,7 @@ CHAOTIC = [[0.1, 0.0], [0.05, 0.1], [0.0, 2.0]]
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_regular_and_chaotic_starts_of_the_standard_map(test: Any) -> None:
+def test_regular_and_chaotic_initial_conditions_of_the_standard_map(test: Any) -> None:
     """Some of the regular orbits have a positive exponent for all finite times."""
     found = test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000, 0)
     assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
@@ -257,7 +257,7 @@ def test_what_alignment_refuses(change: dict[str, Any], error: type[Exception], 
         alignment_test(**{"point_map": systems.standard_map(1.2), "initial_conditions": [0.1, 0.1], **change})
 
 
-def test_the_picture() -> None:
+def test_the_figure() -> None:
     found = exponent_test(systems.standard_map(1.2), [[pi, 0.3], [0.1, 0.0]], 400, 0)
     assert isinstance(found, ChaosTest)
     ax = plot.chaos_test(found)

@@ -170,7 +170,7 @@ def test_what_it_refuses(change: dict[str, Any], error: type[Exception], message
         )
 
 
-def test_the_picture() -> None:
+def test_the_figure() -> None:
     found = covariant_vectors(systems.henon_map(), [0.1, 0.1], periods=200)
     assert sum(p.get_height() for p in plot.covariant_vectors(found).patches) == 200
     plt.close("all")

@@ -180,7 +180,7 @@ def test_bad_input_is_refused(change: dict[str, Any], error: type[Exception], me
         finite_time_exponents(**({"point_map": systems.henon_map(), "grid": SQUARE, "periods": 1} | change))
 
 
-def test_the_picture() -> None:
+def test_the_figure() -> None:
     field = finite_time_exponents(stroboscopic_map(systems.forced_pendulum()), CellGrid((-pi, -4), (pi, 4), (9, 6)), 2)
     assert isinstance(field, ExponentField)
     ax = plot.exponent_field(field, per_time=True)

@@ -239,7 +239,7 @@ def test_of_an_interpolated_map_the_exact_map_is_examined() -> None:
     )
 
 
-def test_angles_may_have_any_number_of_turns() -> None:
+def test_angles_may_have_any_number_of_rotations() -> None:
     strobe = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
     found = lyapunov_spectrum(strobe, [[1.0, 0.5], [1.0 + 6.0 * pi, 0.5]], 20, 0)
     assert found.exponents[0] == pytest.approx(found.exponents[1], abs=1e-9)
@@ -285,7 +285,7 @@ def test_an_interval_needs_a_confidence() -> None:
             found.interval(wrong)
 
 
-def test_the_picture() -> None:
+def test_the_figure() -> None:
     found = lyapunov_spectrum(stroboscopic_map(systems.two_well_duffing()), [[0.5, 0.1], [1.0, 0.0]], 40)
     assert isinstance(found, LyapunovSpectrum)
     ax = plot.lyapunov_spectrum(found, per_time=True)

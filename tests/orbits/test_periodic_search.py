@@ -139,7 +139,7 @@ def test_no_orbit_is_said() -> None:
     assert find_periodic_orbits(translation, CellGrid((-3,), (3,), (50,))) == ()
 
 
-def test_an_angle_may_turn() -> None:
+def test_an_angle_may_rotate() -> None:
     circle = discrete_map(lambda x, p: (x[0] + 2 * pi + 0.5 * sin(x[0]),), {}, (angle("theta"),))
     orbits = find_periodic_orbits(circle, CellGrid((-pi,), (pi,), (40,)))
     assert [(o.rotations, round(float(o.multipliers[0].real), 12)) for o in orbits] == [((1,), 1.5), ((1,), 0.5)]

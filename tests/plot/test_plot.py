@@ -53,7 +53,7 @@ def two_wells(shape=(6, 4), lower=(-1.0, -2.0), upper=(1.0, 2.0)) -> Basins:
     return find_basins(exact, CellGrid(lower, upper, shape))
 
 
-def picture(ax) -> np.ndarray:
+def image_of(ax) -> np.ndarray:
     """Colours of the cells, the first row at the bottom."""
     (image,) = ax.get_images()
     assert image.origin == "lower"
@@ -120,7 +120,7 @@ def test_every_cell_has_the_colour_of_its_label():
     labels[0, 3] = Label.UNDECIDED  # left, top
     basins = replace(basins, labels=labels)
     palette = label_colours(basins)
-    cells = picture(plot.basins(basins))
+    cells = image_of(plot.basins(basins))
     assert cells.shape == (4, 6, 3)
     for i, j in itertools.product(range(6), range(4)):
         assert cells[j, i] == pytest.approx(palette[int(labels[i, j])], abs=1e-6)
@@ -134,7 +134,7 @@ def test_slice_of_more_dimensions():
     basins = find_basins(exact, CellGrid((-1,) * 4, (1,) * 4, (1, 6, 1, 3)))
     ax = plot.basins(basins)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("b", "d")
-    assert np.array_equal(np.unique(picture(ax), axis=0).shape, (1, 6, 3))
+    assert np.array_equal(np.unique(image_of(ax), axis=0).shape, (1, 6, 3))
 
 
 @pytest.mark.parametrize("shape", [(8,), (8, 1), (1, 1), (4, 4, 4), (2, 1, 1)])
@@ -146,13 +146,13 @@ def test_grids_without_two_axes_are_refused(shape):
         plot.basins(basins)
 
 
-def test_basins_of_starts_are_refused():
+def test_basins_of_initial_conditions_are_refused():
     exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
     with pytest.raises(ValueError, match="a figure needs a grid"):
         plot.basins(find_basins(exact, [[0.1, 0.2]]))
 
 
-def test_refused_picture_leaves_no_figure():
+def test_refused_basins_leave_no_figure():
     exact = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
     with pytest.raises(ValueError, match="two axes"):
         plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (4,))))
@@ -162,7 +162,7 @@ def test_refused_picture_leaves_no_figure():
 # --- legend
 
 
-def test_legend_names_each_attractor_and_its_share(pendulum):
+def test_legend_names_each_attractor_and_its_fraction(pendulum):
     entries = legend_of(plot.basins(pendulum))
     assert len(entries) == 4
     for entry, (label, fraction) in zip(entries, pendulum.fractions.items(), strict=True):
@@ -177,7 +177,7 @@ def test_legend_names_what_is_lost(lost):
     assert len(entries) == len(lost.attractors) + 1
 
 
-def test_small_shares_are_not_written_as_nothing():
+def test_small_fractions_are_not_written_as_nothing():
     basins = two_wells((100, 100))
     labels = np.zeros_like(basins.labels)
     labels[3, 3] = 1
@@ -246,7 +246,7 @@ def test_colours_of_attractors_differ_for_all_eyes(eyes, least):
 
 def test_chosen_colours(pendulum):
     ax = plot.basins(pendulum, colours={0: "white", 1: "black"})
-    cells = picture(ax)
+    cells = image_of(ax)
     assert (cells[(pendulum.labels == 0).T] == 1.0).all()
     assert (cells[(pendulum.labels == 1).T] == 0.0).all()
     assert label_colours(pendulum, {0: "white"})[2] == label_colours(pendulum)[2]
@@ -262,7 +262,7 @@ def test_colours_that_are_none(pendulum, colours):
 
 
 def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
-    flat, shaded = picture(plot.basins(lost)), picture(plot.basins(lost, shade=True))
+    flat, shaded = image_of(plot.basins(lost)), image_of(plot.basins(lost, shade=True))
     times, escaped = lost.settling_time.T, (lost.labels == Label.ESCAPED).T
     assert np.array_equal(shaded[escaped], flat[escaped])
     assert (shaded >= flat - 1e-12).all()
@@ -275,12 +275,12 @@ def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
     assert (np.diff(shaded[in_one_basin][order].sum(axis=-1)) >= -1e-9).all()
 
 
-def test_shade_without_settled_starts():
+def test_shade_without_settled_initial_conditions():
     basins = two_wells()
     undecided = replace(
         basins, labels=np.full_like(basins.labels, Label.UNDECIDED), settling_time=np.full((6, 4), -1, np.int32)
     )
-    assert np.array_equal(picture(plot.basins(undecided, shade=True)), picture(plot.basins(undecided)))
+    assert np.array_equal(image_of(plot.basins(undecided, shade=True)), image_of(plot.basins(undecided)))
 
 
 def test_attractors_are_marked(pendulum):
@@ -292,14 +292,14 @@ def test_attractors_are_marked(pendulum):
     assert plot.basins(pendulum, show_attractors=False).get_lines() == []
 
 
-def test_point_on_the_seam_is_marked_at_both_ends(pendulum):
+def test_point_on_the_branch_cut_is_marked_at_both_ends(pendulum):
     """The inverted pendulum stands at -pi, which is pi."""
     marked = np.concatenate([line.get_xydata() for line in plot.basins(pendulum).get_lines()])
     for place in (-pi, pi):
         assert np.abs(marked - [place, 0.0]).max(axis=1).min() < 1e-6
 
 
-def test_points_outside_do_not_widen_the_picture():
+def test_points_outside_do_not_widen_the_figure():
     exact = discrete_map(lambda x, p: (x[0] / 2 + 10, x[1] / 2), {}, ("x", "y"))
     ax = plot.basins(find_basins(exact, CellGrid((-1, -1), (1, 1), (4, 4))))
     assert ax.get_xlim() == (-1.0, 1.0)
@@ -316,7 +316,7 @@ def test_chaotic_attractor_is_drawn_as_a_cloud():
 
 
 @pytest.mark.parametrize("shade", [True, False])
-def test_picture_can_be_written(pendulum, shade, tmp_path):
+def test_figure_can_be_written(pendulum, shade, tmp_path):
     ax = plot.basins(pendulum, shade=shade)
     for suffix in ("png", "pdf", "svg"):
         path = tmp_path / f"basins.{suffix}"

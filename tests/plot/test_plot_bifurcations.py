@@ -119,10 +119,10 @@ def test_branches_of_a_cascade_have_a_colour_each(cascade: Cascade) -> None:
     assert given.get_legend() is None
 
 
-def test_an_angle_is_cut_at_its_seam() -> None:
+def test_an_angle_is_cut_at_its_branch_cut() -> None:
     # The fixed point is at theta = q, wherever that is on the circle.
-    turning = discrete_map(lambda x, p: (x[0] - 0.5 * np.sin(x[0] - p.q),), {"q": 0.5}, (angle("theta"),), "turning")
-    ax = plot.branches(continue_orbit(turning, periodic_orbit(turning, [0.4]), "q", -4.0, 9.0))
+    rotating = discrete_map(lambda x, p: (x[0] - 0.5 * np.sin(x[0] - p.q),), {"q": 0.5}, (angle("theta"),), "rotating")
+    ax = plot.branches(continue_orbit(rotating, periodic_orbit(rotating, [0.4]), "q", -4.0, 9.0))
     places = lines(ax, "-")
     q, theta = places[~np.isnan(places[:, 0])].T
     assert np.abs(np.exp(1j * theta) - np.exp(1j * q)).max() < 1e-11
@@ -135,7 +135,7 @@ def test_an_angle_is_cut_at_its_seam() -> None:
     assert "$\\pi$" in [t.get_text() for t in ax.get_yticklabels()]
 
 
-def test_an_orbit_on_the_seam_does_not_jump() -> None:
+def test_an_orbit_on_the_branch_cut_does_not_jump() -> None:
     exact = stroboscopic_map(driven_pendulum())
     inverted = continue_orbit(exact, periodic_orbit(exact, [pi, 0.0]), "amplitude", 0.001, 0.014)
     arm = switch_branch(inverted, inverted.bifurcations[0], 0.001, 0.014)

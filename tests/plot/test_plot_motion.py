@@ -61,7 +61,7 @@ def test_a_curve_on_the_line_is_not_cut():
     assert np.array_equal(cut_at_branch_cuts(curve, (Coordinate("t"), Coordinate("x"))), curve)
 
 
-def test_a_curve_is_cut_where_it_crosses_the_seam():
+def test_a_curve_is_cut_where_it_crosses_the_branch_cut():
     curve = np.array([[0.0, pi - 1.0], [4.0, pi + 3.0]])
     cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     exact = [[0, pi - 1], [1, pi], [np.nan, np.nan], [1, -pi], [4, 3 - pi]]
@@ -69,14 +69,14 @@ def test_a_curve_is_cut_where_it_crosses_the_seam():
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-def test_several_turns_between_two_samples(direction):
+def test_several_rotations_between_two_samples(direction):
     curve = np.array([[0.0, 0.0], [1.0, direction * 6 * pi]])
     cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     assert np.count_nonzero(np.isnan(cut[:, 0])) == 3
     assert cut[-1] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
-def test_samples_on_the_seam():
+def test_samples_on_the_branch_cut():
     there_and_back = np.array([[0.0, 0.0], [1.0, pi], [2.0, 0.0]])
     assert not np.isnan(cut_at_branch_cuts(there_and_back, (Coordinate("t"), ANGLE))).any()
     through = np.array([[0.0, 0.0], [1.0, pi], [2.0, 2 * pi]])
@@ -109,7 +109,7 @@ def test_gaps_stay_gaps():
 # --- time series
 
 
-def test_a_panel_for_each_coordinate_and_a_curve_for_each_start(motion):
+def test_a_panel_for_each_coordinate_and_a_curve_for_each_initial_condition(motion):
     panels = plot.time_series(motion)
     assert [p.get_ylabel() for p in panels] == ["theta (rad)", "v (rad/s)"]
     assert panels[-1].get_xlabel() == "t"
@@ -120,15 +120,15 @@ def test_a_panel_for_each_coordinate_and_a_curve_for_each_start(motion):
     assert np.array_equal(curves(panels[1])[1].get_xydata(), np.stack([motion.times, motion.states[:, 1, 1]], -1))
 
 
-def test_no_line_runs_across_the_seam(motion):
+def test_no_line_runs_across_the_branch_cut(motion):
     (panel,) = plot.time_series(motion, names="theta")
-    swing, turn = (line.get_ydata() for line in curves(panel))
+    swing, rotation = (line.get_ydata() for line in curves(panel))
     assert not np.isnan(swing).any()
     crossings = np.count_nonzero(np.diff(np.floor((motion.states[:, 1, 0] + pi) / (2 * pi))))
     assert crossings > 0
-    assert np.count_nonzero(np.isnan(turn)) == crossings
-    assert np.nanmax(np.abs(np.diff(turn))) < pi
-    assert np.nanmax(np.abs(turn)) == pytest.approx(pi)
+    assert np.count_nonzero(np.isnan(rotation)) == crossings
+    assert np.nanmax(np.abs(np.diff(rotation))) < pi
+    assert np.nanmax(np.abs(rotation)) == pytest.approx(pi)
 
 
 def test_stroboscopic_points_lie_on_top(motion):
@@ -157,7 +157,7 @@ def test_outputs_are_drawn_component_by_component(motion):
     assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
 
 
-def test_one_start_and_many_axes_of_starts():
+def test_one_initial_condition_and_many_axes_of_initial_conditions():
     one = trajectory(PENDULUM, [0.5, 0.0], 1)
     assert len(curves(plot.time_series(one)[0])) == 1
     many = trajectory(PENDULUM, np.full((2, 3, 2), 0.1), 1)

@@ -44,8 +44,8 @@ def oscillator_image(stiffness: float, damping: float, drive: float) -> list[flo
     with mpmath.workdps(80):
         k, d, t = mpmath.mpf(stiffness), mpmath.mpf(damping), mpmath.mpf(2.0 * pi)
         response = drive / mpmath.mpc(k - 1, d)
-        start, end = ((mpmath.re(z), mpmath.re(1j * z)) for z in (response, response * mpmath.expj(t)))
-        x, v = (mpmath.mpf(a) - b for a, b in zip(OSCILLATOR_START, start, strict=True))
+        ic, end = ((mpmath.re(z), mpmath.re(1j * z)) for z in (response, response * mpmath.expj(t)))
+        x, v = (mpmath.mpf(a) - b for a, b in zip(OSCILLATOR_START, ic, strict=True))
         root = mpmath.sqrt(d * d / 4 - k)
         fast, slow = -d / 2 - root, -d / 2 + root
         a, b = (v - fast * x) / (slow - fast), (slow * x - v) / (slow - fast)

@@ -61,14 +61,14 @@ def image(amplitude: float, theta: float, v: float) -> NDArray[np.float64]:
         first, second = (y[3], -drag * y[3] - slope * y[2]), (y[5], -drag * y[5] - slope * y[4])
         return [y[1], -drag * y[1] - pull * sin(y[0]), *first, *second]
 
-    start = [theta, v, 1.0, 0.0, 0.0, 1.0]
-    return np.asarray(solve_ivp(motion, (0.0, 2.0 * pi), start, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1])
+    ic = [theta, v, 1.0, 0.0, 0.0, 1.0]
+    return np.asarray(solve_ivp(motion, (0.0, 2.0 * pi), ic, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1])
 
 
 def rotation(amplitude: float) -> NDArray[np.float64]:
     """Return the point (theta, theta'/w) of the rotation, once in a period."""
-    turned = np.array([2.0 * pi, 0.0])
-    return np.asarray(fsolve(lambda z: image(amplitude, *z)[:2] - z - turned, [2.52, 1.02], xtol=1e-13))
+    rotated = np.array([2.0 * pi, 0.0])
+    return np.asarray(fsolve(lambda z: image(amplitude, *z)[:2] - z - rotated, [2.52, 1.02], xtol=1e-13))
 
 
 def birth_of_rotations() -> float:
@@ -109,15 +109,15 @@ def numbers() -> dict[str, float]:
     }
 
 
-def basin_counts(picture: str) -> list[int]:
+def basin_counts(basin_image: str) -> list[int]:
     """Return how many of 200 x 200 cells belong to each attractor, by the method of the reference images."""
-    from .pictures import PICTURES, labels
+    from .basin_images import BASIN_IMAGES, labels
 
-    return np.bincount(labels(PICTURES[picture]._replace(cells=200))).tolist()
+    return np.bincount(labels(BASIN_IMAGES[basin_image]._replace(cells=200))).tolist()
 
 
 if __name__ == "__main__":
     for name, value in numbers().items():
         print(f"{name}: {value:.13g}")
-    for picture in ("pendulum_3mm", "pendulum_3mm_wide"):
-        print(f"cells of {picture}: {basin_counts(picture)}", flush=True)
+    for basin_image in ("pendulum_3mm", "pendulum_3mm_wide"):
+        print(f"cells of {basin_image}: {basin_counts(basin_image)}", flush=True)

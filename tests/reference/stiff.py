@@ -39,12 +39,12 @@ class Case(NamedTuple):
     rhs: Callable[..., tuple[float, ...]]
     params: dict[str, float]
     period: float
-    start: tuple[float, ...]
+    ic: tuple[float, ...]
     image: tuple[float, ...]
 
 
-def _pol(mu: float, omega: float, start: tuple[float, float], image: tuple[float, ...]) -> Case:
-    return Case(van_der_pol, {"mu": mu, "force": 0.5 * mu, "omega": omega}, 2.0 * pi / omega, start, image)
+def _pol(mu: float, omega: float, ic: tuple[float, float], image: tuple[float, ...]) -> Case:
+    return Case(van_der_pol, {"mu": mu, "force": 0.5 * mu, "omega": omega}, 2.0 * pi / omega, ic, image)
 
 
 CASES = {

@@ -52,7 +52,7 @@ class TestBasins:
         assert any(len(one.cells) > 100 for one in chain.transient)  # the chaotic saddle
         assert chain.classes == chain.closed + chain.transient
 
-    def test_without_polish(self):
+    def test_without_refinement(self):
         """A cycle of two: one class of period 2."""
         chain = generalized_cell_mapping(systems.logistic_map(3.2), CellGrid((0.01,), (0.99,), (500,)))
         basins = chain.basins(refine=False)

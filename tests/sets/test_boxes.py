@@ -123,11 +123,11 @@ def test_images_of_mirrored_boxes_are_mirror_images():
         np.testing.assert_array_equal(links, links[::-1, ::-1])
 
 
-def test_window_across_the_seam_of_an_angle():
+def test_window_across_the_branch_cut_of_an_angle():
     """Images have angles from -pi to pi; a window from 2 to 4 holds them all the same."""
     grid = CellGrid((2.0,), (4.0,), (8,))
-    start = BoxSet.of_points(grid, [[2.2]])
-    image = box_image(start, SHIFT, samples=3)
+    ic = BoxSet.of_points(grid, [[2.2]])
+    image = box_image(ic, SHIFT, samples=3)
     assert image.contains([[3.2]]) and len(image) in (1, 2)
     beyond = box_image(BoxSet.of_points(grid, [[3.05]]), SHIFT, samples=1)
     assert not len(beyond) or beyond.contains([[4.0 - 1e-9]])
@@ -137,8 +137,8 @@ def test_window_across_the_seam_of_an_angle():
 def test_image_of_a_shift_on_a_circle(samples):
     """A rotation by exactly two boxes: each meets the one two places on, and its edges at the most."""
     grid = CellGrid((-pi,), (pi,), (16,)).on(SHIFT.coordinates)
-    turn = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
-    links = box_transitions(BoxSet.full(grid), turn, samples).toarray() > 0
+    rotation = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
+    links = box_transitions(BoxSet.full(grid), rotation, samples).toarray() > 0
     assert links[np.arange(16), (np.arange(16) + 2) % 16].all()
     assert links.sum() <= (48 if samples == "adaptive" else 16)
 
@@ -162,7 +162,7 @@ def test_adaptive_images_miss_nothing_of_a_linear_map(d):
     assert within.any() and image.contains(landed[within]).all()
 
 
-def test_transitions_of_middles_are_shares():
+def test_transitions_of_middles_are_fractions():
     """x -> 2 x mod 1 sends each half of a box to a box of its own."""
     double = discrete_map(lambda x, p: (2 * x[0] % 1,), {}, ("x",))
     links = box_transitions(BoxSet.full(CellGrid((0,), (1,), (8,))), double, samples=6).toarray()

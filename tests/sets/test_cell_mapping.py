@@ -102,7 +102,7 @@ class TestImages:
         assert (mapping.images.tolist(), mapping.groups.tolist(), mapping.cell_periods.tolist()) == ([0], [0], [1])
 
     @pytest.mark.parametrize("lower", [-pi, 0.0, 1.0])
-    def test_angles_go_round(self, lower):
+    def test_angles_wrap(self, lower):
         """A rotation by pi/2 on eight cells of a circle, for any branch cut: two groups of four."""
         quarter = discrete_map(lambda x, p: (x[0] + pi / 2,), {}, (angle("theta"),))
         mapping = simple_cell_mapping(quarter, CellGrid((lower,), (lower + 2 * pi,), (8,)))
@@ -111,8 +111,8 @@ class TestImages:
 
     def test_a_window_across_the_cut_of_an_angle(self):
         """Half a circle from pi/2 to 3 pi/2, with the cut in its middle."""
-        turned = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
-        mapping = simple_cell_mapping(turned, CellGrid((pi / 2,), (3 * pi / 2,), (4,)))
+        rotated = discrete_map(lambda x, p: (x[0] + pi / 4,), {}, (angle("theta"),))
+        mapping = simple_cell_mapping(rotated, CellGrid((pi / 2,), (3 * pi / 2,), (4,)))
         assert mapping.images.tolist() == [1, 2, 3, -1]
 
     def test_several_periods(self, doubling):
@@ -227,18 +227,18 @@ class TestBasins:
         """REFERENCES.md, published: 14 % at one period, 3 % with several."""
         exact, grid = five
         direct = find_basins(exact, grid)
-        shares = []
+        fractions = []
         for periods in (1, 4, 8):
             labels = simple_cell_mapping(exact, grid, periods).basins(attractors=direct.attractors).labels
-            shares.append((labels != direct.labels)[labels >= 0].mean())
-        assert shares[0] > 2 * shares[1] > 2 * shares[2]
+            fractions.append((labels != direct.labels)[labels >= 0].mean())
+        assert fractions[0] > 2 * fractions[1] > 2 * fractions[2]
 
-    def test_without_polish_groups_side_by_side_are_one(self):
+    def test_without_refinement_groups_side_by_side_are_one(self):
         """A spiral sink: cells around it form groups of their own, which touch."""
-        turned = discrete_map(
+        rotated = discrete_map(
             lambda x, p: (0.9 * (0.8 * x[0] - 0.6 * x[1]), 0.9 * (0.6 * x[0] + 0.8 * x[1])), {}, ("x", "y")
         )
-        mapping = simple_cell_mapping(turned, CellGrid((-1, -1), (1.04, 1.03), (100, 100)))
+        mapping = simple_cell_mapping(rotated, CellGrid((-1, -1), (1.04, 1.03), (100, 100)))
         assert len(mapping.group_periods) > 1
         basins = mapping.basins(refine=False)
         assert len(basins.attractors) == 1
@@ -248,7 +248,7 @@ class TestBasins:
         with pytest.raises(ValueError, match="no map"):
             basins.verify()
 
-    def test_without_polish_clusters_are_periods(self):
+    def test_without_refinement_clusters_are_periods(self):
         """The logistic map at 3.5 has a period of four, at 3.2 one of two; and at 2.5 a point."""
         for mu, period in ((2.5, 1), (3.2, 2), (3.5, 4)):
             mapping = simple_cell_mapping(systems.logistic_map(mu), CellGrid((0.01,), (0.99,), (500,)), periods=5)
@@ -260,17 +260,17 @@ class TestBasins:
             assert np.sort(attractor.points[:, 0]) == pytest.approx(np.sort(refined.points[:, 0]), abs=0.01)
 
     @pytest.mark.parametrize(("rotation", "cells"), [(1.0, 400), (2.0**0.5, 400), (2.0, 60), (2.0, 400)])
-    def test_without_polish_an_invariant_circle_is_one(self, rotation, cells):
+    def test_without_refinement_an_invariant_circle_is_one(self, rotation, cells):
         """Groups of 22 to 44 cells on the unit circle that do not touch; a cell beside one belongs to another."""
-        turning = discrete_map(spiral, {"c": cos(rotation), "s": sin(rotation), "pull": 0.3}, ("x", "y"))
-        mapping = simple_cell_mapping(turning, CellGrid((-2, -2), (2, 2), (cells, cells)))
+        rotating = discrete_map(spiral, {"c": cos(rotation), "s": sin(rotation), "pull": 0.3}, ("x", "y"))
+        mapping = simple_cell_mapping(rotating, CellGrid((-2, -2), (2, 2), (cells, cells)))
         assert len(mapping.group_periods) >= 3
         (circle,) = mapping.basins(refine=False).attractors
         assert np.hypot(*circle.points.T) == pytest.approx(1.0, abs=20.0 / cells)
         assert len(np.unique(circle.points, axis=0)) == circle.period
 
     @pytest.mark.parametrize("cells", [400, 800])
-    def test_without_polish_a_weak_invariant_circle_is_one(self, cells):
+    def test_without_refinement_a_weak_invariant_circle_is_one(self, cells):
         """The delayed logistic map at 2.02: groups of six cells between a focus and the circle attract none."""
         step = lambda x, p=None: (2.02 * x[0] * (1.0 - x[1]), x[0])  # noqa: E731
         delayed = discrete_map(step, {}, ("x", "y"))
@@ -284,7 +284,7 @@ class TestBasins:
         assert gaps.min(axis=1).max() < 10.0 / cells
 
     @pytest.mark.parametrize("cells", [10, 11, 50, 51])
-    def test_without_polish_wells_stay_apart(self, cells):
+    def test_without_refinement_wells_stay_apart(self, cells):
         """tanh(2 x) has sinks at +-0.9575, and a fixed point at 0 that no cell beside it goes back to."""
         wells = discrete_map(lambda x, p: (tanh(2 * x[0]),), {}, ("x",))
         basins = simple_cell_mapping(wells, CellGrid((-2.0,), (2.0,), (cells,))).basins(refine=False)
@@ -308,8 +308,8 @@ class TestBasins:
     def test_where_everything_leaves(self):
         away = discrete_map(lambda x, p: (x[0] + 10,), {}, ("x",))
         mapping = simple_cell_mapping(away, CellGrid((0,), (1,), (5,)))
-        for polish in (True, False):
-            basins = mapping.basins(refine=polish)
+        for refine in (True, False):
+            basins = mapping.basins(refine=refine)
             assert basins.attractors == ()
             assert (basins.labels == -1).all()
 

@@ -27,9 +27,9 @@ class TestTransitions:
         assert chain.expected_times == pytest.approx(np.linalg.solve(np.eye(4) - expected[:4, :4], np.ones(4)))
         assert chain.absorption[:, -1] == pytest.approx(1.0)
 
-    def test_angles_go_round(self):
-        turned = discrete_map(lambda x, p: (x[0] + pi / 8,), {}, (angle("theta"),))
-        chain = generalized_cell_mapping(turned, CellGrid((-pi,), (pi,), (8,)), samples=(4,))
+    def test_angles_wrap(self):
+        rotated = discrete_map(lambda x, p: (x[0] + pi / 8,), {}, (angle("theta"),))
+        chain = generalized_cell_mapping(rotated, CellGrid((-pi,), (pi,), (8,)), samples=(4,))
         expected = 0.5 * (np.eye(8) + np.roll(np.eye(8), 1, axis=1))
         assert chain.matrix.toarray()[:8, :8] == pytest.approx(expected)
         assert (len(chain.closed), chain.closed[0].period) == (1, 1)

@@ -18,7 +18,7 @@ from systems import two_well_duffing
 mpl.use("Agg")
 
 
-def test_a_smooth_boundary_is_counted_in_a_picture() -> None:
+def test_a_smooth_boundary_is_counted_in_an_image() -> None:
     """The unforced, damped double well: a separatrix, which lines cross a few times."""
     basins = find_basins(
         stroboscopic_map(two_well_duffing(damping=0.3, forcing=0.0)), CellGrid((-1.5, -1.0), (1.5, 1.0), (20, 20))

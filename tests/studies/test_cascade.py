@@ -24,7 +24,7 @@ def rod() -> dict[str, Cascade]:
     return cascade.rod_cascades(3)
 
 
-def test_rest_states_double_where_they_must(rod: dict[str, Cascade]) -> None:
+def test_equilibria_double_where_they_must(rod: dict[str, Cascade]) -> None:
     """To ten digits (tests/REFERENCES.md)."""
     for state, limit in (("hanging", 12.210173235), ("inverted", 12.542910208)):
         assert 1e3 * rod[state].values[0] == pytest.approx(limit, abs=1e-9)
@@ -55,7 +55,7 @@ def test_orbits_have_the_periods_that_branches_say(rod: dict[str, Cascade]) -> N
         assert sampled.period[0, 0] == period
 
 
-def test_what_shares_count() -> None:
+def test_what_fractions_count() -> None:
     rod = stroboscopic_map(cascade.ROD)
     initial_conditions = [[0.01, 0.0], [pi - 0.01, 0.0], [3.0, 350.0], [-3.0, -350.0], [-3.0, -350.1]]
     parts = cascade.basin_fractions(cascade.continue_basins(rod, "amplitude", [0.010, 0.012], initial_conditions))

@@ -69,9 +69,9 @@ def test_the_hanging_double_pendulum() -> None:
 def test_pushes_and_distances() -> None:
     initial_conditions = figure_20.pushed("outer", np.array([0.0, 3.0]))
     assert initial_conditions.tolist() == [[pi, 0.0, 0.0, 0.0], [pi, 0.0, 0.0, 3.0]]
-    turned = initial_conditions + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
-    assert figure_20.distance(turned, figure_20.UP_DOWN) == pytest.approx([0.0, 0.0], abs=1e-14)
-    assert figure_20.distance(turned, figure_20.DOWN_UP) == pytest.approx([pi, pi])
+    rotated = initial_conditions + np.array([2.0 * pi, -4.0 * pi, 7.0, 0.0])
+    assert figure_20.distance(rotated, figure_20.UP_DOWN) == pytest.approx([0.0, 0.0], abs=1e-14)
+    assert figure_20.distance(rotated, figure_20.DOWN_UP) == pytest.approx([pi, pi])
 
 
 def test_pushes_that_return_and_that_flip() -> None:
@@ -83,10 +83,10 @@ def test_pushes_that_return_and_that_flip() -> None:
     assert 0.0 < high - low < 1e-6
     assert (figure_20.ends_of(point_map, "inner", np.array([low, high])) == 0).tolist() == [True, False]
     periods = np.arange(found.periods, found.periods + 10)
-    (start,) = figure_20.pushed("inner", np.array([found.quickest]))
+    (ic,) = figure_20.pushed("inner", np.array([found.quickest]))
     times = periods * figure_20.SYSTEM.length
     states = solve_ivp(
-        figure_20.SYSTEM.fun, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=1e-10, atol=1e-10
+        figure_20.SYSTEM.fun, (0.0, times[-1]), ic, method="DOP853", t_eval=times, rtol=1e-10, atol=1e-10
     ).y.T
     assert (figure_20.distance(states, figure_20.DOWN_UP) < 0.1).all()
 

@@ -33,7 +33,7 @@ def test_a_release_needs_what_averaging_says_beyond_the_multipliers() -> None:
     assert figure_17.stays_up(strobe, edges, frequency, 2000).ravel().tolist() == [False, True]
 
 
-def test_whole_turns_are_falls_and_the_seam_is_none() -> None:
+def test_full_rotations_are_falls_and_the_branch_cut_is_none() -> None:
     """At 3 Hz and 73 mm the state at rest on the branch cut is stable; without much drive the rod falls."""
     strobe = swept_map(stroboscopic_map(driven_pendulum(length=0.069, damping=2.5)), "amplitude", "frequency")
     amplitudes = np.linspace(0.0721, 0.0748, 20)[:, None]

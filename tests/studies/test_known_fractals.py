@@ -22,8 +22,8 @@ def test_snowflake_is_filled_as_points_in_a_polygon():
 
 def test_snowflake_has_its_area():
     """The triangle's times (8 - 3 (4/9)**level) / 5, on an image of 1.3 sides."""
-    share = known_fractals.snowflake_labels(800, 6).mean()
-    assert share * 1.3**2 == pytest.approx(0.25 * np.sqrt(3.0) * (8.0 - 3.0 * (4.0 / 9.0) ** 6) / 5.0, rel=1e-3)
+    fraction = known_fractals.snowflake_labels(800, 6).mean()
+    assert fraction * 1.3**2 == pytest.approx(0.25 * np.sqrt(3.0) * (8.0 - 3.0 * (4.0 / 9.0) ** 6) / 5.0, rel=1e-3)
 
 
 @pytest.mark.slow

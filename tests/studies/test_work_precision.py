@@ -43,13 +43,13 @@ def test_labels_are_compared_by_attractors():
     scene = basin_images.scenes(12)[1]
     exact = stroboscopic_map(scene.system)
     reference = find_basins(exact, scene.grid)
-    turned = replace(reference, attractors=reference.attractors[::-1], labels=_exchanged(reference.labels))
-    same = basin_images._run("direct", "", 1.0, turned, reference)
+    rotated = replace(reference, attractors=reference.attractors[::-1], labels=_exchanged(reference.labels))
+    same = basin_images._run("direct", "", 1.0, rotated, reference)
     assert same.error == 0.0
     assert "2 of 2 attractors" in same.more
-    wrong = turned.labels.copy()
+    wrong = rotated.labels.copy()
     wrong.flat[[0, 50, 100]] = _exchanged(wrong.flat[[0, 50, 100]])
-    assert basin_images._run("direct", "", 1.0, replace(turned, labels=wrong), reference).error == 3 / wrong.size
+    assert basin_images._run("direct", "", 1.0, replace(rotated, labels=wrong), reference).error == 3 / wrong.size
 
 
 def _exchanged(labels):

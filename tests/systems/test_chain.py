@@ -134,13 +134,13 @@ def test_the_explicit_double_pendulum() -> None:
     for t in (0.0, 0.03, 0.11):
         a, b, u, v = rng.uniform(-4.0, 4.0, 4)
         d, field = a - b, 9.8 - 0.01 * (8.0 * pi) ** 2 * cos(8.0 * pi * t)
-        share = 2.0 * (m1 + m2 * sin(d) ** 2)
+        term = 2.0 * (m1 + m2 * sin(d) ** 2)
         first = m2 * (l1 * u * u * sin(2 * d) + 2 * l2 * v * v * sin(d))
         first += field * ((2 * m1 + m2) * sin(a) + m2 * sin(a - 2 * b))
         second = m2 * l2 * v * v * sin(2 * d)
         second += (m1 + m2) * (2 * l1 * u * u * sin(d) + field * (sin(2 * a - b) - sin(b)))
         assert system.derivative(t, (a, b, u, v)) == pytest.approx(
-            (u, v, -first / (l1 * share), second / (l2 * share)), rel=1e-12
+            (u, v, -first / (l1 * term), second / (l2 * term)), rel=1e-12
         )
 
 

@@ -49,7 +49,7 @@ def linear_modes(system: ForcedSystem, state: tuple[float, ...]) -> NDArray[np.f
 
 
 @pytest.mark.parametrize("ratio", [0.25, 1.0])
-def test_small_motions_about_the_four_rest_states(ratio: float) -> None:
+def test_small_motions_about_the_four_equilibria(ratio: float) -> None:
     system = double_pendulum(mass_2=ratio, amplitude=0.0, damping=0.0)
     r, length = 1.0 + ratio, 0.032
     both = np.array([r - sqrt(r * r - r), r + sqrt(r * r - r)]) / length
@@ -89,7 +89,7 @@ def floquet(system: ForcedSystem, state: tuple[float, ...]) -> float:
     return float(np.abs(np.linalg.eigvals(solution.y[:, -1].reshape(n, n))).max())
 
 
-def test_with_the_defaults_every_rest_state_is_stable() -> None:
+def test_with_the_defaults_every_equilibrium_is_stable() -> None:
     for system, links in ((double_pendulum(), 2), (triple_pendulum(), 3)):
         for state in product((0.0, pi), repeat=links):
             assert floquet(system, state) < 1.0
@@ -150,8 +150,8 @@ def test_energy_is_kept_by_what_keeps_it() -> None:
     """Gravity and springs, no drive and no friction."""
     for effects in ((Gravity(9.8),), (Gravity(9.8), TorsionSpring(30.0, 0.4)), (TorsionSpring(30.0, 0.4),), ()):
         system = scene(Chain(LINKS[:4], MASSES[:4]), *effects, period=1.0)
-        start = np.array([1.0, -2.0, 0.5, 3.0, 4.0, -2.0, 0.0, 1.0])
-        solution = solve_ivp(system.fun, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12)
+        ic = np.array([1.0, -2.0, 0.5, 3.0, 4.0, -2.0, 0.0, 1.0])
+        solution = solve_ivp(system.fun, (0.0, 1.0), ic, method="DOP853", rtol=1e-12, atol=1e-12)
         energies = system.output("energy", solution.t, solution.y.T)
         assert not effects or np.ptp(energies[:, 0]) > 1e-3
         assert energies.sum(axis=-1) == pytest.approx(energies[0].sum(), rel=1e-9)
@@ -171,19 +171,19 @@ def test_viscous_damping_takes_what_the_joints_take() -> None:
 def test_volumes_shrink_as_liouville_says() -> None:
     """det DP = det M(q0) / det M(q(T)) exp(-int tr(M^-1 C)), with C of the joints."""
     system = double_pendulum()
-    start = np.array([1.0, -0.5, 60.0, 30.0])
+    ic = np.array([1.0, -0.5, 60.0, 30.0])
     unit = 0.032**2
 
     def inertia(x: Any) -> NDArray[np.float64]:
         lean = 0.25 * cos(x[0] - x[1])
         return unit * np.array([[1.25, lean], [lean, 0.25]])
 
-    solution = solve_ivp(system.fun, (0.0, 0.02), start, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
+    solution = solve_ivp(system.fun, (0.0, 0.02), ic, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
     damping = 10.0 * unit * np.array([[2.0, -1.0], [-1.0, 1.0]])
     lost = quad(lambda t: np.trace(np.linalg.solve(inertia(solution.sol(t)), damping)), 0.0, 0.02, epsabs=1e-10)[0]
-    ratio = np.linalg.det(inertia(start)) / np.linalg.det(inertia(solution.y[:, -1]))
+    ratio = np.linalg.det(inertia(ic)) / np.linalg.det(inertia(solution.y[:, -1]))
     scale = np.array([1.0, 1.0, 100.0, 100.0])
-    matrix = jacobian(stroboscopic_map(system, rtol=1e-11, atol=1e-11), start) * (scale[None, :] / scale[:, None])
+    matrix = jacobian(stroboscopic_map(system, rtol=1e-11, atol=1e-11), ic) * (scale[None, :] / scale[:, None])
     assert np.linalg.det(matrix) == pytest.approx(ratio * exp(-lost), rel=1e-8)
 
 

@@ -67,14 +67,14 @@ def span_of(system: ForcedSystem | PointMap) -> NDArray[np.float64]:
     return np.array([0.5 * c.period if c.period else 100.0 if c.unit.endswith("/s") else 2.0 for c in coordinates])
 
 
-def random_starts(system: ForcedSystem | PointMap, count: int) -> NDArray[np.float64]:
+def random_initial_conditions(system: ForcedSystem | PointMap, count: int) -> NDArray[np.float64]:
     span = span_of(system)
     return np.random.default_rng(0).uniform(-1.0, 1.0, (count, len(span))) * span
 
 
-def starts_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
+def initial_conditions_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
     """Random initial conditions whose orbits are not divergent after a period."""
-    initial_conditions = random_starts(system, 10 * count)
+    initial_conditions = random_initial_conditions(system, 10 * count)
     images = stroboscopic_map(system).iterate(initial_conditions, 1).unwrapped
     farthest = [inf if c.period else 10.0 * span for c, span in zip(system.axes, span_of(system), strict=True)]
     staying = (np.abs(images) <= farthest).all(axis=-1)  # NaN, where an orbit has diverged, does not stay
@@ -82,7 +82,7 @@ def starts_that_stay(system: ForcedSystem, count: int) -> NDArray[np.float64]:
     return initial_conditions[staying][:count]
 
 
-def growth_of_volumes(system: ForcedSystem, start: NDArray[np.float64]) -> float:
+def growth_of_volumes(system: ForcedSystem, initial_condition: NDArray[np.float64]) -> float:
     """Liouville: the exponential of the divergence, integrated along the orbit of one period by SciPy."""
     rhs = rebind(system.rhs, {n: getattr(cmath, n) for n in ELEMENTARY})
     directions = 1e-30j * np.eye(system.dimension)  # complex steps: derivatives without cancellation
@@ -92,7 +92,7 @@ def growth_of_volumes(system: ForcedSystem, start: NDArray[np.float64]) -> float
         divergence = sum(rhs(t, place, system.parameters)[j].imag for j, place in enumerate(places)) / 1e-30
         return [*system.derivative(t, tuple(y[:-1])), divergence]
 
-    solution = solve_ivp(fun, (0.0, system.length), [*start, 0.0], method="DOP853", rtol=1e-13, atol=1e-14)
+    solution = solve_ivp(fun, (0.0, system.length), [*initial_condition, 0.0], method="DOP853", rtol=1e-13, atol=1e-14)
     assert solution.success
     return exp(solution.y[-1, -1])
 
@@ -155,7 +155,7 @@ def test_plain_python_scipy_and_the_trace_agree(name: str) -> None:
         "div": lambda a, b: a / b,
         "neg": lambda a: -a,
     }
-    for t, x in zip((0.0, 0.3, 0.8), random_starts(system, 3), strict=True):
+    for t, x in zip((0.0, 0.3, 0.8), random_initial_conditions(system, 3), strict=True):
         values: dict[Any, float] = {traced.time: t * system.length}
         values.update(zip(traced.states, map(float, x), strict=True))
         values.update(zip(traced.parameters, system.params.values(), strict=True))
@@ -179,7 +179,7 @@ def test_the_right_hand_side_repeats_itself_after_the_period(name: str) -> None:
     with mpmath.workdps(30):
         rhs = rebind(system.rhs, {n: getattr(mpmath, n) for n in ELEMENTARY})
         p = parameter_record(tuple(system.params))(*map(mpmath.mpf, system.params.values()))
-        for t, x in zip((0.0, 0.21, 0.73), random_starts(system, 3), strict=True):
+        for t, x in zip((0.0, 0.21, 0.73), random_initial_conditions(system, 3), strict=True):
             begin, period = mpmath.mpf(t) * system.length, mpmath.mpf(system.length)
             state = tuple(map(mpmath.mpf, map(float, x)))
             now, later = rhs(begin, state, p), rhs(begin + period, state, p)
@@ -194,7 +194,7 @@ def test_every_side_is_smooth_and_periodic_and_is_what_its_trace_says(name: str)
     traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
     assert traced is not None and traced.is_analytic
     base = traced.free_motion
-    for t, x in zip((0.0, 0.3, 0.8), random_starts(system, 3), strict=True):
+    for t, x in zip((0.0, 0.3, 0.8), random_initial_conditions(system, 3), strict=True):
         time, state = t * system.length, tuple(map(float, x))
         for signs in itertools.product((-1.0, 1.0), repeat=len(traced.surfaces)):
             values: dict[str, Any] = {"time": lambda _, time=time: time, "state": state.__getitem__}
@@ -212,18 +212,18 @@ def test_every_side_is_smooth_and_periodic_and_is_what_its_trace_says(name: str)
 def test_angles_are_angles(name: str) -> None:
     """A full rotation of an angle changes nothing."""
     system = FACTORIES[name]()
-    for x in random_starts(system, 5):
+    for x in random_initial_conditions(system, 5):
         for j, coordinate in enumerate(system.axes):
             if coordinate.period:
-                turned = x.copy()
-                turned[j] += 3.0 * coordinate.period
-                assert system.fun(0.3, turned) == pytest.approx(system.fun(0.3, x), rel=1e-11, abs=1e-11)
+                rotated = x.copy()
+                rotated[j] += 3.0 * coordinate.period
+                assert system.fun(0.3, rotated) == pytest.approx(system.fun(0.3, x), rel=1e-11, abs=1e-11)
 
 
 @EVERY_SMOOTH_FLOW
 def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArray[np.float64]]) -> None:
     system = FACTORIES[name]()
-    initial_conditions = starts_that_stay(system, 6)
+    initial_conditions = initial_conditions_that_stay(system, 6)
     images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1).unwrapped
     assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12), rel=1e-9, abs=1e-9)
 
@@ -231,9 +231,9 @@ def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArra
 @EVERY_SMOOTH_FLOW
 def test_volumes_grow_by_the_divergence(name: str) -> None:
     system = FACTORIES[name]()
-    scale, initial_conditions = span_of(system), starts_that_stay(system, 5)
+    scale, initial_conditions = span_of(system), initial_conditions_that_stay(system, 5)
     matrices = jacobian(stroboscopic_map(system), initial_conditions) * (scale[None, :] / scale[:, None])
-    expected = [growth_of_volumes(system, start) for start in initial_conditions]
+    expected = [growth_of_volumes(system, initial_condition) for initial_condition in initial_conditions]
     assert np.linalg.det(matrices) == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
@@ -243,7 +243,9 @@ def test_viscous_damping_shrinks_all_areas_alike(name: str) -> None:
     system = FACTORIES[name]()
     damping = next(system.params[n] for n in ("damping", "gamma") if n in system.params)
     scale = span_of(system)
-    matrices = jacobian(stroboscopic_map(system), starts_that_stay(system, 10)) * (scale[None, :] / scale[:, None])
+    matrices = jacobian(stroboscopic_map(system), initial_conditions_that_stay(system, 10)) * (
+        scale[None, :] / scale[:, None]
+    )
     assert np.linalg.det(matrices) == pytest.approx(exp(-damping * system.length), abs=1e-10)
 
 
@@ -257,7 +259,7 @@ def test_with_params_takes_every_parameter(name: str) -> None:
 @EVERY_MAP
 def test_a_discrete_map_is_a_point_map(name: str) -> None:
     made = FACTORIES[name]()
-    initial_conditions = 0.1 * random_starts(made, 20)
+    initial_conditions = 0.1 * random_initial_conditions(made, 20)
     images = made.iterate(initial_conditions, 3)
     assert np.isfinite(images.points).all()
     h = 1e-6

@@ -156,18 +156,18 @@ def test_a_sharp_triangle_is_smooth_beyond_its_tips() -> None:
 def test_the_map_under_a_sharp_wave(drive: Effect, edges: tuple[float, ...]) -> None:
     """Against SciPy, from edge to edge."""
     system = scene(Pendulum(0.0272), Gravity(9.8), drive, ViscousDamping(5.0))
-    state, start = np.array([1.0, 5.0]), 0.0
+    state, ic = np.array([1.0, 5.0]), 0.0
     for end in (*edges, 0.02):
-        signs = system.signs(0.5 * (start + end), tuple(state))
+        signs = system.signs(0.5 * (ic + end), tuple(state))
         solution = solve_ivp(
             lambda t, y, s=signs: system.derivative(t, tuple(y), s),
-            (start, end),
+            (ic, end),
             state,
             "DOP853",
             rtol=1e-12,
             atol=1e-12,
         )
-        state, start = solution.y[:, -1], end
+        state, ic = solution.y[:, -1], end
     assert stroboscopic_map(system)([1.0, 5.0]) == pytest.approx(state, rel=1e-7)
 
 

@@ -15,17 +15,17 @@ from cellmap.maps import jacobian
 from systems import magnetic_pendulum
 
 C, S = cos(2.0 * pi / 3.0), sin(2.0 * pi / 3.0)
-THIRD_OF_A_TURN = np.kron(np.eye(2), [[C, -S], [S, C]])  # of positions and of velocities
+THIRD_OF_THE_CIRCLE = np.kron(np.eye(2), [[C, -S], [S, C]])  # of positions and of velocities
 
 
-def random_starts(count: int) -> NDArray[np.float64]:
+def random_initial_conditions(count: int) -> NDArray[np.float64]:
     return np.random.default_rng(0).uniform(-1.5, 1.5, (count, 4))
 
 
 def test_the_equation() -> None:
     """Against the sum over the magnets, written with complex numbers."""
     system = magnetic_pendulum(damping=0.3, stiffness=0.4, strength=0.7, height=0.5, radius=1.2)
-    for x, y, u, v in random_starts(5):
+    for x, y, u, v in random_initial_conditions(5):
         z, w = complex(x, y), complex(u, v)
         magnets = 1.2 * np.exp(2j * pi * np.arange(3) / 3)
         a = -0.4 * z - 0.3 * w + sum(0.7 * (m - z) / (abs(m - z) ** 2 + 0.25) ** 1.5 for m in magnets)
@@ -40,20 +40,20 @@ def test_energy_is_kept_without_damping() -> None:
         return 0.5 * (states[..., 2] ** 2 + states[..., 3] ** 2) + 0.125 * np.abs(z) ** 2 - wells
 
     strobe = stroboscopic_map(magnetic_pendulum(damping=0.0), rtol=1e-12, atol=1e-12)
-    initial_conditions = random_starts(20)
+    initial_conditions = random_initial_conditions(20)
     assert energy(strobe.iterate(initial_conditions, 100).points) == pytest.approx(energy(initial_conditions), abs=1e-8)
 
 
 def test_volumes_shrink_by_the_damping_in_both_directions() -> None:
-    matrices = jacobian(stroboscopic_map(magnetic_pendulum(damping=0.3, period=2.0)), random_starts(5))
+    matrices = jacobian(stroboscopic_map(magnetic_pendulum(damping=0.3, period=2.0)), random_initial_conditions(5))
     assert np.linalg.det(matrices) == pytest.approx(np.exp(-1.2), abs=1e-10)
 
 
-def test_a_third_of_a_turn_is_a_symmetry() -> None:
+def test_a_rotation_by_a_third_of_the_circle_is_a_symmetry() -> None:
     strobe = stroboscopic_map(magnetic_pendulum())
-    initial_conditions = random_starts(20)
-    assert strobe(initial_conditions @ THIRD_OF_A_TURN.T) == pytest.approx(
-        strobe(initial_conditions) @ THIRD_OF_A_TURN.T, abs=1e-8
+    initial_conditions = random_initial_conditions(20)
+    assert strobe(initial_conditions @ THIRD_OF_THE_CIRCLE.T) == pytest.approx(
+        strobe(initial_conditions) @ THIRD_OF_THE_CIRCLE.T, abs=1e-8
     )
 
 
@@ -70,7 +70,7 @@ def test_the_bob_rests_near_each_magnet() -> None:
         assert strobe(place) == pytest.approx(place, abs=1e-10)
         moduli = np.abs(np.linalg.eigvals(jacobian(strobe, place)))
         assert moduli == pytest.approx(np.exp(-0.1), abs=1e-9)
-        place = THIRD_OF_A_TURN @ place
+        place = THIRD_OF_THE_CIRCLE @ place
 
 
 def test_three_basins_of_equal_size() -> None:
@@ -83,8 +83,8 @@ def test_three_basins_of_equal_size() -> None:
     assert [f.fraction for f in basins.fractions.values()] == pytest.approx([1.0 / 3.0] * 3, abs=0.01)
     places = np.array([a.points[0, :2] for a in basins.attractors])
     assert np.linalg.norm(places[:, None] - places, axis=-1).max() == pytest.approx(0.97805 * sqrt(3.0), abs=1e-4)
-    turned = places @ THIRD_OF_A_TURN[:2, :2].T
-    successor = np.linalg.norm(turned[:, None] - places, axis=-1).argmin(axis=1)
+    rotated = places @ THIRD_OF_THE_CIRCLE[:2, :2].T
+    successor = np.linalg.norm(rotated[:, None] - places, axis=-1).argmin(axis=1)
     assert np.mean(basins.labels == successor[np.roll(basins.labels, 10, axis=0)]) > 0.98
 
 

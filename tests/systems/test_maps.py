@@ -38,7 +38,7 @@ def test_areas() -> None:
     assert np.linalg.det(jacobian(grebogi_ott_yorke_map(), points)) == pytest.approx(expected, abs=1e-14)
 
 
-def test_henons_bounded_share() -> None:
+def test_henons_bounded_fraction() -> None:
     """0.4319 on 1000^2 points of [-2, 2]^2 (REFERENCES.md)."""
     basins = find_basins(henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (200, 200)))
     assert basins.fractions[0].fraction == pytest.approx(0.4319, abs=0.003)
@@ -73,7 +73,7 @@ def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
     assert np.mean(ends > 0.0) == pytest.approx(0.5, abs=0.01)
 
 
-def test_mcdonalds_map_needs_whole_turns() -> None:
+def test_mcdonalds_map_needs_full_rotations() -> None:
     with pytest.raises(TypeError, match=r"degree=2.5: give a whole number"):
         mcdonald_map(degree=2.5)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"degree=1: give a whole number of at least 2"):
@@ -131,8 +131,8 @@ def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
     exponents = lyapunov_exponents(point_map, initial_conditions, 200)[0]
     assert exponents.mean() == pytest.approx(log(2.0), abs=2e-3)
     cloud = np.sort(np.concatenate([point_map.iterate(initial_conditions, n).points[:, 0] for n in range(30, 50)]))
-    share = np.arange(len(cloud)) / len(cloud)
-    assert np.abs(2.0 / pi * np.arcsin(np.sqrt(cloud)) - share).max() < 0.02
+    fraction = np.arange(len(cloud)) / len(cloud)
+    assert np.abs(2.0 / pi * np.arcsin(np.sqrt(cloud)) - fraction).max() < 0.02
 
 
 def test_periods_of_the_logistic_map() -> None:
@@ -149,6 +149,6 @@ def test_periods_of_the_logistic_map() -> None:
     assert window.period == 3
 
 
-def test_starts_outside_the_interval_diverge() -> None:
+def test_initial_conditions_outside_the_interval_diverge() -> None:
     basins = find_basins(logistic_map(2.8), CellGrid((-1.0,), (2.0,), (30,)))
     assert basins.labels.tolist() == [-2] * 10 + [0] * 10 + [-2] * 10

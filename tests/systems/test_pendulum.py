@@ -17,9 +17,9 @@ W = 2.0 * pi * 50.0
 INVERTED = (pi, 0.0)
 
 
-def multipliers(amplitude: float, start: tuple[float, float] = INVERTED, **changes: float) -> Any:
+def multipliers(amplitude: float, ic: tuple[float, float] = INVERTED, **changes: float) -> Any:
     strobe = stroboscopic_map(driven_pendulum(amplitude=amplitude, **changes))
-    return np.sort_complex(np.linalg.eigvals(jacobian(strobe, start)))[::-1]
+    return np.sort_complex(np.linalg.eigvals(jacobian(strobe, ic)))[::-1]
 
 
 def test_the_sign_convention() -> None:
@@ -90,7 +90,7 @@ def test_multipliers_of_the_inverted_state() -> None:
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "damping", "start", "multiplier"),
+    ("amplitude", "damping", "ic", "multiplier"),
     [
         (2.329021135978e-3, 10.0, INVERTED, 1.0),
         (2.327849487651e-3, 0.0, INVERTED, 1.0),
@@ -99,10 +99,10 @@ def test_multipliers_of_the_inverted_state() -> None:
     ],
 )
 def test_where_the_equilibria_change_stability(
-    amplitude: float, damping: float, start: tuple[float, float], multiplier: float
+    amplitude: float, damping: float, ic: tuple[float, float], multiplier: float
 ) -> None:
     """At the critical amplitudes one multiplier is 1 or -1; undamped both are, up to the square root of the error."""
-    values = multipliers(amplitude, start, damping=damping)
+    values = multipliers(amplitude, ic, damping=damping)
     assert np.abs(values - multiplier).min() < (1e-8 if damping else 1e-4)
 
 
@@ -141,9 +141,9 @@ def test_rotations() -> None:
 def test_the_period_4_pair_at_10_mm() -> None:
     strobe = stroboscopic_map(driven_pendulum(amplitude=0.010), rtol=1e-12, atol=1e-12)
     points = np.array([[0.100306867278, 0.282821064590], [0.536047919253, -0.034158641173]]) * [1.0, W]
-    for start in (*points, *-points):
-        assert strobe.iterate(start, 4).points / [1.0, W] == pytest.approx(start / [1.0, W], abs=1e-9)
-        assert abs(strobe(start)[0] - start[0]) > 0.1
+    for ic in (*points, *-points):
+        assert strobe.iterate(ic, 4).points / [1.0, W] == pytest.approx(ic / [1.0, W], abs=1e-9)
+        assert abs(strobe(ic)[0] - ic[0]) > 0.1
 
 
 @pytest.mark.parametrize(
@@ -197,13 +197,13 @@ def test_without_drive_and_damping_the_swing_has_its_exact_period() -> None:
 def test_without_drive_and_damping_energy_is_kept() -> None:
     """To 1e-11 over 1,000 periods of 0.02 s."""
     strobe = stroboscopic_map(driven_pendulum(amplitude=0.0, damping=0.0), rtol=1e-12, atol=1e-12)
-    start = np.array([3.0, 0.0])
-    end = strobe.iterate(start, 1000).points
+    ic = np.array([3.0, 0.0])
+    end = strobe.iterate(ic, 1000).points
 
     def energy(x: Any) -> float:
         return float(0.5 * x[1] ** 2 - 9.8 / 0.0272 * cos(x[0]))
 
-    assert energy(end) == pytest.approx(energy(start), rel=1e-11)
+    assert energy(end) == pytest.approx(energy(ic), rel=1e-11)
 
 
 def test_a_free_rotor() -> None:

@@ -164,8 +164,8 @@ def test_scenes_that_branch_compile_too() -> None:
     free = scene(Pendulum(1.0), Gravity(1.0), ViscousDamping(0.1), period=0.5)
     stopped = scene(Pendulum(1.0), Gravity(1.0), OneSided(2.0), ViscousDamping(0.1), period=0.5)
     exact, without = stroboscopic_map(stopped), stroboscopic_map(free)
-    start = [-1.0, 0.0]  # stays below zero for half a unit of time
-    assert exact(start) == pytest.approx(without(start), abs=1e-8)
+    ic = [-1.0, 0.0]  # stays below zero for half a unit of time
+    assert exact(ic) == pytest.approx(without(ic), abs=1e-8)
     pushed = exact([1.0, 0.0])
     assert np.isfinite(pushed).all() and pushed[1] < without([1.0, 0.0])[1] - 0.1
 

@@ -6,7 +6,7 @@ from math import cos, exp, pi, sin
 
 import numpy as np
 
-TURN = 2 * pi
+TAU = 2 * pi
 
 
 # --- smooth oscillators
@@ -108,19 +108,19 @@ def coupled_duffings(t, x, p):
 
 def sir(t, x, p):
     s, i = exp(x[0]), exp(x[1])
-    beta = p.beta * (1 + p.season * cos(TURN * t))
+    beta = p.beta * (1 + p.season * cos(TAU * t))
     return p.mu / s - p.mu - beta * i, beta * s - p.gamma - p.mu
 
 
 def seir(t, x, p):
     s, e, i = exp(x[0]), exp(x[1]), exp(x[2])
-    beta = p.beta * (1 + p.season * cos(TURN * t))
+    beta = p.beta * (1 + p.season * cos(TAU * t))
     return p.mu / s - p.mu - beta * i, beta * s * i / e - p.sigma - p.mu, p.sigma * e / i - p.gamma - p.mu
 
 
 def predator_prey(t, x, p):
     prey, predator = x
-    growth = p.r * (1 + p.season * sin(TURN * t))
+    growth = p.r * (1 + p.season * sin(TAU * t))
     eaten = prey * predator / (p.half + prey)
     return growth * prey * (1 - prey) - eaten, 0.6 * eaten - p.death * predator
 

@@ -7,7 +7,7 @@ from math import exp, sqrt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from textbook_systems import BRANCHING, IMPACTS, SMOOTH, STIFF, TURN, forced, van_der_pol
+from textbook_systems import BRANCHING, IMPACTS, SMOOTH, STIFF, TAU, forced, van_der_pol
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
 from cellmap.attractors.labels import Label
@@ -161,7 +161,7 @@ def test_van_der_pol_for_small_mu():
     """Without force the amplitude tends to 2, and the period to 2 pi (1 + mu^2/16)."""
     system = forced(van_der_pol, omega=1.0, mu=0.1, force=0.0)
     (cycle,) = find_basins(stroboscopic_map(system), CellGrid((-3, -3), (3, 3), (6, 6))).attractors
-    assert cycle.circle.cycle_period == pytest.approx(TURN * (1 + 0.1**2 / 16), rel=1e-5)
+    assert cycle.circle.cycle_period == pytest.approx(TAU * (1 + 0.1**2 / 16), rel=1e-5)
     assert cycle.points[:, 0].max() == pytest.approx(2.0, abs=2e-3)
     assert sqrt(np.abs(cycle.points**2).sum(axis=1).max()) < 2.2
 

@@ -41,11 +41,11 @@ from right_hand_sides import (
 from cellmap import CellGrid, ForcedSystem, angle
 from cellmap.maps import Impact
 
-TURN = 2 * pi
+TAU = 2 * pi
 
 
 def by_frequency(p):
-    return TURN / p.omega
+    return TAU / p.omega
 
 
 STOP = Impact(lambda t, x, p: p.wall - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
@@ -60,7 +60,7 @@ def table_reset(t, x, p):
     return x[0], speed - p.e * (x[1] - speed)
 
 
-KICK = Impact(lambda t, x, p: -sin(TURN * t), lambda t, x, p: (x[0], x[1] + p.kick * sin(x[0])))
+KICK = Impact(lambda t, x, p: -sin(TAU * t), lambda t, x, p: (x[0], x[1] + p.kick * sin(x[0])))
 
 
 def window(a, b, n=10):
@@ -89,7 +89,7 @@ SMOOTH = {
         window((-1, -1), (1, 1)),
     ),
     "driven pendulum": (forced(pendulum, PHASE, damping=0.2, force=1.66, omega=1.0), ANGLE),
-    "inverted pendulum": (made(inverted, {"damping": 0.1, "gravity": 0.02, "shake": 0.4}, TURN, PHASE), ANGLE),
+    "inverted pendulum": (made(inverted, {"damping": 0.1, "gravity": 0.02, "shake": 0.4}, TAU, PHASE), ANGLE),
     "van der Pol, mu 1": (forced(van_der_pol, mu=1.0, force=1.0, omega=1.0), Q2),
     "van der Pol, mu 5": (forced(van_der_pol, mu=5.0, force=5.0, omega=0.7), Q2),
     "FitzHugh-Nagumo": (forced(fitzhugh_nagumo, current=0.5, force=0.4, omega=0.17), Q2),
@@ -102,7 +102,7 @@ SMOOTH = {
         ANGLE,
     ),
     "swing equation": (
-        made(swing, {"power": 1.0, "damping": 0.1, "coupling": 8.0}, TURN, PHASE),
+        made(swing, {"power": 1.0, "damping": 0.1, "coupling": 8.0}, TAU, PHASE),
         window((-pi, -9), (pi, 9)),
     ),
     "Paul trap": (made(paul_trap, {"damping": 0.05, "a": 0.1, "q": 0.4}, pi), Q2),
@@ -171,7 +171,7 @@ BRANCHING = {
         ForcedSystem(belt, {"friction": 1.0, "belt": 0.5}, 5.0, QV),
         window((-3, -2), (3, 2), 4),
     ),
-    "square wave": (made(square_driven, {"damping": 0.3, "force": 0.1}, TURN), Q2),
+    "square wave": (made(square_driven, {"damping": 0.3, "force": 0.1}, TAU), Q2),
     "buck converter": (
         made(buck, {"supply": 20.0}, 400e-6, ("v", "i")),
         window((11.5, 0.4), (12.5, 0.7)),
@@ -196,7 +196,7 @@ IMPACTS = {
         window((-2, -2), (0.5, 2)),
     ),
     "ball on a table": (
-        made(free_fall, {"amplitude": 2.0, "e": 0.5}, TURN, ("h", "v"), impacts=[Impact(table_gap, table_reset)]),
+        made(free_fall, {"amplitude": 2.0, "e": 0.5}, TAU, ("h", "v"), impacts=[Impact(table_gap, table_reset)]),
         window((2, -2), (6, 2)),
     ),
     "kicked rotor": (

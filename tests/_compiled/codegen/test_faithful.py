@@ -11,9 +11,9 @@ from cellmap import ForcedSystem, discrete_map, stroboscopic_map
 from cellmap._compiled.codegen.kernel import why_untraced
 
 
-def image(rhs, start=(1.0,)):
-    names = ("x", "y")[: len(start)]
-    return stroboscopic_map(ForcedSystem(rhs, {}, 1.0, names))(start)
+def image(rhs, initial_condition=(1.0,)):
+    names = ("x", "y")[: len(initial_condition)]
+    return stroboscopic_map(ForcedSystem(rhs, {}, 1.0, names))(initial_condition)
 
 
 def asks_for_the_type(t, x, p):

@@ -73,9 +73,11 @@ def test_order_of_convergence_on_the_linear_oscillator(method: str, order: int, 
         return x[1], -x[0]
 
     system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
-    start = np.array([[1.0, 0.0]])
+    initial_condition = np.array([[1.0, 0.0]])
     kernel = flow_kernel(rhs, 2, (), method, 1e-9)
-    errors = [np.abs(images(kernel, system, start, n)[0] - start).max() for n in (steps, 2 * steps)]
+    errors = [
+        np.abs(images(kernel, system, initial_condition, n)[0] - initial_condition).max() for n in (steps, 2 * steps)
+    ]
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
 
 
@@ -96,10 +98,10 @@ def test_order_of_convergence_on_the_driven_pendulum(
 
 @pytest.mark.parametrize(("method", "solver"), [("RK45", RK45), ("DOP853", DOP853)])
 def test_one_step_is_that_of_scipy(method: str, solver: Any, traced: ForcedSystem) -> None:
-    start, h = np.array([1.0, 0.5]), 0.3
+    initial_condition, h = np.array([1.0, 0.5]), 0.3
     kernel = flow_kernel(traced.rhs, 2, tuple(traced.params), method, 1e-9)
-    image, _ = images(kernel, traced, start[None], 1, length=h)
-    reference = solver(traced.fun, 0.0, start, 10.0, first_step=h, max_step=h, rtol=1e10, atol=1e10)
+    image, _ = images(kernel, traced, initial_condition[None], 1, length=h)
+    reference = solver(traced.fun, 0.0, initial_condition, 10.0, first_step=h, max_step=h, rtol=1e10, atol=1e10)
     reference.step()
     assert reference.t == h
     assert image[0] == pytest.approx(reference.y, rel=1e-14)

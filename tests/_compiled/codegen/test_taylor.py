@@ -19,21 +19,23 @@ from cellmap._compiled.codegen.trace import Trace, parameter_record, trace
 from cellmap._compiled.kernels.blocks import LANES
 
 
-def step(traced: Trace, start: list[float], t: float, h: float, parameters: list[float], order: int) -> Any:
+def step(traced: Trace, initial_condition: list[float], t: float, h: float, parameters: list[float], order: int) -> Any:
     """Image after one Taylor step, and the error estimate."""
-    advance = compiled_period(taylor_steps(traced, order), len(start), len(parameters))
-    block = np.repeat(np.array(start)[None, :, None], LANES, axis=2)
+    advance = compiled_period(taylor_steps(traced, order), len(initial_condition), len(parameters))
+    block = np.repeat(np.array(initial_condition)[None, :, None], LANES, axis=2)
     errors = np.empty_like(block)
     advance(block, np.array([1]), t, h, np.array(parameters, dtype=float), errors)
     assert (block == block[..., :1]).all()
     return block[0, :, 0], errors[0, :, 0]
 
 
-def exact(function: Callable[..., Any], start: list[float], t: float, h: float, parameters: list[float]) -> Any:
+def exact(
+    function: Callable[..., Any], initial_condition: list[float], t: float, h: float, parameters: list[float]
+) -> Any:
     """Image after time h by SciPy's DOP853 in eight small steps or more, right to rounding."""
     p = parameter_record(("k",))(*parameters)
     options = {"method": "DOP853", "rtol": 3e-14, "atol": 1e-16, "max_step": 0.125 * h}
-    return solve_ivp(lambda t, y: function(t, tuple(y), p), (t, t + h), start, **options).y[:, -1]
+    return solve_ivp(lambda t, y: function(t, tuple(y), p), (t, t + h), initial_condition, **options).y[:, -1]
 
 
 def one_of_each(t: float, x: Any, p: Any) -> tuple[Any, ...]:
@@ -52,7 +54,7 @@ def one_of_each(t: float, x: Any, p: Any) -> tuple[Any, ...]:
     )
 
 
-START = [0.4, -0.3, 1.7, 0.6, 0.2, 1.1, 2.0, 0.5, -0.7]
+INITIAL_CONDITION = [0.4, -0.3, 1.7, 0.6, 0.2, 1.1, 2.0, 0.5, -0.7]
 
 
 def test_every_recurrence_and_the_order() -> None:
@@ -61,8 +63,8 @@ def test_every_recurrence_and_the_order() -> None:
     t, order = 0.3, 6
     errors = []
     for h in (0.08, 0.04):
-        image, estimate = step(traced, START, t, h, [0.8], order)
-        errors.append(np.abs(image - exact(one_of_each, START, t, h, [0.8])))
+        image, estimate = step(traced, INITIAL_CONDITION, t, h, [0.8], order)
+        errors.append(np.abs(image - exact(one_of_each, INITIAL_CONDITION, t, h, [0.8])))
         assert (errors[-1] <= estimate).all()
     # The local error of order 6 falls by 2^7 at half the step; components that are at rounding show no order.
     falling = errors[1] > 1e-12

@@ -56,7 +56,7 @@ def rotating() -> ForcedSystem:
 
 
 @cache
-def tabulated() -> cellmap.Basins:
+def interpolated() -> cellmap.Basins:
     table = cellmap.interpolated_map(wells(), WINDOW, order=1, tolerance=0.3)
     return cellmap.find_basins(table, WINDOW, max_periods=60)
 
@@ -87,7 +87,7 @@ def sample(name: str) -> Any:
         case "Attractor":
             return sample("Basins").attractors[0]
         case "Certificate":
-            return cellmap.certify(tabulated())
+            return cellmap.certify(interpolated())
         case "Bifurcation":
             return sample("Branch").bifurcations[0]
         case "ConnectingOrbit":
@@ -220,7 +220,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "continue_orbit": lambda: {"orbit": sample("Attractor"), "lower": 1.3, "upper": 2.3, "step": 0.05},
     "period_doubling_cascade": lambda: {"limit": 2.5, "orbit": sample("Attractor")},
     "switch_branch": lambda: {"lower": 1.3, "upper": 2.2, "step": 0.05},
-    "certify": lambda: {"basins": tabulated()},
+    "certify": lambda: {"basins": interpolated()},
     "TransferOperator.cycle": lambda: {"order": 2},
     "TransferOperator.almost_invariant_sets": lambda: {"n_sets": 2},
     "Branch.of_kind": lambda: {"kind": cellmap.bifurcations.BifurcationKind.PERIOD_DOUBLING},

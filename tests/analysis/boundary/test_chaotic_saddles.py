@@ -67,8 +67,8 @@ def test_escape_in_two_dimensions_with_a_circle() -> None:
     def both(x: Any, p: Any) -> tuple[float, float]:
         return x[0] + 0.7 + 0.1 * cos(x[0]), 1.5 - 3.0 * abs(x[1] - 0.5)
 
-    turning = discrete_map(both, {}, (angle("a"), "x"))
-    found = escape_rate(turning, CellGrid((-np.pi, 0.0), (np.pi, 1.0), (1, 1)), n_samples=100_000)
+    rotating = discrete_map(both, {}, (angle("a"), "x"))
+    found = escape_rate(rotating, CellGrid((-np.pi, 0.0), (np.pi, 1.0), (1, 1)), n_samples=100_000)
     assert abs(found.rate - log(1.5)) < 3.0 * found.standard_error
 
 
@@ -212,7 +212,7 @@ def test_what_it_refuses(change: Any, match: str) -> None:
         chaotic_saddle(**arguments)
 
 
-def test_pictures() -> None:
+def test_figures() -> None:
     found = escape_rate(tent(3.0), UNIT, n_samples=20_000)
     line = plot.fit(found).get_lines()[0]
     assert np.array_equal(line.get_xdata(), found.fit.x[found.fit.inside])

@@ -108,7 +108,7 @@ def test_chaotic_edge_is_not_called_periodic() -> None:
     assert edge.growth.standard_error > 0.01
 
 
-def test_edge_across_the_seam_of_a_circle() -> None:
+def test_edge_across_the_branch_cut_of_a_circle() -> None:
     """x' = x - 0.4 sin(2 x) rests at 0 and pi, with the edges between them at +-pi/2; the branch cut is next to one."""
     from math import sin
 
@@ -177,7 +177,7 @@ def test_basins_from_a_file_need_a_map(wells: Basins) -> None:
     assert edge_orbit(replace(wells, point_map=None), periods=60, point_map=wells.point_map).orbit is not None
 
 
-def test_pictures(pendulum: Basins, wells: Basins) -> None:
+def test_figures(pendulum: Basins, wells: Basins) -> None:
     edge = edge_orbit(pendulum, 0, 1, periods=40)
     ax = plot.edge_orbit(edge, basins=pendulum)
     clouds = [np.asarray(c.get_offsets()) for c in ax.collections if len(c.get_offsets()) == len(edge.points)]

@@ -93,9 +93,9 @@ def test_neighbours_are_close_and_angles_small() -> None:
         steps = np.diff(branch.points, axis=0) / found.scale
         sizes = np.linalg.norm(steps, axis=1)
         assert np.nanmax(sizes) <= 0.01 * (1 + 1e-12)
-        turned = np.abs(np.angle((steps[1:, 0] + 1j * steps[1:, 1]) / (steps[:-1, 0] + 1j * steps[:-1, 1])))
+        rotated = np.abs(np.angle((steps[1:, 0] + 1j * steps[1:, 1]) / (steps[:-1, 0] + 1j * steps[:-1, 1])))
         long = np.minimum(sizes[1:], sizes[:-1]) > 1e-5
-        assert np.nanmax(turned[long]) <= 0.2 + 1e-9
+        assert np.nanmax(rotated[long]) <= 0.2 + 1e-9
         assert branch.length == pytest.approx(6.0, abs=0.02)
         assert branch.ended == "length"
 
@@ -172,7 +172,7 @@ def test_manifold_of_a_cycle_has_two_branches_at_each_point() -> None:
 # --- angles and flows
 
 
-def test_mirror_symmetry_and_seam_of_the_standard_map() -> None:
+def test_mirror_symmetry_and_branch_cut_of_the_standard_map() -> None:
     """(x, y) -> (-x, -y) carries each branch of the saddle at (0, 0) into the other, across the branch cut at pi."""
     k = 1.2
     chirikov = standard_map(k)
@@ -316,7 +316,7 @@ def test_what_a_distance_refuses(henon_basin: Basins) -> None:
         boundary_distance(curve, on_points)
 
 
-def test_pictures(pendulum: tuple[PointMap, Basins]) -> None:
+def test_figures(pendulum: tuple[PointMap, Basins]) -> None:
     exact, basins = pendulum
     assert basins.grid is not None
     inverse = inverse_stroboscopic_map(driven_pendulum(amplitude=0.003))

@@ -25,12 +25,12 @@ def counted(labels, size, offset, wraps):
         range(0, n, size) if w else range(-(o % size), n, size) for n, o, w in zip(shape, offset, wraps, strict=True)
     ]
     for corner in np.stack(np.meshgrid(*origins, indexing="ij"), -1).reshape(-1, labels.ndim):
-        places, share = [], 1.0
+        places, fraction = [], 1.0
         for a, n, o, w in zip(corner, shape, offset, wraps, strict=True):
             inside = np.arange(max(a, 0), min(a + size, n) + 1)
-            share *= (len(inside) - 1) / size
+            fraction *= (len(inside) - 1) / size
             places.append((inside + o) % n if w else inside)
-        total += share * (len(np.unique(labels[np.ix_(*places)])) > 1)
+        total += fraction * (len(np.unique(labels[np.ix_(*places)])) > 1)
     return total
 
 
@@ -92,14 +92,14 @@ def test_wrong_labels_are_no_fractal(flipped):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", [0.0, 0.5])
-def test_koch_snowflake(turn):
-    found = boundary_dimension(snowflake_labels(4096, 8, turn), lattice=2, n_offsets=16)
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_koch_snowflake(angle):
+    found = boundary_dimension(snowflake_labels(4096, 8, angle), lattice=2, n_offsets=16)
     assert found.dimension == pytest.approx(KOCH, abs=0.01)
     assert found.fractal
 
 
-def turned(cells, angle=0.3):
+def rotated(cells, angle=0.3):
     """Coordinates of the cells of a turned square."""
     x = (np.arange(cells) + 0.5) / cells - 0.5
     across, along = np.meshgrid(x, x, indexing="ij")
@@ -120,7 +120,7 @@ def gaps_of_cantor(t, ratio):
 @pytest.mark.parametrize(("width", "curved"), [(0.5, 0.0), (0.1, 0.0), (0.4, 0.7)])
 def test_layers_of_stripes(ratio, width, curved):
     """1 + ln 2/ln(1/ratio), of layers that cross the axes obliquely, thin ones and curved ones."""
-    x, y = turned(1024)
+    x, y = rotated(1024)
     found = boundary_dimension(gaps_of_cantor((y + curved * x**2) / width + 0.5, ratio))
     exact = 1.0 + np.log(2.0) / np.log(1.0 / ratio)
     low, high = found.fit.interval()
@@ -129,9 +129,9 @@ def test_layers_of_stripes(ratio, width, curved):
 
 
 @pytest.mark.parametrize("ratio", [0.4, 1 / 3, 0.25])
-def test_thin_sets_as_pictures(ratio):
+def test_thin_sets_as_images(ratio):
     """Cantor's stripes themselves, thinner than a cell: what the cells do not show is estimated."""
-    y = turned(1024)[1]
+    y = rotated(1024)[1]
     place, inside = y / 0.5 + 0.5, np.abs(y) <= 0.25
     for _ in range(8):
         inside &= (place <= ratio) | (place >= 1.0 - ratio)
@@ -144,7 +144,7 @@ def test_thin_sets_as_pictures(ratio):
 @pytest.mark.parametrize("waves", [20, 60, 150, 400])
 def test_smooth_boundaries_folded_many_times(waves):
     """At large boxes the folds fill an area: slopes come down from 2 to 1, and the interval holds 1."""
-    x, y = turned(1024)
+    x, y = rotated(1024)
     angle, radius = np.arctan2(y, x), np.hypot(x, y)
     for labels in (y < 0.3 * np.sin(waves * x), np.floor(angle / pi + waves * radius / 3.0).astype(int) % 2):
         for samples in (None, 1):
@@ -278,7 +278,7 @@ def test_masked_cells_are_no_basins():
     assert np.array_equal(masked.counts, coded.counts)
 
 
-def test_pictures_that_every_other_cell_does_not_show():
+def test_images_that_every_other_cell_does_not_show():
     """A checkerboard, of which every other cell has one label, and a single cell."""
     board = np.add.outer(np.arange(256), np.arange(256)) % 2
     spot = np.zeros((256, 256), int)
@@ -296,7 +296,7 @@ def test_axes_of_one_cell_are_left_out():
     assert found.topological == 1
 
 
-def test_boundary_on_the_seam_of_a_circle_is_seen():
+def test_boundary_on_the_branch_cut_of_a_circle_is_seen():
     labels = np.zeros((256, 256), int)
     labels[128:] = 1
     closed = boundary_dimension(labels, wraps=(True, False), n_offsets=1)
@@ -336,7 +336,7 @@ def test_errors(labels, arguments, error, message):
         boundary_dimension(labels, **arguments)
 
 
-def test_basins_of_single_starts_are_refused():
+def test_basins_of_single_initial_conditions_are_refused():
     halves = find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [[0.1], [0.2]])
     with pytest.raises(ValueError, match="give basins on a grid"):
         boundary_dimension(halves)

@@ -21,40 +21,40 @@ from studies.known_fractals import (
     koch,
     line,
     point_sets,
+    rotation_by,
     sierpinski,
     square,
-    turning,
 )
 
 # Exact dimensions: Falconer, Fractal Geometry (2003).
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.2, 0.5, 1.1])
+@pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, 1.1])
 @pytest.mark.parametrize(
     ("points", "exact"),
     [(line(100_001), 1.0), (cantor(14), CANTOR), (koch(10), KOCH), (cantor_square(10), 2.0 * CANTOR)],
     ids=["line", "Cantor", "Koch", "Cantor squared"],
 )
-def test_known_sets(points, exact, turn):
-    found = box_dimension(points @ turning(turn).T + [0.1234, 0.777], n_offsets=4)
+def test_known_sets(points, exact, angle):
+    found = box_dimension(points @ rotation_by(angle).T + [0.1234, 0.777], n_offsets=4)
     assert found.dimension == pytest.approx(exact, abs=0.01)
     assert abs(found.dimension - exact) < 4.0 * found.standard_error
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", [0.0, 0.5, 1.1])
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.1])
 @pytest.mark.parametrize("name", ["filled square", "Sierpinski triangle"])
-def test_known_sets_of_many_points(name, turn):
+def test_known_sets_of_many_points(name, angle):
     build, exact = point_sets(quick=False)[name]
-    found = box_dimension(build() @ turning(turn).T + 0.3, n_offsets=2)
+    found = box_dimension(build() @ rotation_by(angle).T + 0.3, n_offsets=2)
     assert found.dimension == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("level", [10, 11])
-@pytest.mark.parametrize("turn", [0.0, 0.3, 0.5, 1.1])
-def test_sierpinski_triangle_turned(level, turn):
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.5, 1.1])
+def test_sierpinski_triangle_rotated(level, angle):
     """Corners that triangles share come twice, which does not make their boxes well known."""
-    points = sierpinski(level) @ turning(turn).T * 2.7 + [100.3, -55.0]
+    points = sierpinski(level) @ rotation_by(angle).T * 2.7 + [100.3, -55.0]
     found = box_dimension(points, n_offsets=8)
     assert abs(found.dimension - TRIANGLE) < 2.0 * found.standard_error
     if level > 10:
@@ -64,8 +64,8 @@ def test_sierpinski_triangle_turned(level, turn):
 def test_edges_of_a_square_do_not_bend_the_line():
     """(1/s + 1)**2 boxes on average meet a square of side 1 (Steiner): slopes of large boxes are far below 2."""
     points = square(700)
-    for turn in (0.0, 0.3, 1.1):
-        found = box_dimension(points @ turning(turn).T, n_offsets=4)
+    for rotation in (0.0, 0.3, 1.1):
+        found = box_dimension(points @ rotation_by(rotation).T, n_offsets=4)
         assert found.dimension == pytest.approx(2.0, abs=0.01)
         assert abs(found.dimension - 2.0) < 2.0 * found.standard_error
         assert not found.fractal
@@ -139,8 +139,8 @@ def test_circles():
     closed = box_dimension(points, scale=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
     np.testing.assert_allclose(closed.counts[:10], 2.0 ** np.arange(10))
     assert closed.dimension == pytest.approx(1.0, abs=1e-9)
-    turned = box_dimension(points + np.array([40.0, 0.0]), scale=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
-    np.testing.assert_allclose(turned.counts[:10], closed.counts[:10])
+    rotated = box_dimension(points + np.array([40.0, 0.0]), scale=(2.0 * pi, 1.0), coordinates=(angle("theta"), "v"))
+    np.testing.assert_allclose(rotated.counts[:10], closed.counts[:10])
 
 
 def test_saturation_is_found_at_both_ends():
@@ -167,7 +167,7 @@ def test_same_bits_for_any_number_of_threads():
 def test_what_is_called_fractal():
     assert box_dimension(cantor(14)).fractal
     assert box_dimension(koch(9)).fractal
-    assert not box_dimension(line(100_001) @ turning(0.5)).fractal
+    assert not box_dimension(line(100_001) @ rotation_by(0.5)).fractal
     t = np.linspace(0.0, 1.0, 400_001)
     spiral = t[:, None] ** 0.5 * np.stack([np.cos(300 * t), np.sin(300 * t)], axis=1)
     assert not box_dimension(spiral).fractal  # its arms fill the disc at all sizes but the smallest

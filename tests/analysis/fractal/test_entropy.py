@@ -146,10 +146,10 @@ def test_smooth_limit_of_boxes_against_random_lines():
     """Lines at random through a box of 5 x 5 cells, by direct simulation."""
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.ones((5, 5))) - 2.0
-    turned = rng.uniform(0, 2 * pi, 200_000)
+    rotated = rng.uniform(0, 2 * pi, 200_000)
     place = rng.uniform(-3.0, 3.0, 200_000)
-    share = (cells @ np.array([np.cos(turned), np.sin(turned)]) < place).mean(axis=0)
-    inside = share[(share > 0) & (share < 1)]
+    fraction = (cells @ np.array([np.cos(rotated), np.sin(rotated)]) < place).mean(axis=0)
+    inside = fraction[(fraction > 0) & (fraction < 1)]
     entropy = -inside * np.log(inside) - (1 - inside) * np.log(1 - inside)
     expected = smooth_boundary_entropy(2, np.argwhere(np.ones((5, 5))))
     assert entropy.mean() == pytest.approx(expected, abs=4 * entropy.std() / np.sqrt(len(entropy)))
@@ -178,18 +178,18 @@ def test_random_discs_on_a_circle(seed):
     assert found.smooth == pytest.approx(0.4395, abs=0.003)
 
 
-def test_a_mixed_picture():
+def test_a_mixed_image():
     """ln 2 (Puy et al. 2021), but for 1/(2 n) in discs of n cells."""
     found = fractal_boundary_test(mixed(), radius=8)
     assert found.entropy == pytest.approx(log(2) - 0.5 / found.cells, abs=4 * found.standard_error)
     assert found.verdict == "fractal"
 
 
-@pytest.mark.parametrize("share", [0.001, 0.01, 0.1])
-def test_wrong_labels_beside_a_smooth_boundary_are_no_fractal(share):
+@pytest.mark.parametrize("fraction", [0.001, 0.01, 0.1])
+def test_wrong_labels_beside_a_smooth_boundary_are_no_fractal(fraction):
     """They make the cells rough, but discs see less of a second basin than beside a straight boundary."""
     line = np.add.outer(0.9 * np.arange(500), 0.4 * np.arange(320)) > 280
-    wrong = np.random.default_rng(1).random(line.shape) < share
+    wrong = np.random.default_rng(1).random(line.shape) < fraction
     found = fractal_boundary_test(line ^ wrong, radius=8)
     assert found.entropy < found.smooth_range[0]
     assert found.verdict == "undetermined"

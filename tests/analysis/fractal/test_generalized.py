@@ -107,7 +107,7 @@ def test_neighbours_in_time_lower_the_dimension():
     assert freed.dimension == pytest.approx(slopes[1], abs=0.05)
 
 
-def test_pairs_across_the_seam_of_an_angle():
+def test_pairs_across_the_branch_cut_of_an_angle():
     """Golden rotation: equally spread over a circle."""
     points = np.mod(np.arange(8000)[:, None] * 0.5 * (5.0**0.5 - 1.0) * 2.0 * pi, 2.0 * pi) - pi
     found = correlation_dimension(points, coordinates=(angle("theta"),), theiler=0)

@@ -112,9 +112,9 @@ def rising(fall, pairs=40_000):
     """Counts whose local slopes rise from 0.8 by `fall` a decade."""
     distances = 2.0 ** -np.arange(6.0, 13.0)
     x = np.log(distances / distances[0])
-    shares = 0.1 * np.exp(0.8 * x - 0.5 * fall / log(10.0) * x**2)
+    fractions = 0.1 * np.exp(0.8 * x - 0.5 * fall / log(10.0) * x**2)
     zero = np.zeros(7, int)
-    counts = np.round(pairs * shares).astype(int)
+    counts = np.round(pairs * fractions).astype(int)
     return fit_exponent(distances, np.full(7, pairs), counts, zero, zero, 2, 1e-9, "", None)
 
 
@@ -203,7 +203,7 @@ def test_no_boundary():
     assert "no boundary" in repr(found)
 
 
-def test_undecided_starts_spoil_a_distance():
+def test_undecided_initial_conditions_spoil_a_distance():
     """A fraction with too many undecided initial conditions is not fitted."""
     distances = 2.0 ** -np.arange(6.0, 12.0)
     counts = np.full(6, 10_000)
@@ -220,7 +220,7 @@ def test_undecided_starts_spoil_a_distance():
 # --- labels that are no basins
 
 
-def test_diverging_starts_count_on_demand():
+def test_diverging_initial_conditions_count_on_demand():
     """Henon's map: the boundary between bounded and divergent orbits, fractal; without it there is one basin only."""
     henon, region = systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (10, 10))
     basins = find_basins(henon, CellGrid((-2.0, -2.0), (2.0, 2.0), (64, 64)))
@@ -287,7 +287,7 @@ def test_errors_of_the_monte_carlo(change, message):
 # --- from images
 
 
-def test_basins_of_single_starts_are_no_picture():
+def test_basins_of_single_initial_conditions_are_no_image():
     basins = find_basins(SIGNS, [[1.0, 0.0], [-1.0, 0.0]])
     with pytest.raises(ValueError, match="no neighbours"):
         image_uncertainty_exponent(basins)

@@ -26,24 +26,24 @@ def stripes(width, basins=2):
     "labels",
     [disc(400), np.add.outer(np.arange(200), np.arange(300)) > 250, stripes(50, 3), stripes(20), stripes(8, 3)],
 )
-def test_smooth_pictures(labels):
+def test_smooth_images(labels):
     found = image_uncertainty_exponent(labels)
     assert found.exponent == pytest.approx(1.0, abs=0.03)
     assert found.verdict == SMOOTH
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 5])
-def test_narrow_stripes_in_a_picture_are_not_fractal(width):
+def test_narrow_stripes_in_an_image_are_not_fractal(width):
     assert image_uncertainty_exponent(stripes(width, 3)).verdict != "fractal"
 
 
-def test_a_mixed_picture_has_exponent_zero():
+def test_a_mixed_image_has_exponent_zero():
     found = image_uncertainty_exponent(np.random.default_rng(0).integers(0, 2, (300, 200)))
     assert found.exponent == pytest.approx(0.0, abs=0.01)
     assert found.fractions == pytest.approx(0.5, abs=0.01)
 
 
-def test_picture_of_grebogi_ott_and_yorke():
+def test_image_of_grebogi_ott_and_yorke():
     region = CellGrid((0.0, -0.5), (2 * pi, 0.5), (450, 300))
     basins = find_basins(systems.grebogi_ott_yorke_map(), region)
     found = image_uncertainty_exponent(basins)
@@ -85,6 +85,6 @@ def test_labels_without_a_basin_are_left_out():
         ([[0, 1], [0]], "different lengths|inhomogeneous"),
     ],
 )
-def test_errors_of_pictures(labels, message):
+def test_errors_of_images(labels, message):
     with pytest.raises((TypeError, ValueError), match=message):
         image_uncertainty_exponent(labels)

@@ -113,7 +113,7 @@ def test_labels_without_a_basin():
 
 
 @pytest.mark.parametrize("shape", [(400, 12), (90, 6), (9, 9)])
-def test_narrow_pictures_take_a_smaller_radius(shape):
+def test_narrow_images_take_a_smaller_radius(shape):
     assert wada_merging(stripes(1, 3, shape)).verdict == "Wada"
     assert wada_merging(stripes(1, 3, shape).T).verdict == "Wada"
     assert wada_merging(stripes(3, 3, shape)).verdict == "not"
@@ -218,7 +218,7 @@ def test_newtons_method_for_three_roots_is_wada():
         assert unresolved.verdict == "not"
 
 
-def test_starts_without_a_basin_have_no_colour():
+def test_initial_conditions_without_a_basin_have_no_colour():
     """A strip that diverges does not add a colour, unless it is counted."""
     cubic = discrete_map(lambda x, p: (x[0] ** 3, x[1] / 2), {}, ("x", "y"))
 

@@ -57,7 +57,7 @@ def test_intervals_that_are_none(arguments: Any, match: str) -> None:
 # --- basin stability
 
 
-def test_intervals_cover_a_known_share_as_often_as_they_say(cubic: PointMap, line: Basins) -> None:
+def test_intervals_cover_a_known_fraction_as_often_as_they_say(cubic: PointMap, line: Basins) -> None:
     """Of [-0.5, 1.5] three quarters belong to the right basin; 95 % of 200 intervals is 190 +- 3.1."""
     window = CellGrid((-0.5,), (1.5,), (1,))
     hits = 0
@@ -105,7 +105,7 @@ def test_a_map_with_attractors_will_do(cubic: PointMap, line: Basins) -> None:
     assert np.array_equal(a.labels, b.labels)
 
 
-def test_states_that_diverge_have_a_share_of_their_own(disc: Basins) -> None:
+def test_states_that_diverge_have_a_fraction_of_their_own(disc: Basins) -> None:
     found = basin_stability(disc, n_samples=20_000, rng=1)
     assert found.fractions[0].low < pi / 9.0 < found.fractions[0].high
     assert found.fractions[-2].count + found.fractions[0].count == 20_000
@@ -166,7 +166,7 @@ def test_settling_times_of_a_linear_map() -> None:
     assert found.times.tolist() == np.bincount(known).tolist()
 
 
-def test_starts_that_do_not_settle_are_kept_apart(line: Basins) -> None:
+def test_initial_conditions_that_do_not_settle_are_kept_apart(line: Basins) -> None:
     labels, times = line.labels.copy(), line.settling_time.copy()
     labels[:10], labels[10:14], labels[14:15] = -3, -2, -1
     times[:15] = -1
@@ -181,7 +181,7 @@ def test_starts_that_do_not_settle_are_kept_apart(line: Basins) -> None:
     assert min(s.quantiles.min() for s in found.basins.values()) >= 0.0
 
 
-def test_basin_without_starts_has_no_mean(line: Basins) -> None:
+def test_basin_without_initial_conditions_has_no_mean(line: Basins) -> None:
     none = replace(line, labels=np.full_like(line.labels, -3), settling_time=np.full_like(line.settling_time, -1))
     found = settling_statistics(none).basins[0]
     assert (found.count, found.longest) == (0, -1)

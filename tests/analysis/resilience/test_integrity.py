@@ -53,7 +53,7 @@ def test_largest_ball_about_any_centre(disc: Basins) -> None:
     assert refined.radius == pytest.approx(1.0 - np.linalg.norm(refined.centre), abs=1e-7)
 
 
-def test_largest_ball_goes_round_a_circle_and_stops_at_a_window() -> None:
+def test_largest_ball_wraps_and_stops_at_a_window() -> None:
     labels = np.zeros((20, 11), int)
     labels[:4], labels[-5:] = 1, 1
     closed = largest_ball(labels, 1, wraps=(True, False))

@@ -30,7 +30,7 @@ from cellmap.analysis.resilience import (
 mpl.use("Agg")
 
 
-def whole_turns_off(apart: Any, basins: Basins) -> Any:
+def full_rotations_off(apart: Any, basins: Basins) -> Any:
     for j, c in enumerate(basins.coordinates):
         if c.period is not None:
             apart[:, j] -= c.period * np.round(apart[:, j] / c.period)
@@ -43,7 +43,7 @@ def test_figures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[Fata
     for ball, basins in ((local_integrity(pendulum, 1, refine=False), pendulum), (largest_ball(disc, 0), disc)):
         lines = [line.get_xydata() for line in plot.ball(ball, basins=basins).get_lines()]
         circles = [line[np.isfinite(line).all(axis=1)] - ball.centre for line in lines if len(line) > 300]
-        away = [np.hypot(*(whole_turns_off(d, basins) / ball.scale).T) for d in circles]
+        away = [np.hypot(*(full_rotations_off(d, basins) / ball.scale).T) for d in circles]
         assert any(np.allclose(d, ball.radius, rtol=1e-6) for d in away)
         assert any(np.allclose(line, ball.centre) for line in lines)
     ax = plot.fatal_shock(shocks[1], basins=pendulum)
@@ -59,7 +59,7 @@ def test_figures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[Fata
             draw(3)  # type: ignore[operator]
 
 
-def test_pictures_of_one_coordinate(line: Basins) -> None:
+def test_figures_of_one_coordinate(line: Basins) -> None:
     """A strip in the colours of the basins: the shock ends where they change, the ball within one of them."""
     shock = minimal_fatal_shock(line, 0, scale=1.0, n_trials=64)
     ax = plot.fatal_shock(shock, basins=line)
@@ -69,10 +69,10 @@ def test_pictures_of_one_coordinate(line: Basins) -> None:
     ball = local_integrity(line, 1, scale=1.0, refine=False)
     round_ = np.asarray(plot.ball(ball, basins=line).get_lines()[0].get_xydata())
     assert [round_[:, 0].min(), round_[:, 0].max()] == pytest.approx(ball.centre[0] + ball.radius * np.array([-1, 1]))
-    turning = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]),), {}, (angle("a"),))
-    circle = find_basins(turning, CellGrid((-pi,), (pi,), (64,)))
-    seam = plot.fatal_shock(minimal_fatal_shock(circle, 1, scale=1.0), basins=circle)  # about pi, the branch cut
-    assert np.nanmax(np.abs(np.asarray(seam.get_lines()[0].get_xydata())[:, 0])) <= pi + 1e-12
+    rotating = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]),), {}, (angle("a"),))
+    circle = find_basins(rotating, CellGrid((-pi,), (pi,), (64,)))
+    cut = plot.fatal_shock(minimal_fatal_shock(circle, 1, scale=1.0), basins=circle)  # about pi, the branch cut
+    assert np.nanmax(np.abs(np.asarray(cut.get_lines()[0].get_xydata())[:, 0])) <= pi + 1e-12
 
 
 def test_records_say_what_they_are_in_one_line(disc: Basins, line: Basins) -> None:

@@ -108,8 +108,8 @@ def test_shock_out_of_the_inverted_pendulum_ends_on_the_saddles_stable_manifold(
         shift /= unit
         near = shift[np.argsort(np.linalg.norm(shift, axis=1))[:2]]
         piece = near[1] - near[0]
-        share = -(near[0] @ piece) / (piece @ piece)
-        known = np.linalg.norm(near[0] + share * piece)
+        fraction = -(near[0] @ piece) / (piece @ piece)
+        known = np.linalg.norm(near[0] + fraction * piece)
         assert shock.size == pytest.approx(known, rel=2e-5)
         assert shock.inside_fatal == 0
 

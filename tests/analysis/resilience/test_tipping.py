@@ -46,20 +46,20 @@ def test_overlap_of_shifted_basins(cubic: PointMap, line: Basins) -> None:
     assert found.landing[right[0], right[1]] == 1.0  # 1 lies between 0.3 and 2.03
 
 
-def _turned(x: Any, p: Any) -> tuple[float, ...]:
+def _rotated(x: Any, p: Any) -> tuple[float, ...]:
     r, t = sqrt(x[0] ** 2 + x[1] ** 2), atan2(x[1], x[0])
-    turned, nearer = t - 0.3 * sin(2.0 * (t - p.phi)), r + 0.3 * (1.0 - r)
-    return nearer * cos(turned), nearer * sin(turned)
+    rotated, nearer = t - 0.3 * sin(2.0 * (t - p.phi)), r + 0.3 * (1.0 - r)
+    return nearer * cos(rotated), nearer * sin(rotated)
 
 
 @pytest.mark.parametrize("match", ["distance", "overlap"])
-def test_attractors_are_matched_between_turned_bases(match: str) -> None:
+def test_attractors_are_matched_between_rotated_bases(match: str) -> None:
     """Attractors at phi and phi + pi, half-planes as basins: turned by 0.4, tan(0.2)/2 of each half of a square tips.
 
     Labels are in the order of x, so that attractors exchange theirs as one passes the y axis.
     """
     window = CellGrid((-2.0, -2.0), (2.0, 2.0), (400, 400))
-    point_map = discrete_map(_turned, {"phi": pi / 2 - 0.2}, ("x", "y"))
+    point_map = discrete_map(_rotated, {"phi": pi / 2 - 0.2}, ("x", "y"))
     before, after = (find_basins(point_map.with_params(phi=phi), window) for phi in (pi / 2 - 0.2, pi / 2 + 0.2))
     upper = [int(np.argmax([a.points[0, 1] for a in b.attractors])) for b in (before, after)]
     assert upper[0] != upper[1]

@@ -42,7 +42,7 @@ def test_labels_can_be_changed_and_the_file_stays(plain, tmp_path):
     assert_same(load_basins(path), plain["one pass"])
 
 
-def test_a_finished_picture_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp_path):
+def test_a_finished_image_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp_path):
     path = tmp_path / "basins.h5"
     found = CASES["one pass"](checkpoint=path)
     for target in (tmp_path / "other.h5", path):

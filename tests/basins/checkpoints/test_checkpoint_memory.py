@@ -53,7 +53,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_the_number_of_starts(tmp_path):
+def test_memory_does_not_grow_with_the_number_of_initial_conditions(tmp_path):
     grown = []
     for side in (1500, 4500):  # 13 MB and 120 MB of labels and times
         names = {"small": str(tmp_path / f"small{side}.h5"), "path": str(tmp_path / f"{side}.h5")}
@@ -88,10 +88,10 @@ def test_of_very_many_that_are_left_a_part_is_searched(plain, tmp_path, monkeypa
 
 @pytest.mark.parametrize("block", [8, 64, 2**20])
 @pytest.mark.parametrize("total", [1, 7, 8, 63, 64, 65, 1000])
-@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
-def test_rows_are_those_that_were_chosen(block, total, share, monkeypatch):
+@pytest.mark.parametrize("fraction", [0.0, 0.02, 0.5, 1.0])
+def test_rows_are_those_that_were_chosen(block, total, fraction, monkeypatch):
     monkeypatch.setattr("cellmap.basins.initial_conditions.BLOCK", block)
-    chosen = np.random.default_rng(total).random(total) < share
+    chosen = np.random.default_rng(total).random(total) < fraction
     rows, expected = Rows.where(total, lambda part: chosen[part]), np.flatnonzero(chosen)
     assert len(rows) == len(expected)
     for begin in range(0, len(expected), 5):

@@ -28,9 +28,9 @@ def begun(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tabulated(tmp_path_factory) -> Path:
+def interpolated_file(tmp_path_factory) -> Path:
     """The file of a finished table."""
-    path = tmp_path_factory.mktemp("tabulated") / "table.h5"
+    path = tmp_path_factory.mktemp("interpolated") / "table.h5"
     interpolated_map(DUFFING, TABLE, checkpoint=path)
     return path
 
@@ -60,10 +60,10 @@ def test_damage_to_what_earlier_passes_found_is_noticed(part, unfinished, tmp_pa
         CASES["small basins"](checkpoint=path)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9])
-def test_truncated_checkpoint(share, unfinished, tmp_path):
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 0.9])
+def test_truncated_checkpoint(fraction, unfinished, tmp_path):
     whole, path = unfinished.read_bytes(), tmp_path / "basins.h5"
-    path.write_bytes(whole[: int(share * len(whole))])
+    path.write_bytes(whole[: int(fraction * len(whole))])
     with pytest.raises(StoreError, match=r"basins\.h5' is damaged or no HDF5 file: delete it, or give another name"):
         CASES["small basins"](checkpoint=path)
 
@@ -79,14 +79,14 @@ def test_foreign_file(tmp_path):
         assert path.read_bytes() == before
 
 
-def test_a_picture_that_was_merely_saved(plain, tmp_path):
+def test_an_image_that_was_merely_saved(plain, tmp_path):
     path = save_basins(plain["one pass"], tmp_path / "saved.h5")
     with pytest.raises(ValueError, match=r"checkpoint=.*saved\.h5' belongs to another run"):
         CASES["one pass"](checkpoint=path)
 
 
-def test_a_table_in_the_place_of_a_picture(tabulated, tmp_path):
-    path = Path(shutil.copy(tabulated, tmp_path))
+def test_a_table_in_the_place_of_an_image(interpolated_file, tmp_path):
+    path = Path(shutil.copy(interpolated_file, tmp_path))
     with pytest.raises(ValueError, match="what='table', and this one has 'basins': give another file, or delete"):
         CASES["one pass"](checkpoint=path)
     with pytest.raises(StoreError, match="not one of basins"):
@@ -150,8 +150,8 @@ def test_known_attractors_belong_to_a_run(plain, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["order", "tolerance", "grid", "parameter"])
-def test_another_table_is_refused(name, tabulated, tmp_path):
-    path = Path(shutil.copy(tabulated, tmp_path))
+def test_another_table_is_refused(name, interpolated_file, tmp_path):
+    path = Path(shutil.copy(interpolated_file, tmp_path))
     exact = DUFFING.with_params(gamma=0.2) if name == "parameter" else DUFFING
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 151)) if name == "grid" else TABLE
     how = {"order": {"order": 3}, "tolerance": {"tolerance": 0.5}}.get(name, {})

@@ -35,8 +35,8 @@ def long_run(folder: str | Path) -> tuple[Basins, Basins]:
     """A table, basins of its map that take some sweeps, and some whose sweeps go on from where others ended."""
     grid = CellGrid((-pi, -500.0), (pi, 500.0), (260, 260))
     icm = interpolated_map(pendulum(), grid, checkpoint=Path(folder) / "table.h5")
-    picture = CellGrid((-pi, -500.0), (pi, 500.0), (400, 400))
-    basins = find_basins(icm, picture, 1000, 8, checkpoint=Path(folder) / "basins.h5")
+    cells = CellGrid((-pi, -500.0), (pi, 500.0), (400, 400))
+    basins = find_basins(icm, cells, 1000, 8, checkpoint=Path(folder) / "basins.h5")
     return basins, CASES["undecided"](checkpoint=Path(folder) / "states.h5")
 
 
@@ -63,7 +63,7 @@ def tiles_done(path: Path) -> dict[str, Any]:
 
 
 MOMENTS: dict[str, tuple[str, Callable[[dict[str, Any]], bool]]] = {
-    "while nodes are tabulated": ("table.h5", lambda seen: seen.get("tiles of displacement", 0) >= 1),
+    "while nodes are interpolated": ("table.h5", lambda seen: seen.get("tiles of displacement", 0) >= 1),
     "while the table is checked": ("table.h5", lambda seen: seen.get("tiles of indicator", 0) >= 1),
     "at the beginning of the first labels": ("basins.h5", lambda seen: "tiles" in seen),
     "during the first labels": ("basins.h5", lambda seen: seen.get("tiles", 0) >= 3),
@@ -121,7 +121,7 @@ def test_killed_again_and_again(undisturbed, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", ["while nodes are tabulated", "during the first labels"])
+@pytest.mark.parametrize("moment", ["while nodes are interpolated", "during the first labels"])
 def test_interrupted_from_the_keyboard(moment, undisturbed, tmp_path):
     returned, output = interrupt_at(tmp_path, moment, signal.SIGINT)
     assert returned != 0

@@ -21,7 +21,7 @@ def conservative(x, p):
     return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
 
 
-def turning():
+def rotating():
     return discrete_map(conservative, {"angle": 1.327}, ("x", "y"))
 
 
@@ -57,10 +57,10 @@ def interrupted(run: Callable[[], Any], tiles: int) -> None:
 
 READERS: dict[str, Callable[[Path], bytes]] = {
     "picture": lambda path: load_basins(path).labels.tobytes(),
-    "finished": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "first pass": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "later pass": lambda path: find_basins(turning(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "table": lambda path: interpolated_map(turning(), WINDOW, checkpoint=path).table.coefficients.tobytes(),
+    "finished": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "first pass": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "later pass": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "table": lambda path: interpolated_map(rotating(), WINDOW, checkpoint=path).table.coefficients.tobytes(),
 }
 
 

@@ -43,7 +43,7 @@ def test_every_code_is_stored(made, tmp_path):
     assert {Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED, 0, 1} <= codes
 
 
-def test_several_pictures_in_one_file(made, tmp_path):
+def test_several_images_in_one_file(made, tmp_path):
     path = save_basins({name.replace(",", ""): basins for name, basins in made.items()}, tmp_path / "all.h5")
     for name, basins in made.items():
         assert_same(basins, load_basins(path, name.replace(",", "")))
@@ -85,22 +85,22 @@ def test_file_describes_itself_to_plain_h5py(made, tmp_path):
         assert json.loads(file.attrs["versions"])["cellmap"] == cellmap.__version__
         assert file.attrs["written"][:2] == b"20"
         assert file.attrs["machine"]
-        (picture,) = file.values()
-        assert picture.attrs["system"] == b"driven pendulum"
-        assert json.loads(picture.attrs["params"]) == dict(basins.params)
-        assert json.loads(picture.attrs["settings"])["map"]["exact"]["rtol"] == 1e-9
-        assert [c["name"] for c in json.loads(picture.attrs["coordinates"])] == ["theta", "theta'"]
-        assert json.loads(picture.attrs["coordinates"])[1]["unit"] == "rad/s"
-        assert picture["grid"].attrs["shape"].tolist() == list(GRID.shape)
-        assert picture["grid"].attrs["wraps"].tolist() == [True, False]
-        assert np.array_equal(picture["labels"][()], basins.labels)
-        meaning = json.loads(picture["labels"].attrs["meaning"])
+        (image,) = file.values()
+        assert image.attrs["system"] == b"driven pendulum"
+        assert json.loads(image.attrs["params"]) == dict(basins.params)
+        assert json.loads(image.attrs["settings"])["map"]["exact"]["rtol"] == 1e-9
+        assert [c["name"] for c in json.loads(image.attrs["coordinates"])] == ["theta", "theta'"]
+        assert json.loads(image.attrs["coordinates"])[1]["unit"] == "rad/s"
+        assert image["grid"].attrs["shape"].tolist() == list(GRID.shape)
+        assert image["grid"].attrs["wraps"].tolist() == [True, False]
+        assert np.array_equal(image["labels"][()], basins.labels)
+        meaning = json.loads(image["labels"].attrs["meaning"])
         assert meaning["0"] == "fixed point (0, 0)"
         assert (meaning["-1"], meaning["-2"], meaning["-3"]) == ("escaped", "diverged", "undecided")
-        assert picture["labels"].compression == "gzip"
-        assert picture["labels"].fletcher32
-        assert picture["settling_time"].attrs["unit"] == b"periods"
-        first = picture["attractors/0"]
+        assert image["labels"].compression == "gzip"
+        assert image["labels"].fletcher32
+        assert image["settling_time"].attrs["unit"] == b"periods"
+        first = image["attractors/0"]
         assert first.attrs["kind"] == b"fixed point"
         assert first["points"].shape == (1, 2)
         assert first["multipliers"].dtype.kind == "c"

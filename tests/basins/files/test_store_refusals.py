@@ -73,11 +73,11 @@ def test_newer_layout(stored, tmp_path):
         load_basins(path)
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.9999])
-def test_truncated_file(stored, tmp_path, share):
+@pytest.mark.parametrize("fraction", [0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.9999])
+def test_truncated_file(stored, tmp_path, fraction):
     whole = stored.read_bytes()
     path = tmp_path / "part.h5"
-    path.write_bytes(whole[: int(share * len(whole))])
+    path.write_bytes(whole[: int(fraction * len(whole))])
     with pytest.raises(StoreError, match=r"part\.h5' is truncated, damaged or no HDF5 file"):
         load_basins(path)
 
@@ -117,8 +117,8 @@ def test_damaged_part_is_noticed(part, stored, tmp_path):
 
 def stored_chunk(path: Path) -> bytes:
     with h5py.File(path, "r") as file:
-        (picture,) = file.values()
-        return picture["labels"].id.read_direct_chunk((0, 0))[1][:20]
+        (image,) = file.values()
+        return image["labels"].id.read_direct_chunk((0, 0))[1][:20]
 
 
 @pytest.mark.parametrize(
@@ -156,8 +156,8 @@ def stored_chunk(path: Path) -> bytes:
 def test_file_whose_parts_do_not_fit_is_an_error(stored, tmp_path, damage):
     path = Path(shutil.copy(stored, tmp_path / "odd.h5"))
     with h5py.File(path, "r+") as file:
-        (picture,) = file.values()
-        damage(picture)
+        (image,) = file.values()
+        damage(image)
     with pytest.raises(StoreError, match=r"odd\.h5.*its contents are not those that were written|odd\.h5.*it had"):
         load_basins(path)
     with pytest.raises(StoreError, match=r"odd\.h5"):
@@ -176,7 +176,7 @@ def test_a_file_that_was_changed_on_purpose(stored, tmp_path):
     assert load_basins(path, unverified=True).labels[0, 0] == -3
 
 
-def test_names_of_pictures(made, tmp_path):
+def test_names_of_images(made, tmp_path):
     path = save_basins({"a": made["initial_conditions"], "b": made["grid"]}, tmp_path / "two.h5")
     with pytest.raises(KeyError, match=r"two\.h5.* holds a, b; name one of them"):
         load_basins(path)
@@ -189,7 +189,7 @@ def test_names_of_pictures(made, tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [None, 3, "basins", [1, 2], {"a": 3}], ids=repr)
-def test_something_that_is_no_picture(wrong, tmp_path):
+def test_something_that_is_no_image(wrong, tmp_path):
     with pytest.raises((TypeError, ValueError), match="basins"):
         save_basins(wrong, tmp_path / "b.h5")
     assert list(tmp_path.iterdir()) == []

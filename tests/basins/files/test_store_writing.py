@@ -64,8 +64,8 @@ def test_readers_of_the_older_file_are_not_disturbed(made, tmp_path):
     path = save_basins(made["initial_conditions"], tmp_path / "b.h5")
     with h5py.File(path, "r") as reader:
         save_basins(made["grid"], path)
-        (picture,) = reader.values()
-        assert np.array_equal(picture["labels"][()], made["initial_conditions"].labels)
+        (image,) = reader.values()
+        assert np.array_equal(image["labels"][()], made["initial_conditions"].labels)
     assert_same(made["grid"], load_basins(path))
 
 

@@ -17,7 +17,9 @@ CAMERA = Camera(scale=1000.0, origin=(80.0, 80.0), shape=(160, 160))
 CENTRE = (80.0, 80.0)
 
 
-def turning(lengths: tuple[float, ...], starts: tuple[float, ...], rates: tuple[float, ...], swing: float = 0.0) -> Any:
+def rotating_rods(
+    lengths: tuple[float, ...], initial_angles: tuple[float, ...], rates: tuple[float, ...], swing: float = 0.0
+) -> Any:
     """Rods (m) that turn evenly (rad, rad/s), the pivot at the height swing cos(2 pi 9 t), for 1 s."""
 
     def positions(t: float, x: Any, p: Any) -> tuple[float, ...]:
@@ -30,7 +32,7 @@ def turning(lengths: tuple[float, ...], starts: tuple[float, ...], rates: tuple[
     outputs = {"positions": positions}
     system = ForcedSystem(lambda t, x, p: rates, {"swing": swing}, 1.0, coordinates, outputs=outputs)
     times = np.linspace(0.0, 1.0, 2001)
-    return Trajectory(system, times, np.array(starts) + np.outer(times, rates), np.zeros((), np.uint8), 2000)
+    return Trajectory(system, times, np.array(initial_angles) + np.outer(times, rates), np.zeros((), np.uint8), 2000)
 
 
 def times_at(rate: float, count: int) -> Any:
@@ -41,7 +43,7 @@ def errors(recording: Recording, found: Any) -> Any:
     return np.linalg.norm(found.positions - recording.truth, axis=-1)
 
 
-def picture(*places: tuple[float, float], radius: float = 5.0, shape: tuple[int, int] = (80, 100)) -> Any:
+def frame_with(*places: tuple[float, float], radius: float = 5.0, shape: tuple[int, int] = (80, 100)) -> Any:
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     frame = np.full(shape, 40.0)
     for column, row in places:

@@ -60,10 +60,10 @@ def test_saturated_samples_are_left_out() -> None:
     assert naive.amplitudes[0] < 0.0028
 
 
-@pytest.mark.parametrize("share", [0.65, 0.85])
-def test_saturation_before_the_noise_is_found_by_its_crowd(share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.65, 0.85])
+def test_saturation_before_the_noise_is_found_by_its_crowd(fraction: float) -> None:
     """A sensor that saturates, and a converter that adds noise: extremes are not equal, but crowd."""
-    top = share * 0.003 * (2.0 * pi * 47.37) ** 2
+    top = fraction * 0.003 * (2.0 * pi * 47.37) ** 2
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(0.0, 0.5, TIMES.size)
         found = recover_drive(TIMES, np.clip(record_acceleration(SINE, TIMES), -top, top) + noise)

@@ -43,8 +43,8 @@ def test_error_bars_cover_the_truth(name: str) -> None:
     found = recovered(name)
     right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
     assert len(right) >= 56
-    share = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right])
-    assert 0.88 <= share <= 0.995
+    fraction = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right])
+    assert 0.88 <= fraction <= 0.995
     if name == "saturated":
         assert all(f.clipped > 150 for f in found)
 
@@ -56,8 +56,8 @@ def test_error_bars_cover_95_percent(name: str) -> None:
     found = [recover_drive(*make(seed)) for seed in range(600)]
     right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
     assert len(right) >= 570
-    shares = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right], axis=0)
-    assert ((shares > 0.92) & (shares < 0.98)).all()
+    fractions = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right], axis=0)
+    assert ((fractions > 0.92) & (fractions < 0.98)).all()
 
 
 def test_bars_for_white_noise_are_too_short_in_coloured_noise() -> None:

@@ -39,9 +39,9 @@ def disc(column: float, row: float) -> Any:
     fine = np.arange(24 * 8) / 8.0 - 7.0 / 16.0
     left, top = int(column) - 12, int(row) - 12
     inside = np.hypot(fine + left - column, (fine + top - row)[:, None]) < 5.0
-    picture = np.zeros(SHAPE)
-    picture[top : top + 24, left : left + 24] = inside.reshape(24, 8, 24, 8).mean(axis=(1, 3))
-    return picture
+    image = np.zeros(SHAPE)
+    image[top : top + 24, left : left + 24] = inside.reshape(24, 8, 24, 8).mean(axis=(1, 3))
+    return image
 
 
 def filmed(draw: Any, places: Any, blur: float) -> Film:
@@ -125,11 +125,11 @@ def test_slopes_inside_a_blob(radius: float) -> None:
     for _ in range(200):
         row, column = 12.5 + rng.uniform(-0.5, 0.5, 2)
         discs = np.hypot(fine - column, (fine - row)[:, None]) < radius
-        share = gaussian_filter(discs.reshape(26, 8, 26, 8).mean(axis=(1, 3)), 0.6)
-        even = 40.0 + 150.0 * share + rng.normal(0.0, 2.0, share.shape)
-        made_up += slope_inside(even, share > 0.5, (row, column), radius, noise)[0].any()
-        tilted = even + share * slope * (np.arange(26) - column)
-        found, errors = slope_inside(tilted, share > 0.5, (row, column), radius, noise)
+        fraction = gaussian_filter(discs.reshape(26, 8, 26, 8).mean(axis=(1, 3)), 0.6)
+        even = 40.0 + 150.0 * fraction + rng.normal(0.0, 2.0, fraction.shape)
+        made_up += slope_inside(even, fraction > 0.5, (row, column), radius, noise)[0].any()
+        tilted = even + fraction * slope * (np.arange(26) - column)
+        found, errors = slope_inside(tilted, fraction > 0.5, (row, column), radius, noise)
         apart.append((found - [0.0, slope]) / errors)
     assert made_up <= 6
     assert np.sqrt(np.mean(np.square(apart))) < 1.5

@@ -190,7 +190,7 @@ def test_there_and_back(tmp_path: Path, name: str) -> None:
             read_film(tmp_path / name)
 
 
-def test_pictures_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     """Many cameras number without leading zeros; the grey value of each image is its number."""
     imageio = pytest.importorskip("imageio.v3")
     (tmp_path / "film").mkdir()
@@ -209,7 +209,7 @@ def test_equal_frames_of_a_gif_keep_their_times(tmp_path: Path) -> None:
     assert (back.frames == film.frames[[0, 1, 2, 4, 5]]).all()
 
 
-def test_deep_pictures(tmp_path: Path) -> None:
+def test_deep_images(tmp_path: Path) -> None:
     pytest.importorskip("imageio")
     film = film_at_rate((FRAMES.astype(np.uint16) * 257), 100.0)
     for name in ("deep.tiff", "folder"):

@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from filmed_markers import CAMERA, CENTRE, SEEN, errors, times_at, turning
+from filmed_markers import CAMERA, CENTRE, SEEN, errors, rotating_rods, times_at
 
 from systems.lab import Look, render_film, select_frames, track_markers
 from systems.lab.films.blobs import otsu_threshold, smeared_area
@@ -15,7 +15,9 @@ from systems.lab.films.pixel_noise import pixel_noise
 
 def test_weighted_centres_are_better_than_plain_ones() -> None:
     """The centre of a disc over many places on the pixels: the plain centroid of the report errs several times more."""
-    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), Look(rod_width=0.0), rng=2)
+    recording = render_film(
+        rotating_rods((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), Look(rod_width=0.0), rng=2
+    )
     rms = {}
     for weighted in (True, False):
         found = track_markers(recording.film, recording.truth[0], weighted=weighted)
@@ -32,7 +34,7 @@ def test_standard_errors_cover_the_truth(radius: float, blur: float, read_noise:
     (320 numbers give the standard deviation to 4 %; the part of the pixels is a rule of thumb, good to 30 %.)
     """
     look = Look(marker_radius=radius, blur=blur, read_noise=read_noise, rod_width=0.0)
-    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), look, rng=4)
+    recording = render_film(rotating_rods((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 160), look, rng=4)
     found = track_markers(recording.film, recording.truth[0])
     ratio = ((found.positions - recording.truth) / found.errors)[found.status[..., 0:1].repeat(2, axis=1)[:, None] == 0]
     assert 0.7 < ratio.std() < 1.3
@@ -40,9 +42,11 @@ def test_standard_errors_cover_the_truth(radius: float, blur: float, read_noise:
 
 def test_rods_do_not_pull() -> None:
     """Rods that meet a marker, one or two at an angle, shift its centre by less than a fiftieth of a pixel."""
-    for lengths, starts, rates in (((0.055,), (0.5,), (6.0,)), ((0.035, 0.034), (0.5, 1.8), (4.0, 4.0))):
+    for lengths, initial_angles, rates in (((0.055,), (0.5,), (6.0,)), ((0.035, 0.034), (0.5, 1.8), (4.0, 4.0))):
         look = Look(marker_radius=4.5)
-        recording = render_film(turning(lengths, starts, rates), CAMERA, times_at(200.0, 160), look, rng=2)
+        recording = render_film(
+            rotating_rods(lengths, initial_angles, rates), CAMERA, times_at(200.0, 160), look, rng=2
+        )
         found = track_markers(recording.film, recording.truth[0])
         apart = found.positions[:, 0] - recording.truth[:, 0]
         out = (recording.truth[:, 0] - CENTRE) / (1000.0 * lengths[0])
@@ -55,7 +59,7 @@ def test_rods_do_not_pull() -> None:
 def test_noise_of_the_pixels() -> None:
     """On films of known noise: 100 000 pixels give the variance to half a per cent, classes and moving things less."""
     look = Look(read_noise=3.0, full_well=4000.0)
-    recording = render_film(turning((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 20), look, rng=2)
+    recording = render_film(rotating_rods((0.055,), (0.5,), (6.0,)), CAMERA, times_at(200.0, 20), look, rng=2)
     noise = pixel_noise(recording.film)
     for grey in (30.0, 100.0, 200.0):
         expected = 9.0 + 1.0 / 12.0 + grey * 255.0 / 4000.0
@@ -72,10 +76,10 @@ def test_otsu() -> None:
         dark, bright = grey[grey <= limit].astype(float), grey[grey > limit].astype(float)
         return dark.size * bright.size * (dark.mean() - bright.mean()) ** 2 if dark.size and bright.size else 0.0
 
-    threshold, share = otsu_threshold(grey)
+    threshold, fraction = otsu_threshold(grey)
     best = max(between(k + 0.5) for k in range(255))
     assert between(threshold) == pytest.approx(best, rel=1e-12)
-    assert share == pytest.approx(best / grey.size**2 / grey.var(), rel=1e-9)
+    assert fraction == pytest.approx(best / grey.size**2 / grey.var(), rel=1e-9)
     noise = otsu_threshold(rng.normal(size=200_000))[1]
     assert noise == pytest.approx(2.0 / pi, abs=0.01)
     with pytest.raises(ValueError, match="constant image"):

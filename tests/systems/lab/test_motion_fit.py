@@ -39,9 +39,9 @@ def fisher_errors(times: NDArray[np.float64], noise: float = 0.004) -> dict[str,
 
     def angles(values: dict[str, float]) -> NDArray[np.float64]:
         system = rod(length=values["length"], damping=values["damping"])
-        start = [values["start theta"], values["start theta'"]]
+        ic = [values["start theta"], values["start theta'"]]
         span = (0.0, float(times[-1]))
-        return solve_ivp(system.fun, span, start, "DOP853", times, rtol=1e-12, atol=1e-12).y[0]
+        return solve_ivp(system.fun, span, ic, "DOP853", times, rtol=1e-12, atol=1e-12).y[0]
 
     slopes = [(angles({**true, n: v + 1e-5}) - angles({**true, n: v - 1e-5})) / 2e-5 for n, v in true.items()]
     matrix = np.array(slopes)
@@ -138,7 +138,7 @@ def test_a_swing_that_grows_ends_on_the_bound_of_its_damping() -> None:
     assert "damping on its bound" in repr(found)
 
 
-def test_a_poor_guess_slips_no_turn_in_a_long_film() -> None:
+def test_a_poor_guess_slips_no_rotation_in_a_long_film() -> None:
     """Some 57 swings of a rod whose length is guessed 30 % too long; exact within the scatter of the noise."""
     true = rod(damping=0.08)
     motion = trajectory(true, [0.9, 0.0], periods=57, samples_per_period=50)
@@ -217,7 +217,7 @@ def test_dense_samples_of_a_small_swing() -> None:
 
 
 @pytest.mark.slow
-def test_two_links_and_unknown_start() -> None:
+def test_two_links_and_unknown_initial_condition() -> None:
     true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)
     motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=4, samples_per_period=200)
     angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))

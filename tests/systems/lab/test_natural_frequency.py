@@ -40,13 +40,13 @@ def half_swing(kind: str, amplitude: float, loss: float) -> float:
             atol=1e-14,
         )
         last, took = abs(float(found.y_events[0][-1][0])), float(found.t_events[0][-1])
-        share = 1.0 - last / amplitude
-        if abs(share / loss - 1.0) < 1e-6:
+        fraction = 1.0 - last / amplitude
+        if abs(fraction / loss - 1.0) < 1e-6:
             break
-        strength *= loss / share
+        strength *= loss / fraction
     nodes, weights = GAUSS
     mean = 2.0 * np.pi / float((1.0 / slowing(last + 0.5 * (amplitude - last) * (nodes + 1.0))) @ weights)
-    return (took / mean - 1.0) / share**2
+    return (took / mean - 1.0) / fraction**2
 
 
 @pytest.mark.parametrize("kind", ["viscous", "dry", "quadratic"])

@@ -36,9 +36,9 @@ TIMES = np.arange(200) / 200.0
 
 def test_angles_from_below_counter_clockwise() -> None:
     """Down, right, up and left in an image whose rows go down: 0, pi/2, pi, 3 pi/2, and on."""
-    turn = np.arange(9) * pi / 4
-    found = joint_angles(tracks_of(np.arange(9.0), turn), [PIVOT], window_length=5)
-    assert found.angles[:, 0] == pytest.approx(turn)
+    angle = np.arange(9) * pi / 4
+    found = joint_angles(tracks_of(np.arange(9.0), angle), [PIVOT], window_length=5)
+    assert found.angles[:, 0] == pytest.approx(angle)
     assert repr(found) == "JointAngles(9 frames, angles in 9, stretches: 1)"
 
 
@@ -117,7 +117,7 @@ def test_gaps_and_their_edges() -> None:
         assert np.nanmax(np.abs(sides.rates[:, 0] - truth)) < 2e-3
 
 
-def test_turns_across_a_long_gap_are_not_known() -> None:
+def test_rotations_across_a_long_gap_are_not_known() -> None:
     """At 20 rad/s half a rotation takes 0.157 s: 0.1 s leave no doubt, 0.25 s do, and a new stretch begins."""
     for frames, stretches in ((20, 1), (50, 2)):
         found = joint_angles(tracks_of(TIMES, 20.0 * TIMES, hidden=range(60, 60 + frames - 1)), [PIVOT])
@@ -153,8 +153,8 @@ def test_a_marker_that_is_never_known() -> None:
 
 def arc(span: float, noise: float, seed: int, count: int = 200) -> Any:
     rng = np.random.default_rng(seed)
-    turn = rng.uniform(0.7, 0.7 + span, count)
-    return np.stack([30.0 + 50.0 * np.cos(turn), 20.0 + 50.0 * np.sin(turn)], axis=-1) + noise * rng.normal(
+    angle = rng.uniform(0.7, 0.7 + span, count)
+    return np.stack([30.0 + 50.0 * np.cos(angle), 20.0 + 50.0 * np.sin(angle)], axis=-1) + noise * rng.normal(
         size=(count, 2)
     )
 

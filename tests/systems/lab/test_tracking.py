@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from filmed_markers import CAMERA, CENTRE, LOST, SEEN, errors, picture, times_at, turning
+from filmed_markers import CAMERA, CENTRE, LOST, SEEN, errors, frame_with, rotating_rods, times_at
 
 from systems.lab import (
     Bar,
@@ -36,7 +36,9 @@ def test_matching_keeps_to_the_rods() -> None:
 
 def test_fast_markers_are_foreseen() -> None:
     """20 pixels a frame, with a window of 16; without knowing the velocity they are found in the doubled one."""
-    recording = render_film(turning((0.06,), (0.5,), (33.0,)), CAMERA, times_at(100.0, 90), Look(marker_radius=4.0))
+    recording = render_film(
+        rotating_rods((0.06,), (0.5,), (33.0,)), CAMERA, times_at(100.0, 90), Look(marker_radius=4.0)
+    )
     assert np.linalg.norm(np.diff(recording.truth[:, 0], axis=0), axis=1).min() > 19.0
     found = track_markers(recording.film, recording.truth[0])
     assert (found.status == SEEN).all()
@@ -48,7 +50,7 @@ def test_a_bar_a_bright_object_and_dropped_frames() -> None:
     rod = Rod(0, CENTRE, 55.0)
     for seed, rods in ((0, ()), (1, (rod,))):
         recording = render_film(
-            turning((0.055,), (0.5,), (9.0,)),
+            rotating_rods((0.055,), (0.5,), (9.0,)),
             CAMERA,
             times_at(150.0, 140),
             exposure=0.001,
@@ -74,7 +76,7 @@ def test_a_long_absence() -> None:
     """Three quarters of a second behind a bar, more than a full rotation, with a bright object in the image."""
     bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.1, end=0.85)]
     recording = render_film(
-        turning((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars, spots=[Spot(30.0, 20.0, 5.0)]
+        rotating_rods((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars, spots=[Spot(30.0, 20.0, 5.0)]
     )
     found = track_markers(recording.film, recording.truth[0], [Rod(0, CENTRE, 55.0)])
     after = recording.film.times > 0.86
@@ -88,12 +90,12 @@ def test_a_long_absence() -> None:
 @pytest.mark.parametrize("stays", [True, False])
 def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
     """A disc put on the circle of the rod while the marker is hidden: for good, or until after that comes back."""
-    motion = turning((0.055,), (0.5,), (9.0,))
+    motion = rotating_rods((0.055,), (0.5,), (9.0,))
     hidden = [Bar(0.0, 159.0, 0.0, 159.0, grey=40.0, start=0.2, end=0.6)]
     plain = render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, rng=1)
     other = CENTRE[0] + 55.0 * np.sin(2.4), CENTRE[1] + 55.0 * np.cos(2.4)
     there = (plain.film.times > 0.4) & (stays | (plain.film.times < 0.65))
-    disc = picture(other, shape=(160, 160)).astype(np.uint8)
+    disc = frame_with(other, shape=(160, 160)).astype(np.uint8)
     frames = np.where(there[:, None, None], np.maximum(plain.film.frames, disc), plain.film.frames)
     found = track_markers(film_at_rate(frames, 150.0), plain.truth[0], [Rod(0, CENTRE, 55.0)])
     seen = found.status[:, 0] == SEEN
@@ -106,7 +108,7 @@ def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
 def test_a_free_marker_is_found_after_a_long_time() -> None:
     """Without a rod, straight on it would be far outside of the image by then."""
     bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.2, end=0.7)]
-    recording = render_film(turning((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
+    recording = render_film(rotating_rods((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
     found = track_markers(recording.film, recording.truth[0])
     after = recording.film.times > 0.71
     assert (found.status[after, 0] == SEEN).all()
@@ -117,11 +119,11 @@ def test_markers_that_cross() -> None:
     """Two links folded over each other: merged, flagged, and distinguished again."""
     rods = (Rod(0, CENTRE, 35.0), Rod(1, 0, 34.0))
     look = Look(pivot_marker=False, marker_radius=4.0)
-    recording = render_film(turning((0.035, 0.034), (0.3, 0.9), (2.0, 11.0)), CAMERA, times_at(200.0, 190), look)
+    recording = render_film(rotating_rods((0.035, 0.034), (0.3, 0.9), (2.0, 11.0)), CAMERA, times_at(200.0, 190), look)
     apart = np.linalg.norm(recording.truth[:, 0] - recording.truth[:, 1], axis=1)
     assert apart.min() > 30.0
     pivoted = Look(pivot_marker=True, marker_radius=4.0)
-    motion = turning((0.035, 0.034), (0.3, 0.3), (2.0, 11.0))
+    motion = rotating_rods((0.035, 0.034), (0.3, 0.3), (2.0, 11.0))
     crossing = render_film(motion, CAMERA, times_at(200.0, 190), pivoted, rng=1)
     close = np.linalg.norm(crossing.truth[:, 0] - crossing.truth[:, 2], axis=1)
     assert close.min() < 4.0
@@ -136,9 +138,9 @@ def test_markers_that_cross() -> None:
     assert np.nanmax(errors(recording, chain)) < 0.4
 
 
-def test_a_marker_that_leaves_the_picture() -> None:
+def test_a_marker_that_leaves_the_image() -> None:
     camera = Camera(1000.0, (80.0, 120.0), (160, 160))
-    recording = render_film(turning((0.055,), (2.0,), (6.0,)), camera, times_at(150.0, 145))
+    recording = render_film(rotating_rods((0.055,), (2.0,), (6.0,)), camera, times_at(150.0, 145))
     found = track_markers(recording.film, recording.truth[0], [Rod(0, (80.0, 120.0), 55.0)])
     seen = found.status[:, 0] == SEEN
     assert (recording.visible[seen, 0] == 1.0).all()
@@ -149,7 +151,9 @@ def test_a_marker_that_leaves_the_picture() -> None:
 
 def test_uneven_times() -> None:
     """Frames that are absent: the marker is looked for where its velocity has taken it meanwhile."""
-    recording = render_film(turning((0.055,), (0.5,), (12.0,)), CAMERA, times_at(200.0, 180), Look(marker_radius=4.0))
+    recording = render_film(
+        rotating_rods((0.055,), (0.5,), (12.0,)), CAMERA, times_at(200.0, 180), Look(marker_radius=4.0)
+    )
     kept = np.random.default_rng(1).random(180) < 0.6
     kept[:2] = True
     film = select_frames(recording.film, kept)
@@ -160,7 +164,7 @@ def test_uneven_times() -> None:
 
 def test_a_hidden_pivot_that_moves_vertically() -> None:
     """The report's scheme: the pivot from the end of the rod; with the error that follows from that of the end."""
-    motion = turning((0.055,), (0.4,), (0.5,), swing=0.006)
+    motion = rotating_rods((0.055,), (0.4,), (0.5,), swing=0.006)
     look = Look(pivot_marker=True, rod_width=0.0)
     bars = [Bar(60.0, 100.0, 60.0, 100.0, start=0.3, end=0.7)]
     recording = render_film(motion, CAMERA, times_at(200.0, 190), look, bars=bars, rng=2)
@@ -176,7 +180,7 @@ def test_a_hidden_pivot_that_moves_vertically() -> None:
     np.testing.assert_array_equal(filled.positions[~hidden], found.positions[~hidden])
 
 
-def test_a_shaken_pivot_of_a_rod_that_goes_round() -> None:
+def test_a_shaken_pivot_of_a_rod_that_rotates() -> None:
     """Fifty shakes a second at 1000 frames, twice a rotation flat: known points within rounding, or none at all."""
     times = np.arange(1000) / 1000.0
     rows, angles = 40.0 + 4.0 * np.cos(2.0 * pi * 50.0 * times + 1.0), 25.0 * times

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from filmed_markers import CENTRE, LOST, SEEN, picture
+from filmed_markers import CENTRE, LOST, SEEN, frame_with
 
 from systems.lab import Film, MarkerStatus, Rail, Rod, film_at_rate, track_markers
 
@@ -16,7 +16,7 @@ def filmed(*frames: Any) -> Film:
 
 
 @pytest.mark.parametrize(
-    ("starts", "options", "error"),
+    ("initial_angles", "options", "error"),
     [
         ([(70, 60)], {}, "nothing bright stands out"),
         ([(70, 60)], {"threshold": 35.0}, "all pixels at the initial positions exceed it"),
@@ -41,11 +41,11 @@ def filmed(*frames: Any) -> Film:
         ([(60, 30)], {}, "times as long as wide"),
     ],
 )
-def test_what_cannot_be_tracked(starts: Any, options: Any, error: str) -> None:
-    frame = picture((30.0, 30.0), (97.0, 30.0), (57.0, 30.0), (66.0, 30.0))
+def test_what_cannot_be_tracked(initial_angles: Any, options: Any, error: str) -> None:
+    frame = frame_with((30.0, 30.0), (97.0, 30.0), (57.0, 30.0), (66.0, 30.0))
     frame += np.random.default_rng(1).normal(0.0, 1.0, frame.shape)
     with pytest.raises((TypeError, ValueError), match=error):
-        track_markers(filmed(frame, frame), starts, **options)
+        track_markers(filmed(frame, frame), initial_angles, **options)
 
 
 def test_films_without_light_or_frames() -> None:
@@ -55,21 +55,21 @@ def test_films_without_light_or_frames() -> None:
     noise = np.random.default_rng(0).normal(100.0, 5.0, (2, 80, 100))
     with pytest.raises(ValueError, match="nothing bright stands out"):
         track_markers(filmed(*noise), [(30, 30)])
-    dark = 255.0 - picture((50.0, 40.0), radius=8.0)
+    dark = 255.0 - frame_with((50.0, 40.0), radius=8.0)
     for frame, message in ((dark, "no marker is above"), (dark + 0.4 * (noise[0] - 100.0), "it is dark there")):
         with pytest.raises(ValueError, match=rf"{message}.*of dark markers,? the negative of the film"):
             track_markers(filmed(frame), [(50, 40)], search_radius=25.0)
-    faint = np.where(picture((50.0, 40.0)) > 120.0, 86.0, 85.0)
+    faint = np.where(frame_with((50.0, 40.0)) > 120.0, 86.0, 85.0)
     with pytest.raises(ValueError, match=r"nothing bright stands out there \(by 3.5 deviations"):
         track_markers(filmed(faint), [(50, 40)])
     with pytest.raises(ValueError, match="for markers filling the surroundings, a larger search_radius="):
-        track_markers(filmed(picture((50.0, 40.0), radius=14.0)), [(50, 40)])
+        track_markers(filmed(frame_with((50.0, 40.0), radius=14.0)), [(50, 40)])
     with pytest.raises(ValueError, match="all frames are missing"):
         track_markers(film_at_rate(np.full((2, 80, 100), np.nan), 10.0), [(30, 30)])
     with pytest.raises(ValueError, match="count markers from the pivot outwards"):
         Rod(0, 0, 5.0)
     with pytest.raises(TypeError, match="give Rod"):
-        track_markers(filmed(picture((30.0, 30.0))), [(30, 30)], rods=[3])  # type: ignore[list-item]
+        track_markers(filmed(frame_with((30.0, 30.0))), [(30, 30)], rods=[3])  # type: ignore[list-item]
 
 
 def test_frames_that_repeat_the_one_before_are_missing() -> None:
@@ -77,7 +77,7 @@ def test_frames_that_repeat_the_one_before_are_missing() -> None:
     rng = np.random.default_rng(3)
     times = np.arange(120) / 100.0
     truth = np.stack([50.0 + 30.0 * np.sin(6.0 * times), 40.0 + 10.0 * np.cos(6.0 * times)], axis=-1)
-    frames = [picture(tuple(place)) + rng.normal(0.0, 2.0, (80, 100)) for place in truth.tolist()]
+    frames = [frame_with(tuple(place)) + rng.normal(0.0, 2.0, (80, 100)) for place in truth.tolist()]
     repeated = [7, 20, 21, 60, 90]
     for k in repeated:
         frames[k] = frames[k - 1]
@@ -89,14 +89,14 @@ def test_frames_that_repeat_the_one_before_are_missing() -> None:
 
 def test_a_marker_that_stands_is_seen_in_equal_frames() -> None:
     """Without noise, frames repeat as long as nothing moves; before and after it moves by 3 pixels a frame."""
-    frames = [picture((30.0 + 3.0 * min(k, 5) + 3.0 * max(k - 8, 0), 30.0)) for k in range(14)]
+    frames = [frame_with((30.0 + 3.0 * min(k, 5) + 3.0 * max(k - 8, 0), 30.0)) for k in range(14)]
     found = track_markers(filmed(*frames[:9]), [(30, 30)])
     assert (found.status == SEEN).all()
 
 
 def test_missing_and_constant_frames_are_gaps() -> None:
     """NaN frames and flagged ones have no frame; in a constant one the marker is lost."""
-    frames = np.array([picture((30.0 + k, 30.0)) for k in range(8)])
+    frames = np.array([frame_with((30.0 + k, 30.0)) for k in range(8)])
     frames[0], frames[3], frames[5] = np.nan, np.nan, 100.0
     found = track_markers(film_at_rate(frames, 100.0), [(31, 30)])
     none = MarkerStatus.NO_FRAME

@@ -30,9 +30,9 @@ def exact(tolerance=1e-9):
     return stroboscopic_map(dimensionless_pendulum(**PARAMETERS), rtol=tolerance, atol=tolerance)
 
 
-def table(cells=256, order=5, point_map=None, leap=1):
+def table(cells=256, order=5, point_map=None, max_step=1):
     nodes = CellGrid((-pi, -1.3 * WINDOW), (pi, 1.3 * WINDOW), (cells, cells))
-    return interpolated_map(point_map or exact(), nodes, order=order, outside="integrate", max_step=leap)
+    return interpolated_map(point_map or exact(), nodes, order=order, outside="integrate", max_step=max_step)
 
 
 def heyoka_slice(numbers):
@@ -46,26 +46,26 @@ def heyoka_slice(numbers):
     return time.perf_counter() - began
 
 
-def test_picture_against_heyoka(say):
+def test_image_against_heyoka(say):
     pytest.importorskip("heyoka")
     initial_conditions = GRID.centres().reshape(-1, 2)
     point_map = exact()
     # A tenth of the orbits, spread over the grid, in one process for each core.
     cores = cellmap.thread_count()
-    share = np.arange(0, len(initial_conditions), 10)[: len(initial_conditions) // 10 // (8 * cores) * 8 * cores]
+    fraction = np.arange(0, len(initial_conditions), 10)[: len(initial_conditions) // 10 // (8 * cores) * 8 * cores]
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
-        seconds = max(pool.map(heyoka_slice, np.array_split(share, cores))) * len(initial_conditions) / len(share)
+        seconds = max(pool.map(heyoka_slice, np.array_split(fraction, cores))) * len(initial_conditions) / len(fraction)
     say(f"picture of 500 x 500 starts, 50 periods, {cores} cores: heyoka batch 1e-9 {seconds:.2f} s")
     reference = exact(1e-13).iterate(initial_conditions, PERIODS).unwrapped
     settings = ((5, 128, 1), (5, 256, 1), (5, 512, 1), (3, 512, 1), (3, 256, 2), (5, 96, 4), (5, 128, 4), (5, 256, 8))
-    for order, cells, leap in settings:
-        setting = (cells, order, point_map, leap)
+    for order, cells, max_step in settings:
+        setting = (cells, order, point_map, max_step)
         taken = best_time(lambda s=setting: table(*s).iterate(initial_conditions, PERIODS))
         error = np.median(
             np.abs(table(*setting).iterate(initial_conditions, PERIODS).unwrapped - reference).max(axis=-1)
         )
         say(
-            f"  order {order}, {cells} x {cells}, leaps of {leap}: {taken:.3f} s with tabulation, "
+            f"  order {order}, {cells} x {cells}, steps of {max_step}: {taken:.3f} s with tabulation, "
             f"median error {error:.1e}: {seconds / taken:.0f} times as fast"
         )
     direct = best_time(lambda: point_map.iterate(initial_conditions, PERIODS), rounds=1)
@@ -84,7 +84,7 @@ def test_labels_against_direct_integration(say):
         say(f"A = {1e3 * amplitude:g} mm, {window} rad/s: {100 * wrong:.4f} % of labels differ from direct integration")
 
 
-def test_threads_starts_and_periods(say):
+def test_threads_initial_conditions_and_periods(say):
     icm, point_map = table(), exact()
     initial_conditions = GRID.centres().reshape(-1, 2)
     work = {

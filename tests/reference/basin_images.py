@@ -1,8 +1,9 @@
 """Labels of the reference images by a program that shares nothing with cellmap: RK4 with 256 steps a period, NumPy.
 Duffing's oscillator, whose boundary has the dimension 1.9, takes 1024 steps.
 
-``python -m tests.reference.pictures`` compares every image in this folder with its labels, cell by cell.  Attractors
-are listed in the order of their colours; an orbit has the label of the one on which it is after many periods.
+``python -m tests.reference.basin_images`` compares every image in this folder with its labels, cell by cell.
+Attractors are listed in the order of their colours; an orbit has the label of the one on which
+it is after many periods.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ FOLDER = Path(__file__).parent
 Array = NDArray[np.float64]
 
 
-class Picture(NamedTuple):
+class BasinImage(NamedTuple):
     """Map of one period, window, cells a side, attractors as points of the map, and their tolerance along each axis."""
 
     period: Callable[[Array], Array]
@@ -94,14 +95,14 @@ def henon(z: Array) -> Array:
 HANGING, UPRIGHT = ((0.0, 0.0),), ((-pi, 0.0),)
 CYCLE = ((0.53605, -10.73125), (-0.10031, -88.85086), (-0.53605, 10.73125), (0.10031, 88.85086))
 SLOW, WIDE = ((-pi, -100.0), (pi, 100.0)), ((-pi, -500.0), (pi, 500.0))
-PICTURES = {
-    "pendulum_3mm": Picture(shaken(0.003), *SLOW, 80, (HANGING, UPRIGHT), (0.05, 5.0)),
-    "pendulum_3mm_wide": Picture(
+BASIN_IMAGES = {
+    "pendulum_3mm": BasinImage(shaken(0.003), *SLOW, 80, (HANGING, UPRIGHT), (0.05, 5.0)),
+    "pendulum_3mm_wide": BasinImage(
         shaken(0.003), *WIDE, 100, (HANGING, UPRIGHT, ((2.52034, 320.42147),), ((-2.52034, -320.42147),)), (0.05, 5.0)
     ),
-    "pendulum_3mm_table": Picture(shaken(0.003), *SLOW, 80, (HANGING, UPRIGHT), (0.05, 5.0), escape=100.0),
-    "pendulum_10mm": Picture(shaken(0.010), *SLOW, 80, (HANGING, UPRIGHT, CYCLE), (0.01, 1.0), 800),
-    "inverted": Picture(
+    "pendulum_3mm_table": BasinImage(shaken(0.003), *SLOW, 80, (HANGING, UPRIGHT), (0.05, 5.0), escape=100.0),
+    "pendulum_10mm": BasinImage(shaken(0.010), *SLOW, 80, (HANGING, UPRIGHT, CYCLE), (0.01, 1.0), 800),
+    "inverted": BasinImage(
         on_the_circle(runge_kutta(inverted, 2 * pi)),
         (-pi, -4.0),
         (pi, 4.0),
@@ -109,7 +110,7 @@ PICTURES = {
         (HANGING, ((2.18475, 1.18826),), ((-2.18475, -1.18826),)),
         (0.01, 0.01),
     ),
-    "duffing": Picture(
+    "duffing": BasinImage(
         runge_kutta(duffing, 2 * pi, 4 * STEPS),
         (-2.2, -2.2),
         (2.2, 2.2),
@@ -117,42 +118,46 @@ PICTURES = {
         (((-0.77905, 0.02742),), ((1.21009, 0.05529),)),
         (1e-3, 1e-3),
     ),
-    "henon": Picture(henon, (-2.0, -2.0), (2.0, 2.0), 100, (), (0.0, 0.0), 100),
+    "henon": BasinImage(henon, (-2.0, -2.0), (2.0, 2.0), 100, (), (0.0, 0.0), 100),
 }
 
 
-def labels(picture: Picture, every: int = 1) -> NDArray[np.uint8]:
+def labels(basin_image: BasinImage, every: int = 1) -> NDArray[np.uint8]:
     """Return the colours of the cells of an image, or of each so many of them, the first axis varying slowest."""
-    edges = [np.linspace(a, b, picture.cells + 1) for a, b in zip(picture.lower, picture.upper, strict=True)]
+    edges = [
+        np.linspace(a, b, basin_image.cells + 1) for a, b in zip(basin_image.lower, basin_image.upper, strict=True)
+    ]
     centres = np.meshgrid(*[(e[1:] + e[:-1]) / 2 for e in edges], indexing="ij")
     z: Any = np.stack([c.ravel()[::every] for c in centres])
     colours = np.full(z.shape[1], 255, np.uint8)
     active = np.arange(z.shape[1])
-    for number in range(1, picture.periods + 1):
-        z = picture.period(z)
+    for number in range(1, basin_image.periods + 1):
+        z = basin_image.period(z)
         with np.errstate(invalid="ignore"):
             gone = ~(np.abs(z) < 1e6).all(axis=0)
-            left = ~gone & (np.abs(z[1]) > picture.escape)
+            left = ~gone & (np.abs(z[1]) > basin_image.escape)
         colours[active[gone]], colours[active[left]] = DIVERGED, ESCAPED
         stays = ~gone & ~left
         if number % 10 == 0:
-            stays &= ~coloured(picture, z, colours, active)
+            stays &= ~coloured(basin_image, z, colours, active)
         active, z = active[stays], z[:, stays]
         if not active.size:
             break
-    if not picture.attractors:
+    if not basin_image.attractors:
         colours[active] = 0
     return colours
 
 
-def coloured(picture: Picture, z: Array, colours: NDArray[np.uint8], active: NDArray[np.intp]) -> NDArray[np.bool_]:
+def coloured(
+    basin_image: BasinImage, z: Array, colours: NDArray[np.uint8], active: NDArray[np.intp]
+) -> NDArray[np.bool_]:
     """Colour the orbits that are on an attractor, and return which they are."""
     done = np.zeros(len(active), bool)
-    for colour, points in enumerate(picture.attractors):
+    for colour, points in enumerate(basin_image.attractors):
         for x, y in points:
             apart = np.abs(z[0] - x)
-            apart = np.minimum(apart, np.abs(2 * pi - apart)) if picture.upper[0] == pi else apart
-            there = (apart < picture.near[0]) & (np.abs(z[1] - y) < picture.near[1])
+            apart = np.minimum(apart, np.abs(2 * pi - apart)) if basin_image.upper[0] == pi else apart
+            there = (apart < basin_image.near[0]) & (np.abs(z[1] - y) < basin_image.near[1])
             colours[active[there]] = colour
             done |= there
     return done
@@ -164,9 +169,9 @@ def differing(name: str, every: int = 1) -> float:
 
     with Image.open(FOLDER / f"{name}.png") as image:
         cells = np.array(image)[::-1].T.ravel()[::every]
-    return float((cells != labels(PICTURES[name], every)).mean())
+    return float((cells != labels(BASIN_IMAGES[name], every)).mean())
 
 
 if __name__ == "__main__":
-    for name in PICTURES:
+    for name in BASIN_IMAGES:
         print(f"{name}: {100 * differing(name):.3f} % of the cells differ")
