@@ -24,10 +24,13 @@ class Directory:
     width: int
 
     @classmethod
-    def of(cls, attractors: Attractors) -> Directory:
-        """Sort attractors."""
-        alike = np.column_stack([attractors.kind, attractors.period, attractors.rotations])
-        species = np.unique(alike, axis=0, return_inverse=True)[1].ravel()
+    def of(cls, attractors: Attractors, species: NDArray[np.int64] | None = None) -> Directory:
+        """Sort attractors, whose species may be known already."""
+        if species is None:
+            code = np.zeros(len(attractors), np.int64)
+            for column in (attractors.kind.astype(np.int64), attractors.period, *attractors.rotations.T):
+                code = np.unique(code * (np.ptp(column) + 1 if len(column) else 1) + column, return_inverse=True)[1]
+            species = code.ravel()
         width = int(species.max(initial=0)) + 1
         keys = attractors.place * width + species
         order = np.argsort(keys, kind="stable")

@@ -23,11 +23,11 @@ def spread(
     ``values`` (ny * nx, 2) are the parameters.  From where an attractor is known, Newton's method looks for it at the
     neighbours where nothing like it is known; what it finds there leads further.
     """
-    front = np.flatnonzero(found.period > 0)
+    front, kinds = np.flatnonzero(found.period > 0), Directory.of(found).species
     with progress_bar(sum(shape), progress) as tick:
         while len(front):
             check_stop()
-            directory = Directory.of(found)
+            directory = Directory.of(found, kinds)
             source, there = _neighbours(found, directory, front, shape)
             parts: dict[int, tuple[Attractors, NDArray[np.int64]]] = {}
 
@@ -43,7 +43,8 @@ def spread(
                 columns = np.column_stack([fresh.place, species, np.round(fresh.centre / SAME_MEAN)])
                 once = np.unique(columns, axis=0, return_index=True)[1]
                 fresh, species = fresh[once], species[once]
-                fresh = fresh[np.flatnonzero(directory.nearest(species, fresh.centre, fresh.place, SAME_MEAN) < 0)]
+                kept = np.flatnonzero(directory.nearest(species, fresh.centre, fresh.place, SAME_MEAN) < 0)
+                fresh, kinds = fresh[kept], np.concatenate([kinds, species[kept]])
                 front = np.arange(len(found), len(found) + len(fresh))
                 found = Attractors.joined(found, fresh)
             tick(1)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, shown, whole_number
-from .._lib.conversions import ConvertsToDataFrame
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..maps.coordinates import Coordinate, wrap
@@ -24,7 +24,7 @@ from .singular_orbits import SingularOrbits
 
 
 @dataclass(frozen=True, eq=False)
-class BifurcationCurve(ConvertsToDataFrame):
+class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     """Curve of a bifurcation in the plane of two parameters.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number
-from .._lib.conversions import ConvertsToDataFrame
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
@@ -67,7 +67,7 @@ class Bifurcation:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(ConvertsToDataFrame):
+class Branch(ConvertsToXarray, ConvertsToDataFrame):
     """Branch of periodic orbits in one parameter.
 
     Parameters

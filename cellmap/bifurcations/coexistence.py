@@ -183,7 +183,8 @@ class _Search:
         states, place = states[near], place[near]
         fresh, _, orbit, matrices = periodic_attractors(job, states, place, period)
         unknown = self.regions.owners(fresh.point, fresh.place, job.swept.coordinates) < 0
-        rows = np.flatnonzero(unknown & ~self._known(fresh))
+        rows = np.flatnonzero(unknown)
+        rows = rows[~self._known(fresh[rows])]
         if not len(rows):
             return Attractors.empty(d), Regions.empty(d)
         fresh = fresh[rows]
@@ -193,9 +194,18 @@ class _Search:
 
     def _known(self, fresh: Attractors) -> NDArray[np.bool_]:
         """Return which attractors have been found before, perhaps from another of their points."""
-        apart = np.abs(fresh.centre[:, None] - self.found.centre).max(axis=-1, initial=0.0)
-        alike = (fresh.place[:, None] == self.found.place) & (fresh.period[:, None] == self.found.period)
-        return np.asarray((alike & (apart <= SAME_MEAN)).any(axis=1))
+        known, found = np.zeros(len(fresh), bool), self.found
+        order = np.argsort(found.place, kind="stable")
+        rows, at = np.arange(len(fresh)), np.searchsorted(found.place[order], fresh.place)
+        while len(rows):
+            there = at < len(order)
+            there[there] = found.place[order[at[there]]] == fresh.place[rows[there]]
+            rows, at = rows[there], at[there]
+            other = order[at]
+            apart = np.abs(found.centre[other] - fresh.centre[rows]).max(axis=-1, initial=0.0)
+            known[rows] |= (apart <= SAME_MEAN) & (found.period[other] == fresh.period[rows])
+            at = at + 1
+        return known
 
     def _rest(self) -> NDArray[np.int64]:
         """Classify the orbits that never converged, by the largest exponent of one at each parameter point."""

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, known_parameter, shown, whole_number
-from .._lib.conversions import ConvertsToDataFrame
+from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
+from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from .arclength import Problem, SolutionPoint, continuation_steps, corrected
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
+
+T = TypeVar("T")
 
 _BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
 
@@ -44,7 +48,7 @@ class Tangency:
 
 
 @dataclass(frozen=True, eq=False)
-class ConnectionBranch(ConvertsToDataFrame):
+class ConnectionBranch(ConvertsToXarray, ConvertsToDataFrame):
     """Branch of connecting orbits in one parameter.
 
     Parameters
@@ -77,7 +81,7 @@ class ConnectionBranch(ConvertsToDataFrame):
 
 
 @dataclass(frozen=True, eq=False)
-class TangencyCurve(ConvertsToDataFrame):
+class TangencyCurve(ConvertsToXarray, ConvertsToDataFrame):
     """Curve of tangencies in the plane of two parameters.
 
     Parameters
@@ -90,12 +94,15 @@ class TangencyCurve(ConvertsToDataFrame):
         Orbits along which the manifolds touch, with unwrapped angles.
     ends : tuple of str
         Reasons why the curve ends at its first and at its last point.
+    coordinates : tuple of Coordinate
+        State variables.
     """
 
     parameters: tuple[str, str]
     values: NDArray[np.float64]
     points: NDArray[np.float64]
     ends: tuple[str, str]
+    coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
         spans = ", ".join(
@@ -243,7 +250,7 @@ def continue_tangency(
     ('left the intervals', 'left the intervals')
     """
     exact = tangency.orbit._point_map
-    one, two = parameters
+    one, two = _pair("parameters", parameters, "the names of two parameters")
     for name in (one, two):
         known_parameter("parameters", name, exact.params)
     if one == two:
@@ -273,6 +280,7 @@ def continue_tangency(
         values=np.array([p.unknowns[-2:] for p in every]) * spans,
         points=np.array([orbits.states(p.unknowns)[2:, :-2] for p in every]),
         ends=(first_end, last_end),
+        coordinates=exact.coordinates,
     )
 
 
@@ -328,11 +336,11 @@ def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:
     return np.asarray(orbit._unknowns.reshape(-1, d) * orbit._scale)
 
 
-def _pair(label: str, given: tuple[float, float]) -> tuple[float, float]:
+def _pair(label: str, given: tuple[T, T], what: str = "two numbers, the ends of an interval") -> tuple[T, T]:
     try:
         low, high = given
     except (TypeError, ValueError):
-        raise TypeError(f"{label}={shown(given)}: give two numbers, the ends of an interval") from None
+        raise TypeError(f"{label}={shown(given)}: give {what}") from None
     return low, high
 
 

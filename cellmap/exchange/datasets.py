@@ -13,6 +13,9 @@ from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
 from ..basins.record import Basins
 from ..bifurcations.atlas_record import AttractorAtlas
+from ..bifurcations.bifurcation_curve import BifurcationCurve
+from ..bifurcations.branch import Branch
+from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.equilibrium_stability import StabilityMap
@@ -21,6 +24,7 @@ from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractor_group
 from .conventions import about, coordinate_attributes, enum_flags, flags, variable_names
 from .optional import xarray_package
+from .tables import columns_of
 
 
 def to_xarray(result: Any) -> Any:
@@ -32,7 +36,8 @@ def to_xarray(result: Any) -> Any:
 
     Parameters
     ----------
-    result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, AttractorAtlas or ExponentField
+    result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, AttractorAtlas, ExponentField, \
+Branch, BifurcationCurve, ConnectionBranch or TangencyCurve
         What is to be converted.
 
     Returns
@@ -73,7 +78,7 @@ def to_xarray(result: Any) -> Any:
 def _converted(result: Any) -> Any:
     raise TypeError(
         f"result={shown(result)}: give Basins, a Certificate, a BasinContinuation, a BifurcationDiagram, a "
-        "StabilityMap, an AttractorAtlas or an ExponentField"
+        "StabilityMap, an AttractorAtlas, an ExponentField, a Branch or a curve"
     )
 
 
@@ -212,6 +217,20 @@ def _(result: StabilityMap) -> Any:
         f"boundary_{y}": ("boundary", points["y"]),
     }
     return xarray_package().Dataset(variables, coords=coords, attrs=about(result, "Stability map"))
+
+
+@_converted.register(Branch)
+@_converted.register(BifurcationCurve)
+@_converted.register(ConnectionBranch)
+@_converted.register(TangencyCurve)
+def _(result: Branch | BifurcationCurve | ConnectionBranch | TangencyCurve) -> Any:
+    columns = columns_of(result)
+    names = variable_names(columns)
+    variables = {
+        name: ("point", np.asarray(values, object if isinstance(values, list) else None))
+        for name, values in zip(names, columns.values(), strict=True)
+    }
+    return xarray_package().Dataset(variables, attrs=about(result, type(result).__name__, ends=", ".join(result.ends)))
 
 
 @_converted.register

@@ -55,11 +55,12 @@ AttractorAtlas, ConnectionBranch or TangencyCurve
     0  fixed point       1  0.707                 0.5
     1  fixed point       1 -0.707                 0.5
     """
-    frame = _columns(result)
+    frame = columns_of(result)
     return pandas_package().DataFrame(frame)
 
 
-def _columns(result: Any) -> dict[str, Any]:
+def columns_of(result: Any) -> dict[str, Any]:
+    """Return the columns of a table by their names."""
     if isinstance(result, Basins):
         shares = [result.fractions[k] for k in range(len(result.attractors))]
         return {

@@ -211,6 +211,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "continue_tangency": lambda: {
         **{"parameters": ("a", "b"), "first": (1.3, 1.4), "second": (-0.35, -0.25), "max_points": 4},
     },
+    "save_auto": lambda: {"result": sample("Branch"), "path": "b.branch"},
     "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "max_period": 2},
     "AttractorAtlas.fraction": lambda: {"family": 0},
     "plot_attractor_atlas": lambda: {"show": "number"},

@@ -1,0 +1,150 @@
+"""Branches and curves in the format of AUTO's bifurcation diagram files, `b.NAME` or `fort.7`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import is_sequence, shown
+from .._lib.files import as_target, written_whole
+from .._lib.signatures import checked
+from ..bifurcations.bifurcation_curve import BifurcationCurve
+from ..bifurcations.branch import Branch
+from ..bifurcations.connecting_branches import TangencyCurve
+from ..bifurcations.kinds import BifurcationKind
+from ..maps.coordinates import Coordinate
+from ..orbits.multipliers import unstable_count
+
+TYPES = {
+    BifurcationKind.TRANSCRITICAL: 1,
+    BifurcationKind.PITCHFORK: 1,
+    BifurcationKind.FOLD: 2,
+    BifurcationKind.PERIOD_DOUBLING: 7,
+    BifurcationKind.NEIMARK_SACKER: 8,
+}
+"""AUTO's numbers of types of points: BP, LP, PD, TR."""
+
+_END, _FAILED = 9, -9  # EP, MX
+_LARGEST = 9999  # number of a point, which has four digits
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of a file: values (n, columns) by names, whether each is stable, and its type."""
+
+    names: list[str]
+    values: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    types: NDArray[np.int64]
+    heading: str
+
+
+@checked
+def save_auto(
+    result: Branch | BifurcationCurve | TangencyCurve | Sequence[Branch | BifurcationCurve | TangencyCurve],
+    path: str | PathLike[str],
+) -> Path:
+    """Write branches and curves to a file in the format of AUTO's bifurcation diagrams.
+
+    Each is a branch of the file.  Its columns are the first parameter, the Euclidean norm of the state, the state
+    variables of one point of the orbit and, for a curve, the second parameter.  As in AUTO, the number of a point is
+    negative where the orbit is stable, and points have the types BP (pitchfork and transcritical), LP (fold), PD, TR
+    (Neimark-Sacker), EP and MX (an end without convergence), with labels.  Bifurcations of a branch are rows of their
+    own.
+
+    Parameters
+    ----------
+    result : Branch, BifurcationCurve or TangencyCurve, or sequence of them
+        What is written, in this order.  For tangencies the state is the middle point of the orbit.
+    path : str or path
+        Name of the file, for example ``"b.pendulum"``; one that exists is replaced.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    TypeError
+        For anything else.
+    OSError
+        If the file cannot be written.
+
+    References
+    ----------
+    Doedel, Oldeman et al., *AUTO-07P: Continuation and Bifurcation Software for Ordinary Differential Equations*
+    (2012), section 3.5 (user-readable output files).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cellmap import continue_orbit, discrete_map, periodic_orbit
+    >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
+    >>> branch = continue_orbit(logistic, periodic_orbit(logistic, [0.5]), "r", 1.5, 3.5, step=0.1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     lines = save_auto(branch, f"{folder}/b.logistic").read_text().splitlines()
+    >>> [line[:38] for line in lines if line[10:14] == "   7"]
+    ['   1   -12   7    2   3.0000000000E+00']
+    """
+    given: tuple[Any, ...] = tuple(result) if is_sequence(result) else (result,)  # type: ignore[arg-type]
+    if not given or not all(isinstance(item, Branch | BifurcationCurve | TangencyCurve) for item in given):
+        raise TypeError(f"result={shown(result)}: give a Branch, a BifurcationCurve, a TangencyCurve, or several")
+    lines, label = [], 0
+    for number, item in enumerate(given, 1):
+        rows = _of_branch(item) if isinstance(item, Branch) else _of_curve(item)
+        lines += [f"   0    {rows.heading}", "   0    PT  TY  LAB " + "".join(f"{name:<19s}" for name in rows.names)]
+        for k, values in enumerate(rows.values):
+            label += int(rows.types[k] != 0)
+            point = (k % _LARGEST + 1) * (-1 if rows.stable[k] else 1)
+            start = f"{number:4d}{point:6d}{rows.types[k]:4d}{label if rows.types[k] else 0:5d}"
+            lines.append(start + "".join(f"{value:19.10E}" for value in values))
+    target = as_target("path", path)
+    with written_whole(target) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return target
+
+
+def _of_branch(branch: Branch) -> _Rows:
+    found = branch.bifurcations
+    places = np.array([b.place for b in found], np.int64) + 1
+    values = np.insert(branch.values, places, [b.value for b in found])
+    points = np.insert(branch.points, places, np.array([b.point for b in found]).reshape(len(found), -1), axis=0)
+    types = np.insert(np.zeros(len(branch.values), np.int64), places, [TYPES.get(b.kind, 0) for b in found])
+    stable = np.insert(branch.unstable == 0, places, [b.before == 0 for b in found])
+    types[[0, -1]] = [_end(end) for end in branch.ends]
+    names = _names([branch.parameter], branch.point_map.coordinates)
+    return _Rows(names, _columns([values], points), stable, types, f"period {branch.period} orbits")
+
+
+def _of_curve(curve: BifurcationCurve | TangencyCurve) -> _Rows:
+    types = np.zeros(len(curve.values), np.int64)
+    types[[0, -1]] = [_end(end) for end in curve.ends]
+    if isinstance(curve, TangencyCurve):
+        points, heading = curve.points[:, curve.points.shape[1] // 2], "tangencies"
+        stable, coordinates = np.zeros(len(types), bool), curve.coordinates
+    else:
+        points, heading, coordinates = curve.points, f"curve of {curve.kind}, period {curve.period}", curve.coordinates
+        stable = unstable_count(curve.multipliers) == 0
+    columns = _columns(list(curve.values.T), points)
+    return _Rows(_names(list(curve.parameters), coordinates), columns, stable, types, heading)
+
+
+def _columns(parameters: list[NDArray[np.float64]], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([parameters[0], np.linalg.norm(points, axis=1), points, *parameters[1:]])
+
+
+def _names(parameters: list[str], coordinates: Sequence[Coordinate]) -> list[str]:
+    names = [parameters[0], "L2-NORM", *(c.name for c in coordinates), *parameters[1:]]
+    return [re.sub(r"\s", "_", name)[:18] for name in names]
+
+
+def _end(reason: str) -> int:
+    return _FAILED if reason == "no convergence" else _END
