@@ -9,25 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.stopping import check_stop
-from ..maps.coordinates import difference, turns_of, wrap
+from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.lyapunov_qr import exponents_along
+from .lane_orbits import along, least_periods, monodromy_of, near_returns, refined
 from .lane_regions import Regions, regions_around
 
 _FIRST_LOOK = 16  # periods before attractors are searched for,
 _STRIDE = 8  # between tests of convergence,
 _RARER = 1.25  # and factor of age between searches, at least
-_NEAR = 0.05  # distance from its image, in extents, from which a point is refined
-_ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
-_REACH = 0.25  # distance in extents that refinement may move a point
-_ITERATIONS = 8
-_CONVERGED = 1e-9  # last step of refinement, in extents
 SAME_MEAN = 1e-4
 """Distance of means over orbits, in extents or radians, within which two attractors are one."""
 
-_SAME = 1e-6  # distance, in extents, within which points are equal
 _STABLE = 1.0 - 1e-6
 _LED = 0.3  # distance of means over orbits within which an attractor leads to its neighbour
 _EXPONENT_PERIODS = 200
@@ -179,7 +174,7 @@ class _Search:
     def _attractors(self, states: NDArray[np.float64], place: NDArray[np.int64]) -> tuple[Attractors, Regions]:
         """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
         job, d = self.job, self.dimension
-        near, period = _returns(job.swept, states, job.max_period, job.extent)
+        near, period = near_returns(job.swept, states, job.max_period, job.extent)
         states, place = states[near], place[near]
         fresh, _, orbit, matrices = periodic_attractors(job, states, place, period)
         unknown = self.regions.owners(fresh.point, fresh.place, job.swept.coordinates) < 0
@@ -246,11 +241,11 @@ def periodic_attractors(
 ) -> tuple[Attractors, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the stable periodic orbits beside states (n, d + 2), the rows of their states, orbits and derivatives."""
     d = len(job.extent)
-    points, good = _refined(job.swept, states, period, job.extent)
+    points, good = refined(job.swept, states, period, job.extent)
     rows = np.flatnonzero(good)
-    orbit, matrices, rotations = _along(job.swept, points[rows], period[rows])
-    least = _least(orbit, period[rows], job.extent, job.swept)
-    modulus = np.abs(np.linalg.eigvals(_monodromy(matrices, least))).max(axis=-1, initial=0.0)
+    orbit, matrices, rotations = along(job.swept, points[rows], period[rows])
+    least = least_periods(orbit, period[rows], job.extent, job.swept)
+    modulus = np.abs(np.linalg.eigvals(monodromy_of(matrices, least))).max(axis=-1, initial=0.0)
     stable = np.flatnonzero(modulus < _STABLE)
     rows, orbit, matrices, least = rows[stable], orbit[stable], matrices[stable], least[stable]
     wound = rotations[stable, least - 1]
@@ -270,85 +265,3 @@ def _centres(job: Explorer, orbit: NDArray[np.float64], period: NDArray[np.int64
     both = np.concatenate([first, np.where(turn > 0.0, np.sin(phase), 0.0)], axis=-1)
     members = (np.arange(orbit.shape[1]) < period[:, None])[..., None]
     return np.asarray(np.where(members, both, 0.0).sum(axis=1) / period[:, None])
-
-
-def _returns(
-    swept: PointMap, states: NDArray[np.float64], most: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows of states that nearly return within some periods, and after how many they do best."""
-    d = len(extent)
-    orbits = Orbits.starting(states.copy())
-    apart = np.full((len(states), most), np.inf)
-    for k in range(most):
-        swept.advance(orbits, 1)
-        shift = np.abs(difference(orbits.points, states, swept.coordinates)[:, :d] / extent).max(axis=-1)
-        apart[:, k] = np.where(orbits.alive, shift, np.inf)
-    best = np.minimum.accumulate(apart, axis=1)
-    period = np.argmax(apart * _ALIKE <= apart.min(axis=1, keepdims=True), axis=1)
-    near = np.flatnonzero(np.take_along_axis(best, period[:, None], axis=1)[:, 0] <= _NEAR)
-    return near, period[near] + 1
-
-
-def _refined(
-    swept: PointMap, states: NDArray[np.float64], period: NDArray[np.int64], extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the periodic points beside states (n, d + 2), by Newton's method, and which of them were found."""
-    d = len(extent)
-    points, good, active = states.copy(), np.zeros(len(states), bool), np.arange(len(states))
-    for _ in range(_ITERATIONS):
-        if not len(active):
-            break
-        images, matrices = tangent(swept, points[active], period[active])
-        residual = difference(images, points[active], swept.coordinates)[:, :d]
-        slopes = np.eye(d) - matrices[:, :d, :d]
-        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
-        solvable = np.flatnonzero(finite)
-        solvable = solvable[np.abs(np.linalg.det(slopes[solvable])) > 1e-12]
-        active = active[solvable]
-        step = np.linalg.solve(slopes[solvable], residual[solvable][..., None])[..., 0]
-        points[active, :d] += step
-        close = np.abs((points[active, :d] - states[active, :d]) / extent).max(axis=-1, initial=0.0) <= _REACH
-        done = close & (np.abs(step / extent).max(axis=-1, initial=0.0) <= _CONVERGED)
-        good[active[done]] = True
-        active = active[close & ~done]
-    return wrap(points, swept.coordinates), good
-
-
-def _along(
-    swept: PointMap, points: NDArray[np.float64], period: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return orbits (n, most, d + 2), derivatives (n, most, d, d) of each step, and full rotations up to each."""
-    n, width = points.shape
-    most, d = int(period.max(initial=1)), width - 2
-    turn = turns_of(swept.coordinates)[1][:d]
-    orbit, matrices = np.empty((n, most, width)), np.empty((n, most, d, d))
-    moved, rotations = np.zeros((n, d)), np.empty((n, most, d), np.int64)
-    here = points
-    for k in range(most):
-        orbit[:, k] = here
-        images, slopes = tangent(swept, here)
-        matrices[:, k] = slopes[:, :d, :d]
-        moved += (images - here)[:, :d]
-        rounds = np.where(turn > 0.0, moved / np.where(turn > 0.0, turn, 1.0), 0.0)
-        rotations[:, k] = np.round(np.where(np.isfinite(rounds), rounds, 0.0))
-        here = wrap(images, swept.coordinates)
-    return orbit, matrices, rotations
-
-
-def _least(
-    orbit: NDArray[np.float64], period: NDArray[np.int64], extent: NDArray[np.float64], swept: PointMap
-) -> NDArray[np.int64]:
-    """Return the least periods of closed orbits."""
-    least, d = period.copy(), len(extent)
-    for q in range(orbit.shape[1] - 1, 0, -1):
-        apart = np.abs(difference(orbit[:, q], orbit[:, 0], swept.coordinates)[:, :d] / extent).max(axis=-1)
-        least[(period % q == 0) & (q < period) & (apart <= _SAME)] = q
-    return least
-
-
-def _monodromy(matrices: NDArray[np.float64], period: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the products of the first `period` of matrices (n, most, d, d)."""
-    total = np.broadcast_to(np.eye(matrices.shape[-1]), matrices[:, 0].shape)
-    for k in range(matrices.shape[1]):
-        total = np.where((k < period)[:, None, None], matrices[:, k] @ total, total)
-    return total

@@ -177,8 +177,10 @@ def continue_connection(
     start = corrected(problem, unknowns, problem.parameter_direction)
     if start is None:
         raise ValueError(f"connection={connection!r}: it is not found again with {parameter} free")
-    label = f"connecting orbits over {parameter}" if progress else None
-    limits = np.array([[low], [high]]) / (high - low)
+    label, limits = (
+        f"connecting orbits over {parameter}" if progress else None,
+        np.array([[low], [high]]) / (high - low),
+    )
     sides, tangencies = [], []
     for sign in (-1.0, 1.0):
         begin = replace(start, tangent=sign * start.tangent)
@@ -268,8 +270,7 @@ def continue_tangency(
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"tangency={tangency!r}: it is not found again with both parameters free")
-    limits = np.array(box).T / np.array(spans)
-    label = f"tangencies over {one} and {two}" if progress else None
+    label, limits = f"tangencies over {one} and {two}" if progress else None, np.array(box).T / np.array(spans)
     (back, first_end), (ahead, last_end) = (
         _traced(problem, replace(start, tangent=sign * start.tangent), limits, longest, most, label, None)[::2]
         for sign in (-1.0, 1.0)
