@@ -165,7 +165,7 @@ def _on_torus(exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.fl
     phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
     points = torus.points(phases, exact.coordinates)
     dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
-    tube = verified_tube(dense, extent, 10.0 * torus.invariance_error)
+    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error)
     cover = None if tube is None else cover_of_tube(dense, tube)
     if cover is None:
         return None

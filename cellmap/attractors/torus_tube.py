@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.point_map import PointMap
-from ..orbits.invariant_torus import InvariantTorus
+from ..orbits.invariant_torus import InvariantTorus, places_of
 from .tube import nearest_places
 
 _DENSE = 256  # points in each phase, between which the torus is a paraboloid
@@ -54,7 +54,7 @@ class DenseTorus:
         curved = bends / unit[..., None] - along[..., None, :] * along[..., :, None]
         angle, scale = (turn > 0)[:, None], (turn / (2 * np.pi))[:, None]
         return (
-            torus.places(value, coordinates),
+            places_of(value, coordinates),
             np.where(angle, along.imag * scale, slopes.real),
             np.where(angle[..., None], curved.imag * scale[..., None], bends.real),
         )

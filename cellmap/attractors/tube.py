@@ -181,7 +181,7 @@ def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[n
 
 
 @functools.lru_cache(maxsize=1)
-def _tree(curves: Attracting) -> Any:
+def _tree(curves: Any) -> Any:
     from scipy.spatial import KDTree
 
     box = turns_of(curves.exact.coordinates)[1] / curves.size

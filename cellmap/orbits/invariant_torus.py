@@ -65,18 +65,18 @@ class InvariantTorus:
         """Return points of the torus at some phases (n, 2) between 0 and 1, shape (n, dimension)."""
         first, second = np.asarray(phases, dtype=float).T
         values = np.einsum("dkl,kn,ln->nd", self.coefficients, self.waves(first), self.waves(second), optimize=True)
-        return self.places(values, coordinates)
+        return places_of(values, coordinates)
 
     def waves(self, phases: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return all harmonics (2 * harmonics + 1, n) of one of the phases (n,)."""
         harmonics = np.arange(self.coefficients.shape[-1]) - self.coefficients.shape[-1] // 2
         return np.asarray(np.exp(2j * np.pi * np.outer(harmonics, phases)))
 
-    @staticmethod
-    def places(values: NDArray[np.complex128], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
-        """Return the coordinates (..., dimension) that values of the series stand for."""
-        turn = turns_of(coordinates)[1]
-        return wrap(np.where(turn > 0, np.angle(values) * (turn / (2 * np.pi)), values.real), coordinates)
+
+def places_of(values: NDArray[np.complex128], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    """Return the coordinates (..., dimension) that values of the series stand for."""
+    turn = turns_of(coordinates)[1]
+    return wrap(np.where(turn > 0, np.angle(values) * (turn / (2 * np.pi)), values.real), coordinates)
 
 
 def fitted_torus(point_map: PointMap, state: NDArray[np.float64]) -> InvariantTorus | None:

@@ -53,7 +53,7 @@ def test_rotation_vector_and_torus_in_closed_form():
     assert torus.rotation_numbers == pytest.approx((GOLDEN, SILVER, 0.0), abs=1e-12)
     assert np.abs(torus.rotation_errors).max() < 1e-12
     assert same_up_to_signs(torus.frequencies, [GOLDEN, SILVER])
-    a, b, r = torus.points(np.random.default_rng(0).uniform(size=(100, 2)), AROUND).T
+    a, b, r = torus.points(np.random.default_rng(0).uniform(size=(100, 2)), TURNING.coordinates).T
     k = np.arange(1, 60)[:, None]
     expected = (0.5 ** (k - 1) * np.sin(a - 2 * pi * k * GOLDEN) * np.cos(b - 2 * pi * k * SILVER)).sum(axis=0)
     assert r == pytest.approx(expected, abs=1e-6)
