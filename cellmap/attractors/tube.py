@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,7 +178,7 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
 
 def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the number of the point of the set that is nearest to each of some finite points (n, dimension)."""
-    return np.asarray(_tree(curves).query(_scaled(curves, points))[1], np.int64)
+    return np.asarray(_tree(cast(Hashable, curves)).query(_scaled(curves, points))[1], np.int64)
 
 
 @functools.lru_cache(maxsize=1)
