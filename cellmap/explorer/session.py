@@ -14,18 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from .._lib.checks import shown, text, whole_array, whole_number
+from .._lib.checks import shown, text, whole_number
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveFrame
 from . import downloads
 from .equations import EquationError, typed_system
 from .explored import Explored, ExploredScene, explored_of
+from .films import Film, sweep
 from .images import Images, described, orbit, picture, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
 from .saddles import saddles
 from .stability import stability
-from .sweeps import diagram, film, sweep
+from .sweeps import diagram
 from .view import SCHEMA, View
 
 UNDER_WAY = 2
@@ -38,16 +39,19 @@ RATE, BURST = 300.0, 600.0
 """Messages a second that a page may send for long, and at once."""
 
 
+_Still = tuple[View, NDArray[np.int16]]
+
+
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """An image that the page has asked for, or the images of a film with their palette."""
+    """An image that the page has asked for, or the images of a film."""
 
     request: int
     images: Images
     views: tuple[View, ...]
     near: Any
     since: float
-    palette: NDArray[np.uint8] | None = None
+    film: Film | None = None
 
 
 class Session:
@@ -137,9 +141,10 @@ class Session:
             self._ask_for(_Wanted(request, self._images, (view,), asked.get("near"), time.monotonic()))
         elif kind == "film":
             request = whole_number("request", asked.get("request"))
-            views = sweep(View.of(asked.get("view"), self._images.explored), *_range(asked), asked.get("stills"))
-            palette = _palette(asked.get("palette"))
-            self._ask_for(_Wanted(request, self._images, views, None, time.monotonic(), palette))
+            view = View.of(asked.get("view"), self._images.explored)
+            views = sweep(view, *_range(asked), asked.get("stills"))
+            film = Film.of(asked["parameter"], asked.get("format"), asked.get("palette"), view)
+            self._ask_for(_Wanted(request, self._images, views, None, time.monotonic(), film))
         elif kind == "system":
             self._later(asked, lambda: self._chosen(asked), self._use)
         elif kind in _QUESTIONS:
@@ -213,34 +218,33 @@ class Session:
             self._present = wanted
             try:
                 stills = await loop.run_in_executor(self._drawing, self._compute, wanted, loop)
-                if wanted.palette is not None:
-                    await self._send_film(wanted, wanted.palette, stills)
+                if wanted.film is not None:
+                    await self._send_film(wanted, wanted.film, stills)
             except (WebSocketDisconnect, RuntimeError):
                 return
             except Exception as error:
                 await self._tell(failure(error, wanted.request))
 
-    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> list[NDArray[np.int16]]:
+    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> list[_Still]:
         """Compute images, in the thread for them, until others are wanted; return those of a film."""
-        stills: list[NDArray[np.int16]] = []
+        stills: list[_Still] = []
         for view in wanted.views:
             for frame in wanted.images.frames(view, wanted.near):
                 self._has_frame = True
                 loop.call_soon_threadsafe(self._offer, wanted, view, frame)
                 if self._wanted is not wanted:
                     return stills
-                if frame.complete and wanted.palette is not None:
-                    stills.append(view.raster(frame.identity_image))
+                if frame.complete and wanted.film is not None:
+                    stills.append((view, view.raster(frame.identity_image)))
         return stills
 
-    async def _send_film(self, wanted: _Wanted, palette: NDArray[np.uint8], stills: list[NDArray[np.int16]]) -> None:
+    async def _send_film(self, wanted: _Wanted, film: Film, stills: list[_Still]) -> None:
         """Send a film that is complete."""
         if len(stills) < len(wanted.views):
             raise ValueError("film has ended early, for another image was wanted: ask for it again")
-        data = await asyncio.get_running_loop().run_in_executor(None, film, stills, palette)
-        facts = {"type": "film", "request": wanted.request, "name": "basins.gif", "media": "image/gif"}
+        facts, data = await asyncio.get_running_loop().run_in_executor(None, film.file, stills)
         async with self._sending:
-            await self._socket.send_bytes(packed(facts, data))
+            await self._socket.send_bytes(packed({"type": "film", "request": wanted.request, **facts}, data))
 
     def _offer(self, wanted: _Wanted, view: View, frame: LiveFrame) -> None:
         """Queue a frame, in the place of the one that waits."""
@@ -285,14 +289,6 @@ def failure(error: Exception, request: Any) -> dict[str, Any]:
 
 def _range(asked: Mapping[str, Any]) -> tuple[Any, Any, Any]:
     return asked.get("parameter"), asked.get("lower"), asked.get("upper")
-
-
-def _palette(given: Any) -> NDArray[np.uint8]:
-    """Return colours as an array (n, 3)."""
-    colours = whole_array("palette", given)
-    if colours.ndim != 2 or colours.shape[1] != 3 or not len(colours) or colours.min() < 0 or colours.max() > 255:
-        raise ValueError("palette: give a list of colours, each of it three whole numbers from 0 to 255")
-    return colours.astype(np.uint8)
 
 
 def _number_of_samples(asked: Mapping[str, Any]) -> int:

@@ -1,23 +1,15 @@
-"""The second pane: where attractors go while a parameter changes, and films of basins on the way."""
+"""The second pane: where attractors go while a parameter changes."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
 
-from .._lib.checks import finite_number, known_parameter, whole_number
+from .._lib.checks import finite_number, known_parameter
 from ..basins.live import LiveFrame
 from ..bifurcations.diagram import bifurcation_diagram
-from .protocol import LOWEST
 from .view import View
-
-MOST_STILLS = 240
 
 _VALUES = 160  # on each side of the present one
 _TRANSIENT, _RECORDED = 200, 32  # periods
@@ -59,32 +51,3 @@ def diagram(view: View, frame: LiveFrame, parameter: Any, lower: Any, upper: Any
         "params": view.params,
     }
     return facts, np.ascontiguousarray(points, "<f4").tobytes()
-
-
-def sweep(view: View, parameter: Any, lower: Any, upper: Any, stills: Any) -> tuple[View, ...]:
-    """Return the views of a film, in which a parameter goes from one value to another."""
-    name = known_parameter("parameter", parameter, view.params)
-    values = np.linspace(
-        finite_number("lower", lower),
-        finite_number("upper", upper),
-        whole_number("stills", stills, at_least=2, at_most=MOST_STILLS),
-    )
-    return tuple(replace(view, params={**view.params, name: float(value)}) for value in values)
-
-
-def film(rasters: Sequence[NDArray[np.int16]], palette: NDArray[np.uint8], milliseconds: int = 80) -> bytes:
-    """Return a GIF of images, whose numbers have the colours of a palette that begins with the lowest label.
-
-    Numbers beyond the palette, which has at most 256 colours, have its last one.
-    """
-    last = min(len(palette), 256) - 1
-    stills = []
-    for raster in rasters:
-        still = Image.fromarray(np.minimum(raster - LOWEST, last).astype(np.uint8))
-        still.putpalette(palette[: last + 1].tobytes())
-        stills.append(still)
-    file = io.BytesIO()
-    stills[0].save(
-        file, "GIF", save_all=True, append_images=stills[1:], duration=milliseconds, loop=0, optimize=False, disposal=1
-    )
-    return file.getvalue()

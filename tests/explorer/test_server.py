@@ -9,6 +9,7 @@ import threading
 import time
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 import xarray
@@ -252,21 +253,44 @@ def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
     assert "two coordinates only" in page.ask("saddles")["message"]
 
 
-def test_a_film_has_the_images_of_its_values(page: Page) -> None:
-    palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
-    request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, stills=3, palette=palette)
+def film_of(page: Page, **asked: Any) -> dict[str, Any]:
+    request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, **asked)
     while (answer := page.receive())["type"] == "frame":
         page.send("drawn", frame=answer["frame"])
-    assert (answer["type"], answer["request"]) == ("film", request)
+    assert answer["request"] == request
+    return answer
+
+
+def test_a_film_has_the_images_of_its_values(page: Page) -> None:
+    palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
+    answer = film_of(page, stills=3, palette=palette)
+    assert (answer["type"], answer["name"]) == ("film", "basins.gif")
     with Image.open(io.BytesIO(answer["data"])) as film:
         assert film.n_frames == 3
         film.seek(2)
         last = np.array(film.convert("RGB"))
     _, numbers = page.image(params={"keep": 0.7})
-    assert np.array_equal(last, np.array(palette)[numbers - LOWEST])
-    assert (
-        "palette" in page.ask("film", view={}, parameter="keep", lower=0, upper=1, stills=2, palette=[[300]])["message"]
-    )
+    assert np.array_equal(last[:48], np.array(palette)[numbers - LOWEST])
+    assert set(np.unique(last[48:])) == {0, 255}, "black on white: the value"
+    wrong = {"view": {}, "parameter": "keep", "lower": 0, "upper": 1, "stills": 2, "palette": palette}
+    assert "palette" in page.ask("film", **{**wrong, "palette": [[300]]})["message"]
+    assert "format='mov'" in page.ask("film", **{**wrong, "format": "mov"})["message"]
+
+
+def test_a_video_has_the_images_of_its_values(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    """H.264 keeps colours to some parts in 255, away from edges; the image is enlarged to 512 pixels."""
+    palette = [[40 + 6 * k, 200 - 5 * k, 3 * k] for k in range(32)]
+    answer = film_of(page, stills=3, palette=palette, format="mp4")
+    assert (answer["name"], answer["media"]) == ("basins.mp4", "video/mp4")
+    with av.open(io.BytesIO(answer["data"])) as film:
+        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+        assert film.streams.video[0].average_rate == 12.5
+    assert len(frames) == 3
+    _, numbers = page.image(params={"keep": 0.7})
+    shown = frames[-1][: 48 * 8].reshape(48, 8, 64, 8, 3)[:, 2:6, :, 2:6].mean(axis=(1, 3))
+    assert np.quantile(np.abs(shown - np.array(palette)[numbers - LOWEST]).max(axis=-1), 0.97) < 6
+    monkeypatch.setattr("cellmap.explorer.films.find_spec", lambda _: None)
+    assert "pip install 'cellmap-dynamics[video]'" in film_of(page, stills=3, palette=palette, format="mp4")["message"]
 
 
 def test_measures_and_certificates_are_the_librarys(page: Page) -> None:

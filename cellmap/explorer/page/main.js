@@ -193,6 +193,7 @@ const sweep = new Sweep(state, {
   set: (name, value) => setParameters({ [name]: value }),
   elements: {
     canvas: $("bifurcations"), coordinate: $("coordinate"), first: new Range($("first-range")), second: new Range($("second-range")),
+    stills: $("stills"), format: $("format"),
   },
 });
 

@@ -69,7 +69,7 @@ export class Sweep {
 
   film(view, numbered) {
     const colours = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
-    return this.ask({ type: "film", ...this.first.asked(), stills: 40, view, palette: colours }, numbered);
+    return this.ask({ type: "film", ...this.first.asked(), format: this.format.value, stills: Number(this.stills.value), view, palette: colours }, numbered);
   }
 
   place(value) {
