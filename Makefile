@@ -9,7 +9,7 @@ INSTALLED := $(VENV)/.installed-
 # Python compiles what is imported, when it is: most of what is installed never is.
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile
 UNKNOWN_PYTHON := 3.15
-ALL_EXTRAS := bench,cluster,docs,explorer,test,video,xarray
+ALL_EXTRAS := bench,cluster,docs,explorer,notebook,test,video,xarray
 
 export MPLBACKEND ?= Agg
 export PYTHONDONTWRITEBYTECODE :=

@@ -2,3 +2,4 @@ from .explored import Explored as Explored
 from .explored import ExploredScene as ExploredScene
 from .serving import Explorer as Explorer
 from .serving import explore as explore
+from .widget import explorer_widget as explorer_widget

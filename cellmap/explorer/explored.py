@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from .._lib.checks import is_sequence, shown
+from .._lib.checks import is_sequence, shown, whole_number
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.interpolation.interpolated import interpolated_map
@@ -153,6 +153,13 @@ class ExploredScene:
 def explored_of(entry: Explored | ExploredScene, parts: Any = None) -> Explored:
     """Return the system of an entry of a gallery, a scene with some of its parts."""
     return entry.explored(parts) if isinstance(entry, ExploredScene) else entry
+
+
+def explored_from(system: ForcedSystem | PointMap, region: CellGrid | None, nodes: int) -> Explored:
+    """Return a system that was given to the explorer."""
+    if isinstance(system, PointMap) and system.recipe["kind"] != "discrete":
+        raise ValueError(f"system={shown(system)}: give the ForcedSystem of the map, or a discrete map")
+    return Explored("given", lambda: system, region, whole_number("nodes", nodes))
 
 
 def load_gallery(module: str) -> tuple[Explored | ExploredScene, ...]:

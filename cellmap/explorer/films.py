@@ -98,13 +98,13 @@ def _mp4(images: Sequence[Image.Image]) -> bytes:
 
     width, height = images[0].size
     enlarged = -(-_SMALLEST // width)
-    size = tuple(enlarged * n + (enlarged * n) % 2 for n in (width, height))
+    size = enlarged * width + enlarged * width % 2, enlarged * height + enlarged * height % 2
     file = io.BytesIO()
     with av.open(file, "w", format="mp4") as container:
         stream = container.add_stream("libx264", rate=Fraction(_RATE), options={"crf": _QUALITY})
         stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
         for image in images:
-            frame = av.VideoFrame.from_image(image.convert("RGB").resize(size, Image.Resampling.NEAREST))
-            container.mux(stream.encode(frame))
+            pixels = np.asarray(image.convert("RGB").resize(size, Image.Resampling.NEAREST))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
         container.mux(stream.encode())
     return file.getvalue()

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
-from .._lib.checks import shown, whole_number
+from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
-from .explored import Explored, ExploredScene, checked_gallery
+from .explored import Explored, ExploredScene, checked_gallery, explored_from
 
 _STARTING = 20.0  # seconds
 
@@ -161,10 +161,7 @@ def explore(
     OSError
         If the port is taken.
     """
-    if isinstance(system, PointMap) and system.recipe["kind"] != "discrete":
-        raise ValueError(f"system={shown(system)}: give the ForcedSystem of the map, or a discrete map")
-    explored = Explored("given", lambda: system, region, whole_number("nodes", nodes))
-    explorer = serve([explored], port, open_page)
+    explorer = serve([explored_from(system, region, nodes)], port, open_page)
     if wait if wait is not None else not (hasattr(sys, "ps1") or "IPython" in sys.modules):
         print(explorer.address, flush=True)
         explorer.wait()

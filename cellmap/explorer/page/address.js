@@ -16,6 +16,11 @@ export function written({ name, text, parts, view }) {
 }
 
 // Returns the state of an address, null for one without; throws for one of another version.
+// Writes the state into the address; a page in a frame of a notebook has none.
+export function remember(state) {
+  if (location.protocol !== "about:") history.replaceState(null, "", written(state));
+}
+
 export function read(fragment) {
   const query = new URLSearchParams(fragment.replace(/^#/, ""));
   if (!query.has("schema")) return null;

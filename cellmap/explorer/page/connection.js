@@ -14,10 +14,16 @@ export function unpack(buffer) {
   return facts;
 }
 
+// Returns a socket: that of a notebook where the page is in one of its frames, else one to the server of the page.
+export function connect() {
+  const notebook = window.frameElement?.cellmapConnect;
+  return notebook ? notebook() : new WebSocket(new URL("connection", location.href).href.replace(/^http/, "ws"));
+}
+
 export class Connection {
-  // `heard` maps types of messages to functions; `changed` is told whether the server can be reached.
-  constructor(address, heard, changed) {
-    this.address = address;
+  // `connect` returns a socket; `heard` maps types of messages to functions; `changed` is told whether there is an answer.
+  constructor(connect, heard, changed) {
+    this.connect = connect;
     this.heard = heard;
     this.changed = changed;
     this.number = 0;
@@ -27,7 +33,7 @@ export class Connection {
   }
 
   open() {
-    this.socket = new WebSocket(this.address);
+    this.socket = this.connect();
     this.socket.binaryType = "arraybuffer";
     this.socket.onmessage = (event) => this.receive(event.data);
     this.socket.onopen = () => { this.delay = 500; this.changed(true, ""); };

@@ -1,7 +1,7 @@
 // The page: its state, and what each part of it does when the state or an answer changes.
 
-import { read, written } from "./address.js";
-import { Connection } from "./connection.js";
+import { read, remember } from "./address.js";
+import { Connection, connect } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
@@ -33,7 +33,7 @@ function fail(error) {
   $("failure").textContent = error?.message ?? String(error ?? "");
 }
 
-const connection = new Connection(new URL("connection", location.href).href.replace(/^http/, "ws"), {
+const connection = new Connection(connect, {
   hello: (message) => greeted(message).catch(fail),
   frame: (frame) => arrived(frame),
   error: (message) => { fail(message); },
@@ -116,7 +116,7 @@ function askForView() {
   views.set(connection.send({ type: "view", view, near: marked.near ?? null }), view);
   for (const request of views.keys()) if (views.size > 200) views.delete(request);
   clearTimeout(changed.later);
-  changed.later = setTimeout(() => history.replaceState(null, "", written(state)), 250);
+  changed.later = setTimeout(() => remember(state), 250);
 }
 
 function arrived(frame) {
@@ -320,7 +320,7 @@ const clicked = {
     changed();
   },
   png: () => $("image").toBlob((blob) => download("basins.png", blob)),
-  link: async () => { history.replaceState(null, "", written(state)); await navigator.clipboard.writeText(location.href); },
+  link: async () => { remember(state); await navigator.clipboard.writeText(location.href); },
 };
 for (const [id, act] of Object.entries(clicked)) {
   $(id).addEventListener("click", async () => { try { await act(); } catch (error) { fail(error); } });
@@ -337,6 +337,7 @@ $("system").addEventListener("change", () => choose({ name: $("system").value })
 new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
 addEventListener("resize", () => { redraw(); sweep.draw(); plane.draw(); });
+$("link").hidden = location.protocol === "about:"; // a notebook's address is not this page's
 addEventListener("hashchange", () => {
   try {
     const asked = read(location.hash);
