@@ -49,7 +49,7 @@ def explorer_widget(
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[notebook]'") from error
 
-    class ExplorerWidget(anywidget.AnyWidget):
+    class ExplorerWidget(anywidget.AnyWidget):  # type: ignore[misc] # the checker passes over optional packages
         """A page and its sessions."""
 
         _esm = Path(__file__).parent / "page" / "widget.mjs"
