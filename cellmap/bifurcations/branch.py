@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from .._lib.checks import finite_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
-from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
-from ..orbits.newton import closed_orbit
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .arclength import corrected
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
 from .orbit_equations import OrbitProblem
@@ -58,7 +55,7 @@ class Bifurcation:
     def normal_form(self) -> NormalForm | None:
         """Normal form with its coefficient, super- or subcritical; computed when it is first asked for.
 
-        None where several multipliers cross together.
+        None where several multipliers cross together, and where deviations grow by more than 1e6 in a period.
         """
         return form_at(self._problem, self._unknowns, self.kind)
 
@@ -99,6 +96,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
     ends: tuple[str, str]
     point_map: PointMap
     _problem: OrbitProblem = field(repr=False)
+    _unknowns: NDArray[np.float64] = field(repr=False)
 
     def __repr__(self) -> str:
         found = "; ".join(f"{b.kind} at {b.value:.9g}" for b in self.bifurcations) or "no bifurcation"
@@ -123,16 +121,11 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         value = finite_number("value", value)
         sides = np.sign(self.values - value)
         found = []
-        problem = self._problem
         passed = (sides[:-1] != sides[1:]) & ((sides[1:] != 0) | (np.arange(1, len(sides)) == len(sides) - 1))
         for k in np.flatnonzero(passed):
             share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
-            guess = problem.between(self.points[k], self.points[k + 1], share)
-            place = corrected(
-                problem, np.append(guess / problem.scale[:-1], value / problem.scale[-1]), problem.parameter_direction
-            )
-            if place is not None:
-                exact = self.point_map.with_params(**{self.parameter: value})
-                state = wrap(place.unknowns[:-1] * problem.scale[:-1], exact.coordinates)
-                found.append(closed_orbit(exact, state, self.period, problem.scale[:-1]))
+            exact = self.point_map.with_params(**{self.parameter: value})
+            orbit = self._problem.orbit_between(self._unknowns[k], self._unknowns[k + 1], float(share), exact, value)
+            if orbit is not None:
+                found.append(orbit)
         return tuple(found)

@@ -20,6 +20,7 @@ from .orbit_equations import OrbitProblem
 
 _REFUSALS = 6  # halvings of a step on which more seems to happen than is found
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
+LARGE = "large multipliers"
 _BESIDE = 0.37  # part of a step beside an initial point that is a bifurcation
 
 
@@ -50,6 +51,7 @@ class BranchTracer:
     most: int
     label: str | None
     stop_at: frozenset[BifurcationKind] = frozenset()
+    largest_growth: float = np.inf
 
     @property
     def detector(self) -> Detector:
@@ -77,6 +79,8 @@ class BranchTracer:
                     return BranchSegment(places, found, "left the interval")
                 if len(places) > 3 and step.passes(start, self.problem.circles):
                     return BranchSegment(places, found, "closed")
+                if self.problem.growth(step.end) > self.largest_growth:
+                    return BranchSegment(places, found, LARGE)
                 if len(places) > self.most:
                     return BranchSegment(places, found, "most points")
         inside = low < places[-1].unknowns[-1] < high
@@ -110,7 +114,7 @@ class BranchTracer:
         while step is not None:
             part = step
             if not low <= step.end.unknowns[-1] <= high:
-                cut = step.cut(self.problem.dimension, low, high)
+                cut = step.cut(self.problem.states, low, high)
                 if cut is None:
                     step = _send(ahead, True)
                     continue
@@ -141,12 +145,13 @@ class BranchTracer:
             parameter=self.name,
             period=self.problem.period,
             values=np.clip(unknowns[:, -1], *self.interval),
-            points=wrap(unknowns[:, :-1], self.point_map.coordinates),
+            points=wrap(unknowns[:, : self.problem.dimension], self.point_map.coordinates),
             multipliers=np.array([self.detector.multipliers(p) for p in places]),
             bifurcations=(*(back.found if back else []), *found),
             ends=("bifurcation" if back is None else back.end, ahead.end),
             point_map=self.point_map,
             _problem=self.problem,
+            _unknowns=unknowns,
         )
 
 
@@ -167,10 +172,14 @@ def born_orbit(
     assert bifurcation._branch_direction is not None
     old = tracer.problem
     rounds = 2 if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING else 1
-    scale = np.append(shrinking * old.scale[:-1], span)
-    problem = replace(old, period=rounds * old.period, scale=scale)
+    problem = old.over(rounds, shrinking, span)
     origin, branch_direction, along = (
-        v * old.scale / scale for v in (bifurcation._unknowns, bifurcation._branch_direction, bifurcation._along)
+        old.repeated(v * old.scale, rounds, sign) / problem.scale
+        for v, sign in (
+            (bifurcation._unknowns, 1.0),
+            (bifurcation._branch_direction, -1.0),
+            (bifurcation._along, 1.0),
+        )
     )
     branch_direction, along = side * branch_direction / np.linalg.norm(branch_direction), along / np.linalg.norm(along)
     # Across the old branch, so that this is not found again.
@@ -182,7 +191,8 @@ def born_orbit(
         if start is not None:
             away = float(np.linalg.norm(start.unknowns - origin))
             # A doubled orbit is not closed after the original period.
-            open_by = float(np.linalg.norm(old(start.unknowns * scale / old.scale)[0] * old.scale[:-1] / scale[:-1]))
+            gap = old(old.once(start.unknowns * problem.scale) / old.scale)[0]
+            open_by = float(np.linalg.norm(gap * old.scale[:-1] / problem.scale[: old.states]))
             if away < 3.0 * first and (rounds == 1 or open_by > 0.1 * away):
                 return replace(tracer, problem=problem), start
         first *= 0.5

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
-from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one, unstable_count
+from ..orbits.multipliers import pair_on_circle, unstable_count
 from .arclength import ContinuationStep, SolutionPoint
 from .branch import Bifurcation
 from .branch_points import crossing
@@ -70,7 +70,7 @@ class Detector:
 
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers at a solution point."""
-        return multipliers_of(self.problem.matrix(place))
+        return self.problem.multipliers(place)
 
     def unstable(self, place: SolutionPoint) -> int:
         """Return the number of unstable multipliers at a solution point."""
@@ -115,10 +115,10 @@ class Detector:
         if kind is BifurcationKind.FOLD:
             return float(place.tangent[-1])
         if kind is BifurcationKind.PITCHFORK:
-            return place.bordered
+            return self.problem.bordered(place)
         if kind is BifurcationKind.PERIOD_DOUBLING:
-            return float(np.linalg.det(self.problem.matrix(place) + np.eye(self.problem.dimension)))
-        return float(pairs_beside_one(self.multipliers(place)))
+            return self.problem.doublings(place)
+        return self.problem.pairs(place)
 
     def _located(self, kind: BifurcationKind, step: ContinuationStep) -> SolutionPoint | None:
         place = step.located(lambda p: self._test(kind, p))
@@ -171,11 +171,11 @@ class Detector:
                 place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
                 if abs(branch_direction[-1]) > _VERTICAL:
                     kind = BifurcationKind.TRANSCRITICAL
-        matrix, multipliers = problem.matrix(place), self.multipliers(place)
+        multipliers = self.multipliers(place)
         if kind is BifurcationKind.NEIMARK_SACKER and not self._is_complex(multipliers):
             kind = BifurcationKind.DEGENERATE
         if kind is BifurcationKind.PERIOD_DOUBLING:
-            branch_direction = np.append(np.linalg.svd(matrix + np.eye(d))[2][-1], 0.0)
+            branch_direction = problem.flipped(place)
         state = unknowns * problem.scale
         return Bifurcation(
             kind=kind,

@@ -18,6 +18,7 @@ from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem, natural_sizes
 
 _TOLERANCE, _OF_DIFFERENCES = 1e-12, 1e-8  # of the derivatives
+_LARGEST = 1e6  # derivative of a map that is known well enough
 _CERTAIN = 3.0  # errors that a coefficient is away from zero
 _SINGULAR = 1e-7  # product of the unit eigenvectors of a multiplier that is not simple
 _FORMS = {
@@ -136,8 +137,9 @@ def form_at(problem: OrbitProblem, unknowns: NDArray[np.float64], kind: Bifurcat
     """Return the normal form at unknowns (d + m,) of an orbit problem; None for a kind that has none."""
     if kind not in _FORMS:
         return None
-    sizes = problem.scale[: problem.dimension]
-    return forms_at(problem.swept, (unknowns * problem.scale)[None], problem.period, sizes, kind)[0]
+    d, state = problem.dimension, unknowns * problem.scale
+    point = np.append(state[:d], state[problem.states :])
+    return forms_at(problem.swept, point[None], problem.period, problem.scale[:d], kind)[0]
 
 
 def forms_at(
@@ -147,6 +149,9 @@ def forms_at(
     forms = multilinear_forms(point_map, points, period, sizes)
     found: list[NormalForm | None] = []
     for k in range(len(points)):
+        if not float(np.abs(forms.linear[:, k]).max()) < _LARGEST:
+            found.append(None)
+            continue
         first, second = (
             Reduction.of(kind, forms.linear[w, k], forms.quadratic[w, k], forms.cubic[w, k], sizes) for w in (0, 1)
         )

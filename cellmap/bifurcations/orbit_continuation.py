@@ -14,8 +14,9 @@ from ..orbits.attractor import Attractor
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected, tangent_of
 from .branch import Bifurcation, Branch
-from .branch_tracer import BranchTracer, born_orbit
+from .branch_tracer import LARGE, BranchTracer, born_orbit
 from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
+from .shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
 
@@ -105,11 +106,9 @@ def continue_orbit(
         exact.with_params(**{parameter: end})
     label = f"continuation in {parameter}" if progress else None
 
-    def follow(span: float) -> Branch:
-        problem = orbit_problem(exact, state, period, (parameter,), (span,), own)
-        unknowns = np.append(state, value) / problem.scale
+    def follow(problem: OrbitProblem, unknowns: NDArray[np.float64], largest: float) -> Branch:
         start = corrected(problem, unknowns, problem.parameter_direction) or _at_a_fold(problem, unknowns)
-        tracer = BranchTracer(exact, parameter, problem, (low, high), longest, most, label)
+        tracer = BranchTracer(exact, parameter, problem, (low, high), longest, most, label, largest_growth=largest)
         start = tracer.clear_start(start)
         ahead = tracer.trace(start)
         if ahead.end == "closed":
@@ -117,11 +116,22 @@ def continue_orbit(
         back = tracer.trace(replace(start, tangent=-start.tangent))
         return tracer.branch(back.reversed(), ahead)
 
-    branch = follow(high - low)
+    def in_segments(span: float) -> Branch:
+        single = orbit_problem(exact, state, period, (parameter,), (span,), own)
+        place = np.append(state, value)
+        divided = [n for n in DIVISIONS if ShootingProblem.can_divide(single, n)]
+        branch = follow(single, place / single.scale, LARGEST_GROWTH if divided else np.inf)
+        while LARGE in branch.ends:
+            count = divided.pop(0)
+            problem = ShootingProblem.of(single, count, place, sized=own is not None)
+            branch = follow(problem, problem.through(place), LARGEST_GROWTH if divided else np.inf)
+        return branch
+
+    branch = in_segments(high - low)
     extent = float(np.ptp(branch.values))
     if "no convergence" in branch.ends and 0.0 < extent < _SMALL * (high - low):
         # In units of the interval the ends of a small isola are too sharp to be followed around.
-        near = follow(extent)
+        near = in_segments(extent)
         branch = near if near.ends == ("closed", "closed") else branch
     return branch
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import known_parameter
-from ..maps.coordinates import difference, turns_of
+from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor
+from ..orbits.multipliers import multipliers_of, pairs_beside_one
+from ..orbits.newton import closed_orbit
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .arclength import SolutionPoint
+from .arclength import SolutionPoint, corrected
 
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
 
@@ -34,6 +36,11 @@ class OrbitProblem:
         return self.point_map.dimension
 
     @property
+    def states(self) -> int:
+        """Number of unknowns that are state variables."""
+        return len(self.scale) - (self.swept.dimension - self.dimension)
+
+    @property
     def around(self) -> NDArray[np.float64]:
         """Periods of the state variables that are angles, 0 for the others."""
         return turns_of(self.point_map.coordinates)[1]
@@ -41,12 +48,15 @@ class OrbitProblem:
     @property
     def circles(self) -> NDArray[np.float64]:
         """Periods of the unknowns in their units, 0 for those that are not angles."""
-        return np.append(self.around, np.zeros(len(self.scale) - self.dimension)) / self.scale
+        turns = np.tile(self.around, self.states // self.dimension)
+        return np.append(turns, np.zeros(len(self.scale) - self.states)) / self.scale
 
     @property
     def growing(self) -> NDArray[np.bool_]:
         """State variables on the line: their natural size is theirs along the branch."""
-        return np.append(self.around == 0, np.zeros(len(self.scale) - self.dimension, bool))
+        return np.append(
+            np.tile(self.around, self.states // self.dimension) == 0, np.zeros(len(self.scale) - self.states, bool)
+        )
 
     @property
     def parameter_direction(self) -> NDArray[np.float64]:
@@ -69,6 +79,55 @@ class OrbitProblem:
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix, in units of `scale`."""
         return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
+
+    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+        """Return the multipliers, by decreasing modulus."""
+        return multipliers_of(self.matrix(place))
+
+    def bordered(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where curves cross."""
+        return place.bordered
+
+    def doublings(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where a multiplier passes -1."""
+        return float(np.linalg.det(self.matrix(place) + np.eye(self.dimension)))
+
+    def pairs(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where a pair of multipliers has the product 1."""
+        return float(pairs_beside_one(self.multipliers(place)))
+
+    def growth(self, place: SolutionPoint) -> float:
+        """Return the largest factor by which a deviation grows between two places at which the orbit is known."""
+        return float(np.linalg.norm(self.matrix(place)))
+
+    def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
+        """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""
+        null = np.linalg.svd(self.matrix(place) + np.eye(self.dimension))[2][-1]
+        return np.append(null, np.zeros(len(self.scale) - self.states))
+
+    def over(self, rounds: int, shrinking: float, span: float) -> OrbitProblem:
+        """Return the equations of orbits of some times the period, in units of their own."""
+        return replace(self, period=rounds * self.period, scale=np.append(shrinking * self.scale[:-1], span))
+
+    def repeated(self, unknowns: NDArray[np.float64], rounds: int, sign: float = 1.0) -> NDArray[np.float64]:
+        """Return unknowns, in their units, of an orbit that is followed several times, with a sign after each."""
+        return unknowns
+
+    def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns, in their units, of the first round of an orbit of a multiple of the period."""
+        return unknowns
+
+    def orbit_between(
+        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float
+    ) -> PeriodicOrbit | None:
+        """Return the orbit at a parameter value, that of a map, between two neighbours given by their unknowns."""
+        d, sizes = self.dimension, self.scale[:-1]
+        begin, end = (wrap(x[:d], exact.coordinates) for x in (first, second))
+        guess = self.between(begin, end, share)
+        place = corrected(self, np.append(guess / sizes, value / self.scale[-1]), self.parameter_direction)
+        if place is None:
+            return None
+        return closed_orbit(exact, wrap(place.unknowns[:-1] * sizes, exact.coordinates), self.period, sizes)
 
     def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
         """Return a state between two neighbours, along angles the shorter way."""

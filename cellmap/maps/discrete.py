@@ -156,6 +156,13 @@ class Discrete(MapSpec[PointMap]):
         advance = DiscreteAdvance(kernel, parameters, _BOUND, anywhere, anywhere)
         return lambda orbits: advance(orbits, 1)
 
+    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+        """Return the tangent map of the step, which cannot be divided; None without known derivatives."""
+        if count > 1 or self._formulas or self._kernel(True) is None:
+            return None
+        tangent = self.build().tangent
+        return None if tangent is None else (tangent,)
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file."""

@@ -96,6 +96,10 @@ class MapSpec(ABC, Generic[M]):
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         return None
 
+    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+        """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided."""
+        return None
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file, from which :func:`rebuild_map` builds the map again."""

@@ -158,6 +158,17 @@ class Stroboscopic(MapSpec[PointMap]):
         tolerance = min(self.rtol, _TANGENT_TOLERANCE)
         return jet_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, order, method)
 
+    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+        """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
+        s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
+        tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / count
+        begins = (self.phase * s.length + k * length for k in range(count))
+        found = [tangent_flow(s, begin, length, tolerance, self.max_steps, method) for begin in begins]
+        flows = [f for f in found if f is not None]
+        if len(flows) < count:
+            return None
+        return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension) for f in flows)
+
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file."""

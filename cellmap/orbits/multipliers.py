@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 MARGIN = 1e-8
 """A multiplier nearer to the unit circle than this counts as on it."""
+
+
+_APART = 1e2  # ratio of growth factors from which multipliers are computed one by one
+_SWEEPS = 12
 
 
 def unstable_count(multipliers: NDArray[np.complex128], margin: float = MARGIN) -> NDArray[np.int64]:
@@ -34,6 +40,39 @@ def multipliers_of(
     found = np.take_along_axis(found, order, axis=-1)
     found[~finite] = complex(np.nan, np.nan)
     return found
+
+
+def multipliers_of_product(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues (d,) of the product of matrices (n, d, d), the last one on the left, largest first.
+
+    Each has nearly all of its digits, whatever the others are: an orthogonal frame is carried around until it is
+    invariant, and eigenvalues of very different size are products of numbers of their own (Bojanczyk, Golub, Van
+    Dooren, Proceedings of SPIE 1770 (1992) 31).  NaN where the matrices are not finite.
+    """
+    n, d = factors.shape[:2]
+    if not np.isfinite(factors).all():
+        return np.full(d, complex(np.nan, np.nan))
+    frame, triangles = np.eye(d), np.empty((n, d, d))
+    for _ in range(_SWEEPS):
+        first = frame
+        for k, factor in enumerate(factors):
+            frame, triangles[k] = np.linalg.qr(factor @ frame)
+    with np.errstate(divide="ignore"):
+        growth = np.log(np.abs(triangles[:, range(d), range(d)])).sum(axis=0)
+    edges = [0, *(np.flatnonzero(growth[:-1] - growth[1:] > np.log(_APART)) + 1).tolist(), d]
+    turned, found = first.T @ frame, list[complex]()
+    for low, high in pairwise(edges):
+        block, logarithm = turned[low:high, low:high], 0.0
+        product = np.eye(high - low)
+        for triangle in triangles:
+            product = triangle[low:high, low:high] @ product
+            size = float(np.abs(product).max())
+            if size > 0.0:
+                product, logarithm = product / size, logarithm + np.log(size)
+        with np.errstate(over="ignore"):
+            found += list(np.linalg.eigvals(block @ product).astype(complex) * np.exp(logarithm))
+    values = np.array(found)
+    return values[np.lexsort((-values.imag, -values.real, -np.abs(values)))]
 
 
 def pairs_beside_one(multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -1,0 +1,200 @@
+"""Multiple shooting: periodic orbits in segments, for multipliers of any size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..maps.coordinates import wrap
+from ..maps.point_map import PointMap
+from ..orbits.multipliers import multipliers_of_product
+from ..orbits.orbit_kinds import PeriodicOrbit
+from .arclength import SolutionPoint, corrected
+from .orbit_equations import OrbitProblem
+
+DIVISIONS = (1, 4, 16, 64)
+"""Parts of a step of the map in segments of an orbit, tried one after the other."""
+
+_SAMPLES = 32  # of a step of the map, in which the size of an orbit shows
+
+LARGEST_GROWTH = 1e6
+"""Growth of deviations between two nodes from which there should be more of them."""
+
+TangentMap = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+@dataclass(frozen=True, eq=False)
+class ShootingProblem(OrbitProblem):
+    """The equations of a periodic orbit known at n nodes, at equal distances in time, each the image of the one before.
+
+    Unknowns are (x_1, ..., x_n, q) in units of `scale`, of which those of states are larger by the square root of n, so
+    that lengths are means over the nodes.  Deviations grow from a node to the next one only, however large the
+    multipliers are; these follow from products of QR decompositions.
+
+    References
+    ----------
+    Ascher, Mattheij, Russell, *Numerical Solution of Boundary Value Problems for Ordinary Differential Equations*
+    (1995), chapter 4.
+    """
+
+    parts: tuple[TangentMap, ...] = field(repr=False)
+
+    @classmethod
+    def can_divide(cls, single: OrbitProblem, count: int) -> bool:
+        """Return whether an orbit has more than one node if each step of the map is divided into parts."""
+        spec = single.swept.spec
+        return spec is not None and single.period * count > 1 and spec.parts(count) is not None
+
+    @classmethod
+    def of(cls, single: OrbitProblem, count: int, place: NDArray[np.float64], sized: bool) -> ShootingProblem:
+        """Return the equations with each step of the map in `count` parts, near the orbit through a place (d + m,).
+
+        The natural size of a coordinate that is no angle is the largest on the orbit, unless sizes are given.
+        """
+        d, nodes = single.dimension, single.period * count
+        sizes = single.scale[:d] if sized else _largest_on(single, place)
+        parts = single.swept.specified.parts(count)
+        assert parts is not None, "asked for before"
+        scale = np.append(np.tile(sizes * np.sqrt(nodes), nodes), single.scale[d:])
+        return cls(single.point_map, single.swept, single.period, scale, parts)
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.period * len(self.parts)
+
+    def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of the orbit through a state and parameters (d + m,), by integration."""
+        nodes = _nodes(self, self.parts, state)
+        return np.append(nodes.ravel(), state[self.dimension :]) / self.scale
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (..., n d) and their derivatives (..., n d, n d + m) at unknowns (..., n d + m)."""
+        d, n, count = self.dimension, self.nodes, len(self.parts)
+        batch = unknowns.shape[:-1]
+        given = unknowns * self.scale
+        q = given[..., n * d :]
+        nodes = given[..., : n * d].reshape(*batch, n, d)
+        wrapped = wrap(nodes, self.point_map.coordinates)
+        states = np.concatenate([wrapped, np.broadcast_to(q[..., None, :], (*batch, n, q.shape[-1]))], axis=-1)
+        images = np.empty_like(states)
+        matrices = np.empty((*states.shape, states.shape[-1]))
+        for k, part in enumerate(self.parts):
+            rows = np.s_[..., k::count, :]
+            images[rows], matrices[..., k::count, :, :] = part(states[rows])
+        moved = images[..., :d] - np.roll(nodes, -1, axis=-2)
+        around = self.around
+        moved = moved - around * np.round(moved / np.where(around > 0, around, 1.0))
+        slopes = np.zeros((*batch, n, d, len(self.scale)))
+        for k in range(n):
+            slopes[..., k, :, k * d : (k + 1) * d] = matrices[..., k, :d, :d]
+            following = (k + 1) % n
+            slopes[..., k, :, following * d : (following + 1) * d] -= np.eye(d)
+            slopes[..., k, :, n * d :] = matrices[..., k, :d, d:]
+        own = self.scale[: n * d]
+        residual = moved.reshape(*batch, n * d) / own
+        return residual, slopes.reshape(*batch, n * d, len(self.scale)) * self.scale / own[:, None]
+
+    def over(self, rounds: int, shrinking: float, span: float) -> ShootingProblem:
+        """Return the equations of orbits of some times the period, in units of their own."""
+        sizes = np.tile(np.sqrt(rounds) * shrinking * self.scale[:-1], rounds)
+        return replace(self, period=rounds * self.period, scale=np.append(sizes, span))
+
+    def repeated(self, unknowns: NDArray[np.float64], rounds: int, sign: float = 1.0) -> NDArray[np.float64]:
+        """Return unknowns, in their units, of an orbit that is followed several times, with a sign after each."""
+        states = self.states
+        copies = [sign**k * unknowns[:states] for k in range(rounds)]
+        return np.concatenate([*copies, unknowns[states:]])
+
+    def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unknowns, in their units, of the first round of an orbit of a multiple of the period."""
+        return np.append(unknowns[: self.states], unknowns[-1:])
+
+    def orbit_between(
+        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float
+    ) -> PeriodicOrbit | None:
+        """Return the orbit at a parameter value, that of a map, between two neighbours given by their unknowns."""
+        apart, turns = second - first, self.circles * self.scale
+        apart = apart - turns * np.round(apart / np.where(turns > 0, turns, 1.0))
+        guess = np.append((first + share * apart)[:-1], value) / self.scale
+        place = corrected(self, guess, self.parameter_direction)
+        if place is None:
+            return None
+        d, n, count, axes = self.dimension, self.nodes, len(self.parts), exact.coordinates
+        nodes = wrap((place.unknowns * self.scale)[: n * d].reshape(n, d), axes)
+        turn, full = np.where(self.around > 0, self.around, 1.0), np.zeros(d)
+        for k in range(n):
+            image = self.parts[k % count](np.append(nodes[k], value)[None])[0][0, :d]
+            full += np.round((image - nodes[(k + 1) % n]) / turn)
+        rotations = tuple(int(r) if t else 0 for r, t in zip(full, self.around, strict=True))
+        units = self.scale[:d]
+        matrix = self.matrix(place) * units[:, None] / units
+        points, multipliers = nodes[::count], self.multipliers(place)
+        return PeriodicOrbit(self.period, points, rotations, matrix, multipliers, axes, exact.params)
+
+    def factors(self, place: SolutionPoint) -> NDArray[np.float64]:
+        """Return the derivatives (n, d, d) of each segment."""
+        d, n = self.dimension, self.nodes
+        blocks = place.derivatives[:, : n * d].reshape(n, d, n, d)
+        return np.stack([blocks[k, :, k] for k in range(n)])
+
+    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
+        """Return the monodromy matrix; its small eigenvalues are lost beside large ones."""
+        product = np.eye(self.dimension)
+        for factor in self.factors(place):
+            product = factor @ product
+        return product
+
+    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+        """Return the multipliers, by decreasing modulus."""
+        return multipliers_of_product(self.factors(place))
+
+    def bordered(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where curves cross."""
+        rows = np.vstack([place.derivatives, place.tangent])
+        return float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True) * np.sqrt(2.0)))
+
+    def doublings(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where a multiplier passes -1."""
+        found = self.multipliers(place)
+        return float(np.prod((found + 1.0) / (1.0 + np.abs(found))).real)
+
+    def pairs(self, place: SolutionPoint) -> float:
+        """Return a function that changes its sign where a pair of multipliers has the product 1."""
+        found = self.multipliers(place)
+        i, j = np.triu_indices(len(found), 1)
+        products = found[i] * found[j]
+        return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
+
+    def growth(self, place: SolutionPoint) -> float:
+        """Return the largest factor by which a deviation grows from a node to the next one."""
+        return float(np.linalg.norm(self.factors(place), axis=(1, 2)).max())
+
+    def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
+        """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""
+        d, n = self.dimension, self.nodes
+        twisted = place.derivatives[:, : n * d].copy()
+        twisted[-d:, :d] += 2.0 * np.eye(d) if n > 1 else 0.0
+        return np.append(np.linalg.svd(twisted)[2][-1], np.zeros(len(self.scale) - n * d))
+
+
+def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the nodes (n, d) of the orbit through a state and parameters (d + m,), by integration."""
+    d, place = problem.dimension, state.copy()
+    nodes = np.empty((problem.period * len(parts), d))
+    for k in range(len(nodes)):
+        nodes[k] = place[:d] = wrap(place[:d], problem.point_map.coordinates)
+        place = parts[k % len(parts)](place[None])[0][0]
+    return nodes
+
+
+def _largest_on(single: OrbitProblem, state: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return natural sizes (d,): for coordinates that are no angles at least the largest value on the orbit."""
+    spec, sizes = single.swept.specified, single.scale[: single.dimension]
+    parts = spec.parts(_SAMPLES) or spec.parts(1)
+    assert parts is not None, "asked for before"
+    largest = np.abs(_nodes(single, parts, state)).max(axis=0)
+    return np.where(single.around > 0, sizes, np.maximum(sizes, largest))

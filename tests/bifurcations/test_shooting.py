@@ -1,0 +1,114 @@
+"""Multiple shooting: multipliers known in closed form up to 1e32, and branches that single shooting knows as well."""
+
+from __future__ import annotations
+
+from math import cos, exp, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, PointMap, continue_orbit, periodic_orbit, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, Branch, orbit_continuation, switch_branch
+from cellmap.bifurcations.shooting import ShootingProblem
+from cellmap.orbits.multipliers import multipliers_of_product
+from systems import driven_pendulum, van_der_pol_oscillator
+
+
+def in_bases(factors: list[Any], seed: int) -> Any:
+    """Return factors of a product in other orthonormal bases, the first of which is the last again."""
+    rng, d = np.random.default_rng(seed), len(factors[0])
+    bases = [np.linalg.qr(rng.normal(size=(d, d)))[0] for _ in factors]
+    return np.array([bases[(k + 1) % len(factors)] @ f @ bases[k].T for k, f in enumerate(factors)])
+
+
+def test_multipliers_of_very_different_size() -> None:
+    found = multipliers_of_product(in_bases([np.diag([1e3, -2.0, 1e-3])] * 21, 1))
+    np.testing.assert_allclose(found[:2], [1e63, -(2.0**21)], rtol=1e-12)
+    # A factor of 1e-3 beside one of 1e3 is known to 1e-10 itself.
+    assert found[2].real == pytest.approx(1e-63, rel=1e-8)
+
+
+def test_a_complex_pair_between_real_multipliers() -> None:
+    turn = np.array([[cos(0.1), -sin(0.1)], [sin(0.1), cos(0.1)]])
+    factor = np.zeros((4, 4))
+    factor[0, 0], factor[1:3, 1:3], factor[3, 3] = 1e2, turn, 1e-2
+    found = multipliers_of_product(in_bases([factor] * 10, 2))
+    np.testing.assert_allclose(found, [1e20, np.exp(1j), np.exp(-1j), 1e-20], rtol=1e-12)
+
+
+def test_matrices_that_are_not_finite_have_no_multipliers() -> None:
+    assert np.isnan(multipliers_of_product(np.full((2, 2, 2), np.nan))).all()
+
+
+def test_multipliers_up_to_1e32() -> None:
+    # x = cos t, y = 0, with multipliers exp(2 pi rate) and exp(-2 pi).
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return p.rate * (x[0] - cos(t)) - sin(t) + x[1] ** 2, -x[1] + 0.3 * x[1] ** 2
+
+    exact = stroboscopic_map(ForcedSystem(rhs, {"rate": 0.2}, 2 * pi, ("x", "y")))
+    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0]), "rate", 0.1, 12.0, step=0.1)
+    assert branch.ends == ("left the interval", "left the interval")
+    np.testing.assert_allclose(branch.points, np.broadcast_to([1.0, 0.0], branch.points.shape), atol=1e-11)
+    np.testing.assert_allclose(branch.multipliers[:, 0].real, np.exp(2 * pi * branch.values), rtol=1e-10)
+    np.testing.assert_allclose(branch.multipliers[:, 1].real, exp(-2 * pi), rtol=1e-10)
+    assert branch.multipliers[-1, 0].real > 1e32
+    (orbit,) = branch.orbits_at(11.0)
+    assert orbit.multipliers[0].real == pytest.approx(exp(22 * pi), rel=1e-10)
+    np.testing.assert_allclose(orbit.points, [[1.0, 0.0]], atol=1e-11)
+
+
+@pytest.fixture
+def pendulum(monkeypatch: pytest.MonkeyPatch) -> PointMap:
+    """Return the pendulum, whose orbits are divided into segments from the beginning."""
+    monkeypatch.setattr(orbit_continuation, "LARGEST_GROWTH", 0.0)
+    monkeypatch.setattr(orbit_continuation, "DIVISIONS", (3,))
+    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+
+
+def in_segments(branch: Branch) -> bool:
+    return isinstance(branch._problem, ShootingProblem)
+
+
+def test_segments_change_no_bifurcation(pendulum: PointMap) -> None:
+    upright = continue_orbit(pendulum, periodic_orbit(pendulum, [pi, 0.0]), "amplitude", 0.001, 0.014, step=0.05)
+    assert in_segments(upright)
+    gained, lost = upright.bifurcations
+    assert (gained.kind, lost.kind) == (BifurcationKind.PITCHFORK, BifurcationKind.PERIOD_DOUBLING)
+    assert 1e3 * gained.value == pytest.approx(2.329021135978, abs=1e-9)
+    assert 1e3 * lost.value == pytest.approx(12.542910208, abs=1e-9)
+    assert [str(b.normal_form.criticality) for b in (gained, lost) if b.normal_form] == ["subcritical", "supercritical"]
+    saddles = switch_branch(upright, gained, 0.001, 0.004, step=0.05)
+    (saddle,) = saddles.orbits_at(0.003)
+    expected = periodic_orbit(pendulum, [2.1, 0.0])
+    np.testing.assert_allclose(np.abs(saddle.points), np.abs(expected.points), rtol=1e-9)
+    np.testing.assert_allclose(saddle.multipliers, expected.multipliers, rtol=1e-9)
+    swing = switch_branch(upright, lost, 0.012, 0.014, step=0.05)
+    assert (swing.period, in_segments(swing)) == (2, True)
+    (orbit,) = swing.orbits_at(0.013)
+    images = pendulum.with_params(amplitude=0.013).iterate(orbit.points[0], 2).points
+    np.testing.assert_allclose(np.mod(images, 2 * pi), np.mod(orbit.points[0], 2 * pi), rtol=1e-8)
+
+
+def test_rotations_in_segments(pendulum: PointMap) -> None:
+    rotation = periodic_orbit(pendulum, [2.52, 320.4])
+    branch = continue_orbit(pendulum, rotation, "amplitude", 0.001, 0.006, step=0.05)
+    assert in_segments(branch)
+    (fold,) = branch.bifurcations
+    assert 1e3 * fold.value == pytest.approx(1.731758671939, abs=1e-9)
+    saddle, focus = branch.orbits_at(0.003)
+    assert saddle.rotations == focus.rotations == rotation.rotations == (1, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frequency", "period"), [(0.45, 1), (0.7, 3), (1.0, 5)])
+def test_locking_steps_of_a_relaxation_oscillation(frequency: float, period: int) -> None:
+    """Van der Pol's oscillator, mu = 20, force 5: beyond each of the two folds of a step no such orbit attracts."""
+    exact = stroboscopic_map(van_der_pol_oscillator(20.0, 5.0, frequency), rtol=1e-12, atol=1e-12)
+    start = periodic_orbit(exact, exact.iterate([2.0, 0.0], 300).points, period)
+    branch = continue_orbit(exact, start, "frequency", 0.1, 3.0, max_points=150)
+    low, high = sorted(b.value for b in branch.of_kind(BifurcationKind.FOLD))
+    for value, locked in ((low - 1e-3, False), (low + 1e-4, True), (high - 1e-4, True), (high + 1e-3, False)):
+        there = exact.with_params(frequency=value)
+        orbit = there.orbit(there.iterate([2.0, 0.0], 600).points, period).points
+        assert bool(np.abs(orbit[-1] - orbit[0]).max() < 1e-6) is locked
