@@ -64,6 +64,15 @@ class Bifurcation:
 
 
 @dataclass(frozen=True, eq=False)
+class BranchPart:
+    """Unknowns (n, ...) of some points of a branch, in their units, from the point number `first` on."""
+
+    first: int
+    problem: OrbitProblem
+    unknowns: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class Branch(ConvertsToXarray, ConvertsToDataFrame):
     """Branch of periodic orbits in one parameter.
 
@@ -95,8 +104,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
     bifurcations: tuple[Bifurcation, ...]
     ends: tuple[str, str]
     point_map: PointMap
-    _problem: OrbitProblem = field(repr=False)
-    _unknowns: NDArray[np.float64] = field(repr=False)
+    _parts: tuple[BranchPart, ...] = field(repr=False)
 
     def __repr__(self) -> str:
         found = "; ".join(f"{b.kind} at {b.value:.9g}" for b in self.bifurcations) or "no bifurcation"
@@ -125,7 +133,9 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         for k in np.flatnonzero(passed):
             share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
             exact = self.point_map.with_params(**{self.parameter: value})
-            orbit = self._problem.orbit_between(self._unknowns[k], self._unknowns[k + 1], float(share), exact, value)
+            part = next(p for p in self._parts if k < p.first + len(p.unknowns) - 1)
+            begin, end = part.unknowns[k - part.first : k - part.first + 2]
+            orbit = part.problem.orbit_between(begin, end, float(share), exact, value)
             if orbit is not None:
                 found.append(orbit)
         return tuple(found)

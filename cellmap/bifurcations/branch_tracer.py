@@ -13,7 +13,7 @@ from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
 from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
-from .branch import Bifurcation, Branch
+from .branch import Bifurcation, Branch, BranchPart
 from .detection import TESTS, Detector
 from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem
@@ -135,24 +135,53 @@ class BranchTracer:
             before, slopes = after, (after.tests - before.tests) / part.length
             step = _send(ahead, False)
 
-    def branch(self, back: BranchSegment | None, ahead: BranchSegment) -> Branch:
-        """Join the segments on both sides of the initial point."""
-        places = ahead.places if back is None else [*back.places[:-1], *ahead.places]
-        shift = 0 if back is None else len(back.places) - 1
-        found = [replace(b, place=b.place + shift) for b in ahead.found]
-        unknowns = np.array([p.unknowns for p in places]) * self.problem.scale
-        return Branch(
-            parameter=self.name,
-            period=self.problem.period,
-            values=np.clip(unknowns[:, -1], *self.interval),
-            points=wrap(unknowns[:, : self.problem.dimension], self.point_map.coordinates),
-            multipliers=np.array([self.detector.multipliers(p) for p in places]),
-            bifurcations=(*(back.found if back else []), *found),
-            ends=("bifurcation" if back is None else back.end, ahead.end),
-            point_map=self.point_map,
-            _problem=self.problem,
-            _unknowns=unknowns,
+    def resumed(self, old: OrbitProblem, last: SolutionPoint) -> SolutionPoint | None:
+        """Return the solution point at which a branch goes on that was followed by other equations; None for none."""
+        problem, d = self.problem, self.problem.dimension
+        state, along = (old.once(v * old.scale) for v in (last.unknowns, last.tangent))
+        there = corrected(problem, problem.through(state), problem.parameter_direction)
+        if there is None:
+            return None
+        heading = problem.once(there.tangent * problem.scale) @ (
+            along / np.append(problem.scale[:d], problem.scale[-1]) ** 2
         )
+        return replace(there, tangent=there.tangent * (1.0 if heading > 0.0 else -1.0))
+
+    def branch(self, ahead: BranchSegment) -> Branch:
+        """Return the branch of one segment, which leaves a bifurcation."""
+        return joined([], [(self, ahead)])
+
+
+Pieces = list[tuple[BranchTracer, BranchSegment]]
+"""Segments one after the other, each begins at the last point of the one before, with their tracers."""
+
+
+def joined(back: Pieces, ahead: Pieces) -> Branch:
+    """Join the segments on both sides of an initial point; those of `back` lead away from it."""
+    first = ahead[0][0]
+    pieces = [(tracer, segment.reversed()) for tracer, segment in back[::-1]] + ahead
+    d, shift = first.problem.dimension, 0
+    found: list[Bifurcation] = []
+    parts: list[BranchPart] = []
+    for tracer, segment in pieces:
+        unknowns = np.array([p.unknowns for p in segment.places]) * tracer.problem.scale
+        parts.append(BranchPart(shift, tracer.problem, unknowns))
+        found += [replace(b, place=b.place + shift) for b in segment.found]
+        shift += len(segment.places) - 1
+    seen = [(tracer, place) for tracer, segment in pieces for place in segment.places[:-1]]
+    seen.append((pieces[-1][0], pieces[-1][1].places[-1]))
+    states = np.array([tracer.problem.once(place.unknowns * tracer.problem.scale) for tracer, place in seen])
+    return Branch(
+        parameter=first.name,
+        period=first.problem.period,
+        values=np.clip(states[:, -1], *first.interval),
+        points=wrap(states[:, :d], first.point_map.coordinates),
+        multipliers=np.array([tracer.detector.multipliers(place) for tracer, place in seen]),
+        bifurcations=tuple(found),
+        ends=(back[-1][1].end if back else "bifurcation", ahead[-1][1].end),
+        point_map=first.point_map,
+        _parts=tuple(parts),
+    )
 
 
 def _send(ahead: Any, refused: bool) -> ContinuationStep | None:
@@ -191,9 +220,7 @@ def born_orbit(
         if start is not None:
             away = float(np.linalg.norm(start.unknowns - origin))
             # A doubled orbit is not closed after the original period.
-            gap = old(old.once(start.unknowns * problem.scale) / old.scale)[0]
-            open_by = float(np.linalg.norm(gap * old.scale[:-1] / problem.scale[: old.states]))
-            if away < 3.0 * first and (rounds == 1 or open_by > 0.1 * away):
+            if away < 3.0 * first and (rounds == 1 or old.opened(problem, start.unknowns) > 0.1 * away):
                 return replace(tracer, problem=problem), start
         first *= 0.5
     return None

@@ -141,7 +141,7 @@ def period_doubling_cascade(
     branches: list[Branch] = []
     while True:
         segment = tracer.trace(start)
-        branches.append(tracer.branch(None, segment))
+        branches.append(tracer.branch(segment))
         if segment.end != "bifurcation":
             return Cascade(parameter, tuple(found), tuple(branches), f"then the branch {segment.end}")
         found.append(segment.found[-1])

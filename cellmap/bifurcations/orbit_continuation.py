@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..orbits.attractor import Attractor
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected, tangent_of
 from .branch import Bifurcation, Branch
-from .branch_tracer import LARGE, BranchTracer, born_orbit
+from .branch_tracer import LARGE, BranchTracer, Pieces, born_orbit, joined
 from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 from .shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 
@@ -38,7 +39,9 @@ def continue_orbit(
     The method is pseudo-arclength continuation (Keller 1977) with derivatives by state and parameter from the
     variational equation.  Test functions are monitored along the branch: the tangent's component along the parameter
     (folds), the bordered determinant (branch points), det(M + I) (period doublings) and the product of all mu_i mu_j -
-    1 (Neimark-Sacker); their zeros are located on the branch by Brent's method.  A step is repeated with half its
+    1 (Neimark-Sacker); their zeros are located on the branch by Brent's method.  Where deviations grow by more than 1e6
+    in a period, the orbit is divided into segments (multiple shooting), and multipliers follow from products of QR
+    decompositions.  A step is repeated with half its
     length if the detected bifurcations do not explain the change in the number of unstable multipliers.
 
     Parameters
@@ -106,32 +109,24 @@ def continue_orbit(
         exact.with_params(**{parameter: end})
     label = f"continuation in {parameter}" if progress else None
 
-    def follow(problem: OrbitProblem, unknowns: NDArray[np.float64], largest: float) -> Branch:
+    def follow(span: float) -> Branch:
+        problem = orbit_problem(exact, state, period, (parameter,), (span,), own)
+        unknowns = np.append(state, value) / problem.scale
         start = corrected(problem, unknowns, problem.parameter_direction) or _at_a_fold(problem, unknowns)
+        divided = [n for n in DIVISIONS if ShootingProblem.can_divide(problem, n)]
+        largest = LARGEST_GROWTH if divided else np.inf
         tracer = BranchTracer(exact, parameter, problem, (low, high), longest, most, label, largest_growth=largest)
         start = tracer.clear_start(start)
-        ahead = tracer.trace(start)
-        if ahead.end == "closed":
-            return replace(tracer.branch(None, ahead), ends=("closed", "closed"))
-        back = tracer.trace(replace(start, tangent=-start.tangent))
-        return tracer.branch(back.reversed(), ahead)
+        ahead = _in_segments(tracer, start, divided, own is not None)
+        if ahead[-1][1].end == "closed":
+            return replace(joined([], ahead), ends=("closed", "closed"))
+        return joined(_in_segments(tracer, replace(start, tangent=-start.tangent), divided, own is not None), ahead)
 
-    def in_segments(span: float) -> Branch:
-        single = orbit_problem(exact, state, period, (parameter,), (span,), own)
-        place = np.append(state, value)
-        divided = [n for n in DIVISIONS if ShootingProblem.can_divide(single, n)]
-        branch = follow(single, place / single.scale, LARGEST_GROWTH if divided else np.inf)
-        while LARGE in branch.ends:
-            count = divided.pop(0)
-            problem = ShootingProblem.of(single, count, place, sized=own is not None)
-            branch = follow(problem, problem.through(place), LARGEST_GROWTH if divided else np.inf)
-        return branch
-
-    branch = in_segments(high - low)
+    branch = follow(high - low)
     extent = float(np.ptp(branch.values))
     if "no convergence" in branch.ends and 0.0 < extent < _SMALL * (high - low):
         # In units of the interval the ends of a small isola are too sharp to be followed around.
-        near = in_segments(extent)
+        near = follow(extent)
         branch = near if near.ends == ("closed", "closed") else branch
     return branch
 
@@ -194,14 +189,33 @@ def switch_branch(
         whole_number("max_points", max_points, at_least=1),
     )
     label = f"continuation in {branch.parameter}" if progress else None
-    tracer = BranchTracer(branch.point_map, branch.parameter, branch._problem, (low, high), longest, most, label)
+    tracer = BranchTracer(branch.point_map, branch.parameter, bifurcation._problem, (low, high), longest, most, label)
     born = born_orbit(tracer, bifurcation, high - low, side=side)
     if born is None:
         raise ValueError(
             f"bifurcation={bifurcation!r}: no orbit is found on the branch that leaves it; give a smaller step"
         )
     further, start = born
-    return further.branch(None, further.trace(start))
+    return further.branch(further.trace(start))
+
+
+def _in_segments(tracer: BranchTracer, start: SolutionPoint, divided: Sequence[int], sized: bool) -> Pieces:
+    """Trace a branch along the tangent of a point, with the orbit in more segments where deviations grow too much."""
+    single, pieces = tracer.problem, [(tracer, tracer.trace(start))]
+    for number, count in enumerate(divided, 1):
+        tracer, segment = pieces[-1]
+        left = tracer.most - len(segment.places) + 1
+        if segment.end != LARGE or left < 1:
+            break
+        old, last = tracer.problem, segment.places[-1]
+        problem = ShootingProblem.of(single, count, old.once(last.unknowns * old.scale), sized)
+        largest = LARGEST_GROWTH if number < len(divided) else np.inf
+        finer = replace(tracer, problem=problem, most=left, largest_growth=largest)
+        begin = finer.resumed(old, last)
+        if begin is None:
+            break
+        pieces.append((finer, finer.trace(begin)))
+    return pieces
 
 
 def _at_a_fold(problem: OrbitProblem, unknowns: NDArray[np.float64]) -> SolutionPoint:

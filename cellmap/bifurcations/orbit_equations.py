@@ -114,8 +114,17 @@ class OrbitProblem:
         return unknowns
 
     def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return unknowns, in their units, of the first round of an orbit of a multiple of the period."""
+        """Return the first state and the parameters (d + m,) of unknowns in their units."""
         return unknowns
+
+    def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of the orbit through a state and parameters (d + m,)."""
+        return state / self.scale
+
+    def opened(self, born: OrbitProblem, unknowns: NDArray[np.float64]) -> float:
+        """Return by how much an orbit of twice the period, a solution of other equations, fails to close after one."""
+        gap = self(unknowns * born.scale / self.scale)[0]
+        return float(np.linalg.norm(gap * self.scale[:-1] / born.scale[:-1]))
 
     def orbit_between(
         self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float

@@ -110,8 +110,13 @@ class ShootingProblem(OrbitProblem):
         return np.concatenate([*copies, unknowns[states:]])
 
     def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return unknowns, in their units, of the first round of an orbit of a multiple of the period."""
-        return np.append(unknowns[: self.states], unknowns[-1:])
+        """Return the first state and the parameters (d + m,) of unknowns in their units."""
+        return np.append(unknowns[: self.dimension], unknowns[self.states :])
+
+    def opened(self, born: OrbitProblem, unknowns: NDArray[np.float64]) -> float:
+        """Return by how much an orbit of twice the period, a solution of other equations, fails to close after one."""
+        first, second = unknowns[: born.states].reshape(2, -1)
+        return float(np.linalg.norm(second - first))
 
     def orbit_between(
         self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float

@@ -195,7 +195,7 @@ def _birth(branch: Branch, others: Sequence[Branch]) -> Bifurcation | None:
         for bifurcation in other.bifurcations:
             rounds = 2 if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING else 1
             shift = difference(branch.points[0], bifurcation.point, branch.point_map.coordinates)
-            scale = branch._problem.scale
+            scale = branch._parts[0].problem.scale
             apart = np.append(shift / scale[: len(shift)], (branch.values[0] - bifurcation.value) / scale[-1])
             away = float(np.linalg.norm(apart))
             if other is not branch and rounds * other.period == branch.period and away < distance:
