@@ -77,7 +77,7 @@ function use(system, text, view) {
   views.clear();
   oldest = connection.number + 1;
   picture.clear();
-  orbits.clear();
+  marked = { cross: null, box: null };
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
   controls.make({ ...system.view, params: system.view.params });
