@@ -201,6 +201,10 @@ def new_attractors(
             if solutions[i] in examined:
                 continue
             orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
+            # Where the neighbourhood is narrower than the error of the solution, another point of the orbit may be in.
+            if orbit is not None and _belongs(orbit, [*known, *found], point_map):
+                examined.refuse(orbit.points)
+                continue
             neighbourhood = None if orbit is None else neighbourhood_of(point_map, orbit, extent)
             if orbit is None or neighbourhood is None:
                 examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
@@ -209,6 +213,11 @@ def new_attractors(
         if found:
             return found
     return []
+
+
+def _belongs(orbit: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether a point of a periodic orbit is in the trapping region of an attractor: then it is that one."""
+    return bool((Catalogue.of(known, point_map).owners_of(orbit.points) >= 0).any())
 
 
 def curves_and_cycles(
@@ -226,7 +235,7 @@ def curves_and_cycles(
         orbit = long_cycle(point_map, point, period, extent)
         if orbit is None or orbit.points[0] in examined:
             continue
-        if Catalogue.of([*known, *attractors], point_map).owners_of(orbit.points[:1])[0] >= 0:
+        if _belongs(orbit, [*known, *attractors], point_map):
             continue
         neighbourhood = neighbourhood_of(point_map, orbit, extent)
         if neighbourhood is None:

@@ -53,7 +53,7 @@ class StridedTile:
 def strided_tiles(shape: Sequence[int], stride: int, middle: Sequence[int] | None) -> list[list[StridedTile]]:
     """Return the tiles of an image for each stride, from the coarsest to 1; those come first that are near a place."""
     centre = np.array([(n - 1) / 2 for n in shape] if middle is None else middle, float)
-    side = max(2, round(_IN_A_TILE ** (1.0 / len(shape))) // 2 * 2)
+    side = max(2, round(_IN_A_TILE ** (1.0 / max(len(shape), 1))) // 2 * 2)
     groups, step = [], stride
     while step:
         cuts = [[(low, min(low + side * step, n)) for low in range(0, n, side * step)] for n in shape]

@@ -263,6 +263,12 @@ def test_a_checkpoint_goes_on_where_the_time_was_over(tmp_path) -> None:
     assert np.array_equal(load_basins(path).labels, whole.labels)
 
 
+def test_a_single_initial_condition_is_an_image_of_one_place() -> None:
+    *_, last = refine_basins(duffing(), (1.0, 0.0))
+    assert last.complete
+    assert_same(last.basins, find_basins(duffing(), (1.0, 0.0)))
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
