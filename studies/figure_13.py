@@ -70,12 +70,12 @@ def halts(motion: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     """Return times and angles at which the rod turns, interpolated between samples, and where it comes to rest."""
     angles, rates = motion.states.T
     moving = np.flatnonzero(rates)
-    turns = 1 + np.flatnonzero(rates[1:-1] * rates[2:] < 0.0)
+    reversals = 1 + np.flatnonzero(rates[1:-1] * rates[2:] < 0.0)
     # Between two samples the rate goes through zero almost in a straight line, and the angle follows it.
-    share = rates[turns] / (rates[turns] - rates[turns + 1])
+    fraction = rates[reversals] / (rates[reversals] - rates[reversals + 1])
     step = motion.times[1]
-    times = np.concatenate([[0.0], motion.times[turns] + share * step])
-    places = np.concatenate([angles[:1], angles[turns] + 0.5 * share * step * rates[turns]])
+    times = np.concatenate([[0.0], motion.times[reversals] + fraction * step])
+    places = np.concatenate([angles[:1], angles[reversals] + 0.5 * fraction * step * rates[reversals]])
     if moving[-1] + 1 < len(rates):
         times, places = np.append(times, motion.times[moving[-1] + 1]), np.append(places, angles[-1])
     return times, places

@@ -75,8 +75,8 @@ def report(panel: Panel) -> None:
     kept, direct = panel.kept, panel.direct
     print(f"\nA = {1e3 * panel.amplitude:g} mm, |theta'| <= {panel.window:g} rad/s")
     for label, fraction in kept.fractions.items():
-        shares = f"{100 * fraction.fraction:8.4f} +- {100 * fraction.standard_error:.4f} %"
-        print(f"  {shares}  {repr(kept.attractors[label]) if label >= 0 else kept.label_name(label)}")
+        fractions = f"{100 * fraction.fraction:8.4f} +- {100 * fraction.standard_error:.4f} %"
+        print(f"  {fractions}  {repr(kept.attractors[label]) if label >= 0 else kept.label_name(label)}")
     escaped = panel.lost.fractions.get(-1)
     print(f"  escaped: {100 * escaped.fraction if escaped else 0.0:.3f} % of the orbits, where they are not continued")
     print(

@@ -137,8 +137,8 @@ def coverage(seeds: int) -> dict[str, Array]:
             if len(one.amplitudes) == 2:
                 rows.append(deviations(drive, one))
         found[name] = np.array(rows)
-        shares = 100.0 * (np.abs(found[name]) < 1.96).mean(axis=0)
-        told = ", ".join(f"{s:.1f}" for s in shares)
+        fractions = 100.0 * (np.abs(found[name]) < 1.96).mean(axis=0)
+        told = ", ".join(f"{s:.1f}" for s in fractions)
         print(f"  {name:26s} {told} % of {len(rows)} (of {seeds}; f, A1, A2, phase 1, phase 2; expected 95)")
     return found
 

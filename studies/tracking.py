@@ -136,9 +136,9 @@ def report(case: Case) -> None:
     print(f"  taken for another: {case.wrong} (expected 0); hidden in part and not flagged: {case.overlooked}")
     for marker in range(case.errors.shape[1]):
         status = case.tracks.status[:, marker]
-        shares = ", ".join(f"{s.name} {np.mean(status == s):.3f}" for s in MarkerStatus if (status == s).any())
+        fractions = ", ".join(f"{s.name} {np.mean(status == s):.3f}" for s in MarkerStatus if (status == s).any())
         whole = np.mean(case.recording.visible[:, marker] > 0.999)
-        print(f"  marker {marker}: {shares}; behind no bar {whole:.3f}")
+        print(f"  marker {marker}: {fractions}; behind no bar {whole:.3f}")
         off = case.errors[:, marker]
         plain = np.linalg.norm(case.plain.positions[:, marker] - case.recording.truth[:, marker], axis=-1)
         print(

@@ -158,15 +158,15 @@ def _motion(forces: Forces) -> RightHandSide:
             sine = sines[i + 1] * cosines[i] - cosines[i + 1] * sines[i]
             cosine = cosines[i + 1] * cosines[i] + sines[i + 1] * sines[i]
             pulled = heft * sine
-            share = 1.0 / (masses[i] + pulled * sine)
+            inverse_mass = 1.0 / (masses[i] + pulled * sine)
             push = _sum(_difference(pushes[i], _product(cosine, pushes[i + 1])), -(sine * drag))
-            lean = share * (pulled * cosine)
+            lean = inverse_mass * (pulled * cosine)
             bends.insert(0, (sine, cosine))
             leans.insert(0, lean)
-            across.insert(0, share * push)
+            across.insert(0, inverse_mass * push)
             if i > 0:
                 drag = lean * push + _difference(cosine * drag, _product(sine, pushes[i + 1]))
-                heft = (masses[i] * (masses[i] + heft)) * share
+                heft = (masses[i] * (masses[i] + heft)) * inverse_mass
                 drag = drag - heft * rotations[i]
 
         u = v = None

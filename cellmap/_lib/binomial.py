@@ -62,8 +62,8 @@ def binomial_interval(
         high = betaincinv(k + 1.0, np.maximum(n - k, 1e-300), 1.0 - tail)
     else:
         z, tried = float(ndtri(1.0 - tail)), np.maximum(n, 1.0)
-        share = k / tried
-        centre = share + z * z / (2 * tried)
-        half = z * np.sqrt(share * (1.0 - share) / tried + z * z / (4 * tried * tried))
+        fraction = k / tried
+        centre = fraction + z * z / (2 * tried)
+        half = z * np.sqrt(fraction * (1.0 - fraction) / tried + z * z / (4 * tried * tried))
         low, high = (centre - half) / (1.0 + z * z / tried), (centre + half) / (1.0 + z * z / tried)
     return np.where(k == 0, 0.0, low), np.where(k == n, 1.0, high)

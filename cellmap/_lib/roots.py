@@ -24,13 +24,13 @@ def zeros(
     """Find one zero in each bracket, to rounding, by inverse quadratic interpolation and bisection (Chandrupatla)."""
     a, b, c = high.copy(), low.copy(), high.copy()
     fa, fb, fc = at_high.copy(), at_low.copy(), at_high.copy()
-    share = np.full(len(a), 0.5)
+    fraction = np.full(len(a), 0.5)
     root = np.where(np.abs(fa) < np.abs(fb), a, b)
     active = np.arange(len(a))
     for _ in range(_ROUNDS):
         if not len(active):
             break
-        x = a[active] + share[active] * (b[active] - a[active])
+        x = a[active] + fraction[active] * (b[active] - a[active])
         fx = function(active, x)
         same = (fx < 0.0) == (fa[active] < 0.0)
         c[active] = np.where(same, a[active], b[active])
@@ -47,7 +47,7 @@ def zeros(
             phi = ((fa - fb) / (fc - fb))[active]
             inverse = (fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb))[active]
             smooth = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(inverse)
-        share[active] = np.clip(np.where(smooth, inverse, 0.5), np.minimum(limit, 0.5), 1.0 - np.minimum(limit, 0.5))
+        fraction[active] = np.clip(np.where(smooth, inverse, 0.5), np.minimum(limit, 0.5), 1.0 - np.minimum(limit, 0.5))
         active = active[(width > 2.0 * resolution) & (fx != 0.0) & np.isfinite(fx)]
     return root
 

@@ -42,8 +42,10 @@ class OrbitClusters:
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
-        shares = ", ".join(f"{100.0 * np.mean(self.labels == k):.3g} %" for k in range(len(self.samples)))
-        return f"OrbitClusters({len(self.samples)} clusters of {self.labels.size} orbits{shares and ': ' + shares})"
+        fractions = ", ".join(f"{100.0 * np.mean(self.labels == k):.3g} %" for k in range(len(self.samples)))
+        return (
+            f"OrbitClusters({len(self.samples)} clusters of {self.labels.size} orbits{fractions and ': ' + fractions})"
+        )
 
 
 @checked

@@ -81,8 +81,8 @@ class Curves:
             along = difference(there, here, self.exact.coordinates) / self.size
             shift = difference(points[finite], here, self.exact.coordinates) / self.size
             length = np.maximum((along**2).sum(axis=1), 1e-300)
-            share = np.clip((shift * along).sum(axis=1) / length, 0.0, 1.0)
-            apart = np.linalg.norm(shift - share[:, None] * along, axis=1)
+            fraction = np.clip((shift * along).sum(axis=1) / length, 0.0, 1.0)
+            apart = np.linalg.norm(shift - fraction[:, None] * along, axis=1)
             found[finite] = np.minimum(found[finite], apart)
         return found
 

@@ -72,8 +72,8 @@ class FeatureBasins:
     inaccurate: int = 0
 
     def __repr__(self) -> str:
-        shares = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
-        return f"FeatureBasins({self.name}, {self.labels.size:,} initial conditions: {shares})"
+        parts = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
+        return f"FeatureBasins({self.name}, {self.labels.size:,} initial conditions: {parts})"
 
     @checked
     def label_name(self, label: int) -> str:

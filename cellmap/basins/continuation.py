@@ -225,8 +225,8 @@ def _step(
     found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
     before = done.attractors[-1] if done.attractors else {}
     labels = persistent_labels(found, before, memory, extent, settings["threshold"])
-    shares = basins.fractions
-    counts = {labels[k] if k >= 0 else k: f.count for k, f in shares.items()}
+    fractions = basins.fractions
+    counts = {labels[k] if k >= 0 else k: f.count for k, f in fractions.items()}
     return {labels[k]: _light(a) for k, a in enumerate(found)}, counts, basins
 
 

@@ -47,26 +47,26 @@ def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
         warn_caller(message, UnsettledWarning)
 
 
-def _doubts(basins: Basins, shares: Mapping[int, float]) -> Iterator[str]:
-    if Label.UNDECIDED in shares and basins.undecided:
+def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
+    if Label.UNDECIDED in parts and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]
         yield (
-            f"{shares[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
+            f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
             f"{cause}; {remedy.format(basins.settings['max_periods'])}"
         )
-    if Label.ESCAPED in shares:
+    if Label.ESCAPED in parts:
         yield (
-            f"{shares[Label.ESCAPED]:.1%} of the initial conditions escaped from the window of the interpolated map: "
+            f"{parts[Label.ESCAPED]:.1%} of the initial conditions escaped from the window of the interpolated map: "
             "give it a larger grid, or outside='integrate'"
         )
-    if Label.OUT_OF_STEPS in shares:
+    if Label.OUT_OF_STEPS in parts:
         what = _remedy(basins, Label.OUT_OF_STEPS)[1]
-        yield f"{shares[Label.OUT_OF_STEPS]:.1%} of the initial conditions are out of steps: {what}"
-    if Label.DIVERGED in shares:
+        yield f"{parts[Label.OUT_OF_STEPS]:.1%} of the initial conditions are out of steps: {what}"
+    if Label.DIVERGED in parts:
         helps, what = _remedy(basins, Label.DIVERGED)
         if helps:
-            yield f"{shares[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+            yield f"{parts[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
 
 
 def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:

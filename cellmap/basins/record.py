@@ -101,8 +101,8 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     point_map: PointMap | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        shares = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
-        return f"Basins({self.name}, {self.labels.size:,} initial conditions: {shares})"
+        parts = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
+        return f"Basins({self.name}, {self.labels.size:,} initial conditions: {parts})"
 
     @checked
     def label_name(self, label: int) -> str:
@@ -175,8 +175,8 @@ def fractions_of(
     counts = {lowest + k: int(count) for k, count in enumerate(numbers)}
     result = {}
     for label in [*range(n_attractors), *(label for label in LABEL_NAMES if counts[label])]:
-        share = counts[label] / total
-        result[label] = Fraction(share, float(np.sqrt(share * (1 - share) / total)), counts[label])
+        mean = counts[label] / total
+        result[label] = Fraction(mean, float(np.sqrt(mean * (1 - mean) / total)), counts[label])
     return result
 
 

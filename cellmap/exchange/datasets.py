@@ -117,14 +117,14 @@ def _basins_tree(basins: Basins, more: dict[str, tuple[Any, dict[str, Any]]], at
     root = about(basins, f"Basins of attraction of {basins.name}", inaccurate=basins.inaccurate, **attributes)
     if basins.point_map is not None:
         root["map_period"] = basins.point_map.period
-    shares = [basins.fractions[k] for k in range(len(basins.attractors))]
+    parts = [basins.fractions[k] for k in range(len(basins.attractors))]
     group = attractor_group(
         basins.attractors,
         range(len(basins.attractors)),
         basins.coordinates,
-        fraction=np.array([s.fraction for s in shares]),
-        standard_error=np.array([s.standard_error for s in shares]),
-        count=np.array([s.count for s in shares], np.int64),
+        fraction=np.array([s.fraction for s in parts]),
+        standard_error=np.array([s.standard_error for s in parts]),
+        count=np.array([s.count for s in parts], np.int64),
     )
     variables = {name: (dims, values, attrs) for name, (values, attrs) in arrays.items()}
     return _tree(variables, coords, root, group)

@@ -58,8 +58,8 @@ def _basins(basins: Basins) -> dict[str, str]:
     window = f"{basins.labels.size:,}"
     if basins.grid is not None:
         window += f" on {_window(basins.grid, [str(c) for c in basins.coordinates])}"
-    shares = {basins.label_name(k): f"{100 * f.fraction:.4g} %" for k, f in basins.fractions.items()}
-    return {"system": _of_system(basins.name, basins.params), "initial conditions": window, **shares}
+    fractions = {basins.label_name(k): f"{100 * f.fraction:.4g} %" for k, f in basins.fractions.items()}
+    return {"system": _of_system(basins.name, basins.params), "initial conditions": window, **fractions}
 
 
 def _certificate(certificate: Certificate) -> dict[str, str]:

@@ -62,12 +62,12 @@ AttractorAtlas, ConnectionBranch or TangencyCurve
 def columns_of(result: Any) -> dict[str, Any]:
     """Return the columns of a table by their names."""
     if isinstance(result, Basins):
-        shares = [result.fractions[k] for k in range(len(result.attractors))]
+        fractions = [result.fractions[k] for k in range(len(result.attractors))]
         return {
             **_attractor_columns(result.attractors),
-            "fraction": np.array([s.fraction for s in shares]),
-            "standard_error": np.array([s.standard_error for s in shares]),
-            "count": np.array([s.count for s in shares], np.int64),
+            "fraction": np.array([s.fraction for s in fractions]),
+            "standard_error": np.array([s.standard_error for s in fractions]),
+            "count": np.array([s.count for s in fractions], np.int64),
         }
     if isinstance(result, Branch):
         return _branch_columns(result)

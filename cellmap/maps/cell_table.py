@@ -42,8 +42,8 @@ class CellTable:
         return cls(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
 
     def __repr__(self) -> str:
-        share = 100.0 * float(self.rough.mean())
-        return f"CellTable(order {self.order}, {self.grid}; {share:.3g} % fallback cells)"
+        fraction = 100.0 * float(self.rough.mean())
+        return f"CellTable(order {self.order}, {self.grid}; {fraction:.3g} % fallback cells)"
 
 
 @dataclass(frozen=True, eq=False)

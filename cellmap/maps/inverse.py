@@ -171,7 +171,7 @@ def preimages(
     settled = np.zeros(n, bool)
     turn = turns_of(step.exact.coordinates)[1]
     active = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(targets).all(axis=1))
-    last, share = np.full(n, np.inf), np.ones(n)
+    last, fraction = np.full(n, np.inf), np.ones(n)
     for _ in range(_ITERATIONS):
         if not len(active):
             break
@@ -187,11 +187,11 @@ def preimages(
         good, bad = active[better], active[~better]
         base[good], last[good], matrices[good] = points[good], size[better], derivative[better]
         steps_to[good] = np.linalg.solve(derivative[better], -rest[better][..., None])[..., 0]
-        share[good], share[bad] = np.minimum(2.0 * share[good], 1.0), 0.5 * share[bad]
-        points[active] = base[active] + share[active, None] * steps_to[active]
+        fraction[good], fraction[bad] = np.minimum(2.0 * fraction[good], 1.0), 0.5 * fraction[bad]
+        points[active] = base[active] + fraction[active, None] * steps_to[active]
         done = better & (np.abs(steps_to[active]) <= _CONVERGED * scale).all(axis=1)
         settled[active[done]] = True
-        active = active[~done & (share[active] > 0.5**_HALVINGS) & np.isfinite(last[active])]
+        active = active[~done & (fraction[active] > 0.5**_HALVINGS) & np.isfinite(last[active])]
     return points, matrices, settled
 
 
@@ -279,16 +279,16 @@ def _bridge(
     target: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Reach the preimage of the next target by shorter steps along the segment between the two."""
-    done, share = 0.0, 0.5
+    done, fraction = 0.0, 0.5
     now = at
     while done < 1.0:
-        if share < 0.5**_HALVINGS:
+        if fraction < 0.5**_HALVINGS:
             return None
-        ahead = at + min(done + share, 1.0) * (target - at)
+        ahead = at + min(done + fraction, 1.0) * (target - at)
         taken, last = _advance(step, now, place, matrix, ahead[None])
         if len(taken):
-            now, place, matrix, done = ahead, taken[0], last, min(done + share, 1.0)
-            share *= 2.0
+            now, place, matrix, done = ahead, taken[0], last, min(done + fraction, 1.0)
+            fraction *= 2.0
         else:
-            share *= 0.5
+            fraction *= 0.5
     return place, matrix

@@ -293,8 +293,8 @@ def _errors(growth: NDArray[np.float64], steps: NDArray[np.int64]) -> NDArray[np
     """Standard errors of mean growth per step (n, d), from the spread of the means over groups of stretches."""
     lengths = np.diff(steps, prepend=0)
     first = np.linspace(0, len(steps), GROUPS + 1).round().astype(np.int64)[:-1]
-    share = (np.add.reduceat(lengths, first) / steps[-1])[:, None, None]
+    fraction = (np.add.reduceat(lengths, first) / steps[-1])[:, None, None]
     with np.errstate(invalid="ignore"):  # a direction that vanishes has an infinite exponent and no error
-        means = np.add.reduceat(growth, first, axis=0) / steps[-1] / share
-        spread = (share * (means - growth.sum(axis=0) / steps[-1]) ** 2).sum(axis=0)
+        means = np.add.reduceat(growth, first, axis=0) / steps[-1] / fraction
+        spread = (fraction * (means - growth.sum(axis=0) / steps[-1]) ** 2).sum(axis=0)
     return np.asarray(np.sqrt(spread / (GROUPS - 1)))

@@ -18,7 +18,7 @@ from .orbit_kinds import PeriodicOrbit
 _ITERATIONS = 25
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
 _DAMPED_ITERATIONS = 60
-_SMALLEST_SHARE = 1e-3  # of a step, below which there is no hope
+_SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
@@ -96,7 +96,7 @@ def damped_newton(
     d, identity = exact.dimension, np.eye(exact.dimension)
     base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
     steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
-    share = np.ones(len(base))
+    fraction = np.ones(len(base))
     settled = np.zeros(len(base), bool)
     active = np.arange(len(base))
     for _ in range(_DAMPED_ITERATIONS):
@@ -108,14 +108,14 @@ def damped_newton(
         with np.errstate(all="ignore"):
             foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
             length = np.linalg.norm(steps[active] / extent, axis=-1)
-            shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * share[active]) * length
+            shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * fraction[active]) * length
         # A solution at which another one is born has no next step, and needs none.
         closed = finite & (np.abs(residual) <= 4e-15 * resolution(points[active], extent)).all(axis=-1)
         settled[active[closed]] = True
         taken = finite & shorter & ~closed
         again = active[~taken & ~closed]
-        share[again] *= 0.5
-        points[again] = base[again] + share[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
+        fraction[again] *= 0.5
+        points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
         accepted = active[taken]
         slopes = identity - matrices[taken]
         solvable = np.abs(np.linalg.det(slopes)) > 1e-14
@@ -124,13 +124,13 @@ def damped_newton(
         step = np.einsum("nij,nj->ni", inverses[accepted], residual)
         longest = np.abs(step / extent).max(axis=-1, initial=0.0)
         base[accepted], steps[accepted] = points[accepted], step
-        share[accepted] = np.minimum(np.minimum(1.0, 2.0 * share[accepted]), 0.25 / np.maximum(longest, 1e-300))
+        fraction[accepted] = np.minimum(np.minimum(1.0, 2.0 * fraction[accepted]), 0.25 / np.maximum(longest, 1e-300))
         # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
         done = (np.abs(step) <= 1e-8 * resolution(points[accepted], extent)).all(axis=-1)
-        share[accepted[done]] = 1.0
-        points[accepted] = base[accepted] + share[accepted, None] * step
+        fraction[accepted[done]] = 1.0
+        points[accepted] = base[accepted] + fraction[accepted, None] * step
         settled[accepted[done]] = True
-        trying = again[(share[again] > _SMALLEST_SHARE) & np.isfinite(points[again]).all(axis=-1)]
+        trying = again[(fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)]
         active = np.sort(np.concatenate([trying, accepted[~done]]))
     return wrap(points, exact.coordinates), settled
 

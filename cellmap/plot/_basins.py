@@ -68,8 +68,8 @@ def basins(
     if show_attractors:
         _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
     if legend:
-        shares = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
-        legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in shares.items()])
+        fractions = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
+        legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in fractions.items()])
     ax.set_title(basins.name)
     return ax
 
@@ -107,5 +107,5 @@ def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) 
         ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %" if share > 0.0005 or share == 0 else f"{100 * share:.2g} %"
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.2f} %" if fraction > 0.0005 or fraction == 0 else f"{100 * fraction:.2g} %"

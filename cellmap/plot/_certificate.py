@@ -57,7 +57,7 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = np.array([_COLOURS[evidence] for evidence in Evidence])
     show_cells(ax, palette[np.squeeze(certificate.evidence).T], grid, basins.coordinates)
-    shares = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence)) / certificate.evidence.size
-    legend_below(ax, [(_COLOURS[e], f"{_NAMES[e]}: {100 * shares[e]:.3g} %") for e in Evidence])
+    fractions = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence)) / certificate.evidence.size
+    legend_below(ax, [(_COLOURS[e], f"{_NAMES[e]}: {100 * fractions[e]:.3g} %") for e in Evidence])
     ax.set_title(f"{basins.name}: evidence for labels")
     return ax

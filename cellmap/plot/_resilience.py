@@ -47,10 +47,10 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     """
     ax = axes_or_new(ax, (6.0, 4.5))
     places = np.arange(len(stability.fractions))
-    shares = np.array([s.fraction for s in stability.fractions.values()])
+    fractions = np.array([s.fraction for s in stability.fractions.values()])
     ends = np.array([[s.low, s.high] for s in stability.fractions.values()])
-    bars = np.stack([shares - ends[:, 0], ends[:, 1] - shares]).clip(min=0.0)
-    ax.bar(places, shares, color=[_colour(k) for k in stability.fractions], yerr=bars, capsize=4.0, ecolor="0.2")
+    bars = np.stack([fractions - ends[:, 0], ends[:, 1] - fractions]).clip(min=0.0)
+    ax.bar(places, fractions, color=[_colour(k) for k in stability.fractions], yerr=bars, capsize=4.0, ecolor="0.2")
     ax.set_xticks(places, [stability.names[k] for k in stability.fractions], rotation=20, ha="right")
     ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
     ax.set_ylabel("fraction of states")
@@ -198,11 +198,13 @@ def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes_or_new(ax, (6.0, 4.5))
     ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
-    for (row, column), share in np.ndenumerate(tipping.probabilities):
-        if np.isfinite(share):
+    for (row, column), fraction in np.ndenumerate(tipping.probabilities):
+        if np.isfinite(fraction):
             low, high = tipping.low[row, column], tipping.high[row, column]
-            text = f"{share:.3g}\n[{low:.2g}, {high:.2g}]"
-            ax.text(column, row, text, ha="center", va="center", color="white" if share > 0.6 else "black", fontsize=8)
+            text = f"{fraction:.3g}\n[{low:.2g}, {high:.2g}]"
+            ax.text(
+                column, row, text, ha="center", va="center", color="white" if fraction > 0.6 else "black", fontsize=8
+            )
     for row, label in enumerate(tipping.continuation):
         if label is not None:
             corner = (tipping.after.index(label) - 0.48, row - 0.48)

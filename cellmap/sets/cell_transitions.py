@@ -85,8 +85,8 @@ def transitions(
     counts = np.concatenate([[0], *(rows[k][0] for k in range(len(parts))), [1, 1]])
     sinks = np.array([states + DIVERGED, states + LEFT], index)
     targets = np.concatenate([*(rows[k][1] for k in range(len(parts))), sinks])
-    shares = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
-    matrix = csr_array((shares, targets, np.cumsum(counts).astype(index)), shape=(states, states))
+    probabilities = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
+    matrix = csr_array((probabilities, targets, np.cumsum(counts).astype(index)), shape=(states, states))
     return matrix, int(missed.sum()), taken
 
 

@@ -61,11 +61,11 @@ def permanent_sticking() -> Iterator[Finding]:
 )
 def at_the_limit() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum(friction=FRICTION, damping=0.0))
-    share = DRIVE / (GRAVITY / ROD + DRIVE)
+    fraction = DRIVE / (GRAVITY / ROD + DRIVE)
     for e in (1e-2, 1e-3, 1e-4):
         start = np.array([asin(sin(LIMIT) * (1.0 + e)), 0.0])
         slip = start - exact(start)
-        leading = 4.5 * FRICTION * e * e / (share * (2.0 * pi * 50.0) ** 2)
+        leading = 4.5 * FRICTION * e * e / (fraction * (2.0 * pi * 50.0) ** 2)
         yield agrees(f"e = {e:g}: slip {slip[0]:.3g} rad, by the leading order", slip[0] / leading, 1.0, 2.0 * e + 1e-4)
         yield is_so("at rest at the end of the period", bool(slip[1] == 0.0))
     inside = np.stack([np.arcsin(sin(LIMIT) * (1.0 - np.array([1e-3, 1e-5, 1e-6]))), np.zeros(3)], axis=-1)

@@ -34,11 +34,11 @@ def is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
             ends[0][e] = ends[1][e] = np.where(ends[0][e] > 0.0, 1.0, -1.0)
     low, high = np.zeros(_SAMPLES), np.ones(_SAMPLES)
 
-    def between(share: Any, expressions: Sequence[Expression]) -> list[Any]:
-        found = evaluated(expressions, {e: ends[0][e] + share * (ends[1][e] - ends[0][e]) for e in inputs})
+    def between(fraction: Any, expressions: Sequence[Expression]) -> list[Any]:
+        found = evaluated(expressions, {e: ends[0][e] + fraction * (ends[1][e] - ends[0][e]) for e in inputs})
         return [np.broadcast_to(values, _SAMPLES) for values in found]
 
-    (begin,), (end,) = (between(share, [switch.function]) for share in (low, high))
+    (begin,), (end,) = (between(fraction, [switch.function]) for fraction in (low, high))
     crosses = np.asarray((begin < 0.0) & (end > 0.0) | (begin > 0.0) & (end < 0.0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)

@@ -47,7 +47,7 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
     limit = out.result(f"fptosi double {once['limit'].text} to i64").text
     with out.loop("block", blocks_of_orbits(out)) as block:
         used = lanes_in_use(out, block)
-        share = out.result(f"sitofp i64 {out.load_whole(out.address('%steps', block))} to double")
+        fraction = out.result(f"sitofp i64 {out.load_whole(out.address('%steps', block))} to double")
         first = out.whole("mul", block, dimension * LANES)
         x, error = out.address("%x", first), out.address("%error", first)
         with out.loop("cleared", dimension * LANES, out.width) as place:
@@ -64,7 +64,7 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
                 rows = [out.whole("add", lane, j * LANES) for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
                 here, length = out.address(times, lane), out.address(lengths, lane)
-                scope: Scope = {**once, "share": share, "t": out.load(here, vector=True)}
+                scope: Scope = {**once, "fraction": fraction, "t": out.load(here, vector=True)}
                 scope |= {"wanted": out.load(length, vector=True)}
                 scope |= {f"x{j}": out.load(states[j], vector=True) for j in components}
                 scope |= {f"a{j}": out.load(errors[j], vector=True) for j in components}
@@ -98,7 +98,7 @@ def _after(dimension: int) -> list[str]:
     # A state that is not finite makes the sum NaN.
     total = " + ".join(f"abs(e{j}) / z{j} + 0.0 * y{j}" for j in components)
     lines += [
-        f"u = share * ({total})",
+        f"u = fraction * ({total})",
         "takes = 1.0 if u <= 1.0 and left > 0.0 else 0.0",
         "lost = 1.0 if left > 0.0 and takes == 0.0 and h < least else 0.0",
         # The power 3/16, near the 1/5 that a method of order 5 asks for, by square roots.

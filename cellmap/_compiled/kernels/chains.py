@@ -10,19 +10,19 @@ _FIRST_LOOK = 8  # sweeps before their number is foreseen
 
 
 @loop
-def _relax_state(first, targets, shares, gain, values, state, sums):
+def _relax_state(first, targets, probabilities, gain, values, state, sums):
     """Solve the equation of one state for its values; return the largest relative change."""
     m = values.shape[1]
     for k in range(m):
         sums[k] = gain[k]
     own = 0.0
     for e in range(first[state], first[state + 1]):
-        target, share = targets[e], shares[e]
+        target, probability = targets[e], probabilities[e]
         if target == state:
-            own += share
+            own += probability
         else:
             for k in range(m):
-                sums[k] += share * values[target, k]
+                sums[k] += probability * values[target, k]
     change = 0.0
     for k in range(m):
         value = sums[k] / (1.0 - own)
@@ -33,8 +33,8 @@ def _relax_state(first, targets, shares, gain, values, state, sums):
 
 
 @loop
-def relax(first, targets, shares, order, begin, closed, gain, values, number, last, patience, tolerance):
-    """Solve ``values = gain + shares @ values`` on components that are not closed, from component `number` on.
+def relax(first, targets, probabilities, order, begin, closed, gain, values, number, last, patience, tolerance):
+    """Solve ``values = gain + probabilities @ values`` on components that are not closed, from component `number` on.
 
     ``order[begin[c]:begin[c + 1]]`` are the states of component c; those that it leads to come before it.  Within a
     component this is Gauss and Seidel's method, up and down in turns.  Returns the first component, before `last`, for
@@ -46,16 +46,16 @@ def relax(first, targets, shares, order, begin, closed, gain, values, number, la
             continue
         low, high = begin[c], begin[c + 1]
         if high - low == 1:
-            _relax_state(first, targets, shares, gain, values, order[low], sums)
+            _relax_state(first, targets, probabilities, gain, values, order[low], sums)
             continue
         before = np.inf
         sweep = 0
         while True:
             change = 0.0
             for i in range(low, high):
-                change = max(change, _relax_state(first, targets, shares, gain, values, order[i], sums))
+                change = max(change, _relax_state(first, targets, probabilities, gain, values, order[i], sums))
             for i in range(high - 1, low - 1, -1):
-                change = max(change, _relax_state(first, targets, shares, gain, values, order[i], sums))
+                change = max(change, _relax_state(first, targets, probabilities, gain, values, order[i], sums))
             sweep += 1
             rate = change / before if before > 0.0 else 0.0
             before = change
@@ -72,8 +72,8 @@ def relax(first, targets, shares, order, begin, closed, gain, values, number, la
 
 
 @loop
-def sweep(first, targets, shares, right, out):
-    """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + shares @ out`` from 0."""
+def sweep(first, targets, probabilities, right, out):
+    """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + probabilities @ out`` from 0."""
     n = len(right)
     out[:] = 0.0
     for step in range(2 * n):
@@ -81,9 +81,9 @@ def sweep(first, targets, shares, right, out):
         total, own = right[i], 0.0
         for e in range(first[i], first[i + 1]):
             if targets[e] == i:
-                own += shares[e]
+                own += probabilities[e]
             else:
-                total += shares[e] * out[targets[e]]
+                total += probabilities[e] * out[targets[e]]
         out[i] = total / (1.0 - own)
 
 
@@ -91,9 +91,9 @@ def sweep(first, targets, shares, right, out):
 def eliminate(band, right, leak, pivots):
     """Take states out of a chain, the last one first, without a subtraction (Grassmann, Taksar, Heyman 1985).
 
-    ``band[i, j - i + b]`` is the share that goes from state i to state j no farther than b away, ``leak`` (n,) what
-    goes elsewhere, ``right`` (n, m) what the equations ``x = right + shares @ x`` add.  All are changed, and ``pivots``
-    (n,) receive what leaves each state for those before it and for elsewhere.
+    ``band[i, j - i + b]`` is the probability of a step from state i to state j no farther than b away, ``leak`` (n,)
+    that of a step elsewhere, ``right`` (n, m) what the equations ``x = right + probabilities @ x`` add.  All are
+    changed, and ``pivots`` (n,) receive what leaves each state for those before it and for elsewhere.
     """
     n, m = right.shape
     b = band.shape[1] // 2
@@ -122,9 +122,9 @@ def substitute(band, right, pivots):
     b = band.shape[1] // 2
     for k in range(n):
         for j in range(max(0, k - b), k):
-            share = band[k, j - k + b]
+            probability = band[k, j - k + b]
             for c in range(m):
-                right[k, c] += share * right[j, c]
+                right[k, c] += probability * right[j, c]
         for c in range(m):
             right[k, c] /= pivots[k]
 

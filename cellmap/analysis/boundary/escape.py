@@ -226,10 +226,10 @@ def escape_rate(
         )
     survivors = survivors[: int(np.count_nonzero(survivors))]
     steps = np.arange(len(survivors))
-    share = survivors / survivors[0]
-    height = np.log(share)
+    fraction = survivors / survivors[0]
+    height = np.log(fraction)
     # At the first step nothing is left to chance; its weight must stay finite.
-    errors = np.maximum(np.sqrt((1.0 - share) / survivors), 1.0 / survivors[0])
+    errors = np.maximum(np.sqrt((1.0 - fraction) / survivors), 1.0 / survivors[0])
     within = fit_range
     if within is None:
         try:

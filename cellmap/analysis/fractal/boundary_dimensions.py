@@ -14,7 +14,7 @@ from ...basins.record import Basins
 from .box_counting import BoxCount, averaged, checked_sizes, fitted
 from .label_boxes import boundary_boxes, count_boxes
 from .label_images import LabelImage, label_image
-from .specks import are_noise, isolated_shares, without_specks
+from .specks import are_noise, isolated_fractions, without_specks
 
 _FEWEST_BOXES = 10
 _MISSED = 0.1
@@ -109,7 +109,7 @@ def boundary_dimension(
     lengths = np.array(chosen, dtype=float)
     cleaned = without_specks(image)
     rest = boundary_boxes(cleaned)
-    isolated = isolated_shares(boundary, rest, image.wraps, chosen)
+    isolated = isolated_fractions(boundary, rest, image.wraps, chosen)
     if rest.any() and are_noise(isolated[lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1]):
         image, boundary = cleaned, rest
     n_offsets = affordable_number("n_offsets", n_offsets, 8 * (3 * len(chosen) + 2 * boundary.ndim), at_least=1)
@@ -124,10 +124,10 @@ def boundary_dimension(
         measured = [sampled(image, boundary.size, size, steps, n_offsets, rng) for size in chosen]
         counts, errors = (np.array(v) for v in zip(*measured, strict=True))
         missed = np.zeros(len(chosen))
-    share = counts * lengths**boundary.ndim / boundary.size
+    fraction = counts * lengths**boundary.ndim / boundary.size
     usable = (counts >= _FEWEST_BOXES) & (lengths * _FEWEST_ACROSS <= min(boundary.shape) + 1) & (missed <= _MISSED)
-    if usable.any() and share[np.argmax(usable)] <= _FULL:
-        usable &= share <= _FULL
+    if usable.any() and fraction[np.argmax(usable)] <= _FULL:
+        usable &= fraction <= _FULL
     lengths, counts, errors, missed = (v[::-1] for v in (lengths, counts, errors, missed))
     correction = -np.log1p(-missed)
     return fitted(

@@ -136,10 +136,10 @@ def correlation_dimension(
     time = np.arange(n)
     partners = n - 1 - np.minimum(time, theiler) - np.minimum(n - 1 - time, theiler)
     each = np.add.reduceat(partners, edges[:-1])
-    shares = counts.sum(axis=0) / each.sum()
+    ratios = counts.sum(axis=0) / each.sum()
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(counts / each[:, None])
-        y, errors = -np.log(shares), logs.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
+        y, errors = -np.log(ratios), logs.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
     usable = (counts.sum(axis=0) >= 2 * _FEWEST_PAIRS) & (distances <= _LARGEST * space.extent)
     x = -np.log(distances)
     fit = fit_sizes("points", x, y, distances, usable, fit_range, ("ln 1/distance", "ln 1/fraction of pairs"))
@@ -150,7 +150,7 @@ def correlation_dimension(
         fit = replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
     errors = np.where(np.isfinite(errors), errors, 0.0)
     return CorrelationSum(
-        distances, shares, errors * shares, int(each.sum()) // 2, theiler, usable, replace(fit, errors=errors)
+        distances, ratios, errors * ratios, int(each.sum()) // 2, theiler, usable, replace(fit, errors=errors)
     )
 
 
@@ -163,7 +163,7 @@ def _pairs(space: Space, rising: NDArray[np.float64], theiler: int, norm: float)
     """Ordered pairs that are closer than each distance, by the stretch of the orbit that holds the first of them."""
     from scipy.spatial import cKDTree
 
-    circle = space.turns if space.turns.any() else None
+    circle = space.periods if space.periods.any() else None
     points = space.points
     if circle is not None:
         # Rounding may put an angle on the upper end of its period, which is the lower one.

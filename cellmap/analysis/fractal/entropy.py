@@ -189,8 +189,8 @@ def basin_entropy(
 def box_entropies(counts: NDArray[np.int64], cells: int) -> NDArray[np.float64]:
     """Return the entropy of boxes from the counts of their basins (basins, ...); NaN where too few cells have one."""
     total = counts.sum(axis=0)
-    share = counts / np.maximum(total, 1)
-    entropy = -(share * np.log(np.where(share > 0.0, share, 1.0))).sum(axis=0)
+    fraction = counts / np.maximum(total, 1)
+    entropy = -(fraction * np.log(np.where(fraction > 0.0, fraction, 1.0))).sum(axis=0)
     return np.where(total >= _COMPLETE * cells, np.maximum(entropy, 0.0), np.nan)
 
 

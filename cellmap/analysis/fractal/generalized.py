@@ -133,10 +133,10 @@ def generalized_dimensions(
     q = np.unique(real_array("orders", orders).ravel())
     if not len(q) or not np.isfinite(q).all():
         raise ValueError(f"orders={orders!r}: give finite numbers, such as (0, 1, 2)")
-    shares = _shares(weights, len(space.points))
+    fractions = _fractions(weights, len(space.points))
 
     def measure(part: Partition) -> NDArray[np.float64]:
-        return np.concatenate([part.occupancy(), part.moments(shares, q)], axis=1)
+        return np.concatenate([part.occupancy(), part.moments(fractions, q)], axis=1)
 
     found = over_offsets(space, chosen, origin, n_offsets, rng, measure, ordered=weights is not None)
     tried = dyadic_sizes(space) if chosen is None else chosen
@@ -144,7 +144,7 @@ def generalized_dimensions(
     mean = counts[..., 0].mean(axis=0)
     usable = (mean >= _FEWEST_BOXES) & (unseen(counts) <= _MISSED)
     if weights is None:
-        usable &= mean * _FEWEST_POINTS <= len(shares)
+        usable &= mean * _FEWEST_POINTS <= len(fractions)
     informations = _informations(q, found[..., 3:].mean(axis=0).T)
     x = -np.log(tried)
     fits = tuple(
@@ -154,7 +154,7 @@ def generalized_dimensions(
     return GeneralizedDimensions(q, tried, informations, usable, fits)
 
 
-def _shares(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
+def _fractions(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
     """Weights with the sum 1."""
     if weights is None:
         return np.full(n, 1.0 / n)

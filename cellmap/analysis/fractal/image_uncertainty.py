@@ -119,9 +119,9 @@ def finest_exponent(image: LabelImage) -> tuple[float, float]:
     if not (blocks.sum(axis=1)[:, 1] > 0).all():
         return np.nan, np.nan
     samples = -np.diff(_jackknife(blocks), axis=1)[:, 0] / np.log(2.0)
-    shares = blocks.sum(axis=1)[:, 1] / (blocks.sum(axis=1)[:, 0] - blocks.sum(axis=1)[:, 2])
+    fractions = blocks.sum(axis=1)[:, 1] / (blocks.sum(axis=1)[:, 0] - blocks.sum(axis=1)[:, 2])
     scale = (len(samples) - 1) / np.sqrt(len(samples))
-    return float(np.log2(shares[0] / shares[1])), float(scale * samples.std())
+    return float(np.log2(fractions[0] / fractions[1])), float(scale * samples.std())
 
 
 def is_rough(finest: tuple[float, float]) -> bool:

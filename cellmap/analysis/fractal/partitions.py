@@ -27,10 +27,10 @@ class Space:
     ----------
     points : ndarray, shape (n, d)
         Points less the lower corner of the set; angles less their cuts.
-    turns : ndarray, shape (d,)
+    periods : ndarray, shape (d,)
         Lengths of circles, 0 for a coordinate on the line.
     extent : float
-        The longest extent of the set, or the longest turn.
+        The longest extent of the set, or the longest period.
     corner : ndarray, shape (d,)
         What was subtracted, in the units of the coordinates.
     scales : ndarray, shape (d,)
@@ -38,7 +38,7 @@ class Space:
     """
 
     points: NDArray[np.float64]
-    turns: NDArray[np.float64]
+    periods: NDArray[np.float64]
     extent: float
     corner: NDArray[np.float64]
     scales: NDArray[np.float64]
@@ -66,10 +66,10 @@ class Space:
         if len(names) != d:
             raise ValueError(f"coordinates: {len(names)} are given for points with {d}; give one for each column")
         given = wrap(given, names)
-        cuts, turns = turns_of(names)
-        extents = np.where(turns > 0.0, turns, np.ptp(given, axis=0))
+        cuts, periods = turns_of(names)
+        extents = np.where(periods > 0.0, periods, np.ptp(given, axis=0))
         if scales is None:
-            alike = not turns.any() and len({c.unit for c in names}) == 1
+            alike = not periods.any() and len({c.unit for c in names}) == 1
             lengths = np.ones(d) if alike else np.where(extents > 0.0, extents, 1.0)
         else:
             lengths = real_array("scale", scales)
@@ -78,8 +78,8 @@ class Space:
                 raise ValueError(f"scale={shown(scales)}: give a positive length for each coordinate")
         if not np.ptp(given, axis=0).any():
             raise ValueError("points: all of them are the same; a point has dimension 0")
-        corner = np.where(turns > 0.0, cuts, given.min(axis=0))
-        return cls((given - corner) / lengths, turns / lengths, float((extents / lengths).max()), corner, lengths)
+        corner = np.where(periods > 0.0, cuts, given.min(axis=0))
+        return cls((given - corner) / lengths, periods / lengths, float((extents / lengths).max()), corner, lengths)
 
     @property
     def dimension(self) -> int:
@@ -144,10 +144,10 @@ def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = 
     # The largest box of all, level 0, holds the set wherever the grid is.  A period of an angle is a whole number of
     # boxes, which may therefore be longer or shorter there by a factor of up to sqrt(2), the same one at all sizes.
     top = np.full(d, 2.0 * space.extent)
-    circle = space.turns > 0.0
-    top[circle] = space.turns[circle] * 2.0 ** -np.round(np.log2(space.turns[circle] / top[circle]))
+    circle = space.periods > 0.0
+    top[circle] = space.periods[circle] * 2.0 ** -np.round(np.log2(space.periods[circle] / top[circle]))
     scale = 2.0**bits / top
-    boxes = np.where(circle, np.round(space.turns * scale), 0.0).astype(np.int64)
+    boxes = np.where(circle, np.round(space.periods * scale), 0.0).astype(np.int64)
     keys = np.empty(len(space.points), np.uint64)
     morton_keys(space.points, scale, offset * 2.0 ** (bits - 1), boxes, bits, keys)
     order = np.argsort(keys, kind="stable") if ordered else None
@@ -164,11 +164,11 @@ def partition(space: Space, size: float, offset: NDArray[np.float64], ordered: b
     of the points.
     """
     places = np.empty(space.points.shape, np.int64)
-    for j, turn in enumerate(space.turns):
+    for j, period in enumerate(space.periods):
         x = space.points[:, j]
-        if turn > 0.0:
-            boxes = max(1, round(turn / size))
-            places[:, j] = np.floor(x / turn * boxes + offset[j]).astype(np.int64) % boxes
+        if period > 0.0:
+            boxes = max(1, round(period / size))
+            places[:, j] = np.floor(x / period * boxes + offset[j]).astype(np.int64) % boxes
         else:
             places[:, j] = np.floor(x / size + offset[j]).astype(np.int64)
     places -= places.min(axis=0)
@@ -205,7 +205,7 @@ def over_offsets(
         place = np.full(space.corner.shape, place) if place.ndim == 0 else place
         if place.shape != space.corner.shape or not np.isfinite(place).all():
             raise ValueError(f"origin={shown(origin)}: give finite coordinates of a corner")
-        moved = np.where(space.turns > 0.0, 0.0, (space.corner - place) / space.scales)
+        moved = np.where(space.periods > 0.0, 0.0, (space.corner - place) / space.scales)
         space = replace(space, points=space.points + moved)
         shifts = np.zeros((1, space.dimension))
         sizes = dyadic_sizes(space) if sizes is None else sizes

@@ -57,9 +57,9 @@ def ball(dimension: int, radius: float) -> NDArray[np.int64]:
     return np.asarray(cube[(cube**2).sum(axis=1) <= radius * radius * (1 + 1e-12)])
 
 
-def _two(share: ArrayLike) -> NDArray[np.float64]:
+def _two(fraction: ArrayLike) -> NDArray[np.float64]:
     """Return the entropy of two basins of which one has this fraction."""
-    p = np.asarray(share, dtype=float)
+    p = np.asarray(fraction, dtype=float)
     return np.asarray(-xlogy(p, p) - xlogy(1.0 - p, 1.0 - p))
 
 

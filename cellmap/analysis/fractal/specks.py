@@ -48,7 +48,7 @@ def _pieces_of_few_cells(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(few[numbers])
 
 
-def isolated_shares(
+def isolated_fractions(
     boundary: NDArray[np.uint8], rest: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int]
 ) -> NDArray[np.float64]:
     """Return the fraction of the boxes with boundary of each size that hold none of the rest, which specks leave."""

@@ -194,13 +194,13 @@ def _expected(rows: list[NDArray[np.int64]], scales: NDArray[np.float64], uncert
     """Return how many pairs the next distance needs, as far as the last two tell."""
     if not rows:
         return _FIRST
-    shares = [max(int(r[1]), 1) / int(r[0]) for r in rows[-2:]]
+    fractions = [max(int(r[1]), 1) / int(r[0]) for r in rows[-2:]]
     ratio = scales[len(rows)] / scales[len(rows) - 1]
     fall = 0.5
-    if len(shares) == 2:
+    if len(fractions) == 2:
         before = scales[len(rows) - 1] / scales[len(rows) - 2]
-        fall = float(np.clip(np.log(shares[1] / shares[0]) / np.log(before), 0.0, 1.0))
-    return ceil(uncertain / (shares[-1] * ratio**fall))
+        fall = float(np.clip(np.log(fractions[1] / fractions[0]) / np.log(before), 0.0, 1.0))
+    return ceil(uncertain / (fractions[-1] * ratio**fall))
 
 
 def _count(

@@ -145,7 +145,7 @@ def wada_merging(
             f"radius={reach:g}: within an eighth of {shortest} cells any boundaries count as one; give a smaller "
             "radius or a larger image"
         )
-    share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
+    tolerated = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
     edges = [_merged_boundary(image, k) for k in range(len(image.names))]
     whole = np.logical_or.reduce(edges)
     distances = [_distance(edge, image.wraps) for edge in edges]
@@ -161,7 +161,7 @@ def wada_merging(
     return MergingTest(
         image.names,
         reach,
-        share,
+        tolerated,
         largest,
         median,
         apart,

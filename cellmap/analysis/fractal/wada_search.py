@@ -84,9 +84,9 @@ class WadaGrid:
     @property
     def fractions(self) -> NDArray[np.float64]:
         """Fraction of the boundary boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
-        shares = self.boxes / max(self.boundary, 1)
-        shares[:, :2] = 0.0
-        return np.asarray(shares)
+        ratios = self.boxes / max(self.boundary, 1)
+        ratios[:, :2] = 0.0
+        return np.asarray(ratios)
 
     @property
     def verdict(self) -> str:
@@ -174,7 +174,7 @@ def wada_grid(
     counted = included_labels(include)
     refinements = whole_number("refinements", refinements, at_most=24)
     max_points = whole_number("max_points", max_points)
-    share = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
+    tolerated = finite_number("tolerance", tolerance, at_least=0.0, at_most=0.5)
     states, labels = _centres(source, region, attractors, outcome, max_periods)
     image = label_image(labels, counted, states.region.wraps)
     look = _Look(states, image.names)
@@ -195,7 +195,7 @@ def wada_grid(
         np.array([image.numbers.size, *used]),
         seen.sum(axis=1).reshape(labels.shape).astype(np.int8),
         closer[-1],
-        share,
+        tolerated,
         states.region,
         states.attractors,
         Cost(time.perf_counter() - began, image.numbers.size + sum(used) + halved + sum(more)),

@@ -156,16 +156,16 @@ def basin_stability(
     labels, times = settled.labels, settled.times
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
     present = [code for code in LABEL_NAMES if (labels == code).any()]
-    shares = {}
+    sampled = {}
     for k in [*range(len(label.attractors)), *present]:
         count = int(np.count_nonzero(labels == k))
         low, high = (float(v) for v in binomial_interval(count, number, confidence, method))
         if k >= 0 and undecided:
             high = float(binomial_interval(count + undecided, number, confidence, method)[1])
-        share = count / number
-        shares[k] = SampledFraction(share, float(np.sqrt(share * (1.0 - share) / number)), low, high, count)
+        mean = count / number
+        sampled[k] = SampledFraction(mean, float(np.sqrt(mean * (1.0 - mean) / number)), low, high, count)
     names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
-    return BasinStability(shares, names, states, labels, times, confidence)
+    return BasinStability(sampled, names, states, labels, times, confidence)
 
 
 def _drawn(distribution: object, label: Labeller, n: int, rng: Rng) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from ...maps.coordinates import Coordinate, difference, turns_of, wrap
 
 _SHRINKING = 1.0 - 0.7 * 4.0 ** -np.arange(18)  # of the best size, on each ray
 _RAYS = 16
-_TURNS = 2000  # of rays, at most: a size that falls by 300 decades takes 600
+_PASSES = 2000  # of rays, at most: a size that falls by 300 decades takes 600
 _WIDEST, COARSE, FINE = 0.5, 1e-2, 2e-6  # spread of the rays, in radians: at first, of all candidates, of the best
 _CANDIDATES = 4
 _CLOSE = 1.5  # times the distance of the nearest foreign cell, within which candidates are chosen
@@ -94,7 +94,7 @@ def shortened(fatal: Fatal, shock: NDArray[np.float64], finest: float, rng: np.r
     """Shorten a fatal shock by trying rays about it, ever closer ones."""
     spread = _WIDEST
     d = len(shock)
-    for _ in range(_TURNS):
+    for _ in range(_PASSES):
         if spread < finest:
             break
         size = float(np.linalg.norm(shock))

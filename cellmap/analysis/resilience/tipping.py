@@ -62,7 +62,7 @@ class TippingProbabilities:
 
     def __repr__(self) -> str:
         tipped = ", ".join(
-            f"{name} {share:.4g}" for name, share in zip(self.names[0], self.tipping[:, 0], strict=False)
+            f"{name} {fraction:.4g}" for name, fraction in zip(self.names[0], self.tipping[:, 0], strict=False)
         )
         return f"TippingProbabilities({int(self.counts.sum())} cells; tipped: {tipped})"
 
@@ -156,12 +156,12 @@ def tipping_probabilities(
     total = counts.sum(axis=1, keepdims=True)
     low, high = binomial_interval(counts, np.broadcast_to(total, counts.shape), confidence)
     with np.errstate(invalid="ignore"):
-        shares = counts / np.where(total > 0, total, np.nan)
+        fractions = counts / np.where(total > 0, total, np.nan)
     landed: NDArray[np.float64] | None = None
     if isinstance(before, Basins) and isinstance(after, Basins) and (point_map or after.point_map) is not None:
         landing = _landing(before, after, columns, point_map)
-        columns, shares, counts, low, high, landed = _with_landed(
-            columns, shares, counts, low, high, landing, confidence
+        columns, fractions, counts, low, high, landed = _with_landed(
+            columns, fractions, counts, low, high, landing, confidence
         )
     names = (_names_of(before, rows), _names_of(after, columns))
     mine, theirs = (tuple(k for k in numbers if k >= 0) for numbers in (rows, columns))
@@ -171,7 +171,9 @@ def tipping_probabilities(
         continuation = _overlapping(counts[: len(mine)][:, [columns.index(k) for k in theirs]], theirs)
     else:
         continuation = tuple(k if k in theirs else None for k in mine)
-    return TippingProbabilities(rows, columns, names, counts, shares, low, high, landed, continuation, way, confidence)
+    return TippingProbabilities(
+        rows, columns, names, counts, fractions, low, high, landed, continuation, way, confidence
+    )
 
 
 def _way(match: str | None, before: Any, after: Any) -> str:
@@ -239,7 +241,7 @@ def _landing(
 
 def _with_landed(
     columns: tuple[int, ...],
-    shares: NDArray[np.float64],
+    fractions: NDArray[np.float64],
     counts: NDArray[np.int64],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
@@ -248,7 +250,7 @@ def _with_landed(
 ) -> tuple[Any, ...]:
     """Add columns for labels that only points of attractors carry."""
     more = len(landing) - len(columns)
-    wide = [np.pad(a, ((0, 0), (0, more))) for a in (shares, counts, low)]
+    wide = [np.pad(a, ((0, 0), (0, more))) for a in (fractions, counts, low)]
     if more:
         upper = binomial_interval(np.zeros(len(counts)), counts.sum(axis=1), confidence)[1]
         high = np.concatenate([high, np.repeat(upper[:, None], more, axis=1)], axis=1)

@@ -137,11 +137,11 @@ def interpolated_map(
         smooth = CellTable.unexamined(grid, order, coefficients)
         indicator, rough = errors_in_cells(exact, smooth, allowed, progress, tiles)
     rough |= spoilt
-    share = float(rough.mean())
-    if share > 0.5:
+    fraction = float(rough.mean())
+    if fraction > 0.5:
         warn_caller(
-            f"{100 * share:.0f} % of the cells are fallback cells: the grid is too coarse or the map not smooth; take "
-            "more cells, or iterate the exact map itself",
+            f"{100 * fraction:.0f} % of the cells are fallback cells: the grid is too coarse or the map not smooth; "
+            "take more cells, or iterate the exact map itself",
         )
     cost = Cost(
         seconds=time.perf_counter() - began,

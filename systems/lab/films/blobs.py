@@ -19,7 +19,7 @@ _EIGHT = np.ones((3, 3), bool)
 _RIM = 4  # pixels around a labelled blob in which its blurred edge ends
 _EDGE = (0.2, 0.8)  # fractions of the contrast between which a pixel counts as partly covered
 _BLUR = 1.683  # standard deviations of a blurred edge between these fractions
-_TURNS = 3  # times that the light across a blob is looked at, each about the centre that the one before gave
+_PASSES = 3  # times that the light across a blob is looked at, each about the centre that the one before gave
 # Measured: a disc's centre errs by this over its radius, from where its edge falls on the pixels, where the optics
 # spread it by 0.8 pixels (tests/systems/lab/test_marker_centres.py),
 _PHASE_ERROR = 0.035
@@ -82,7 +82,7 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
     -------
     threshold : float
         Bright pixels are above it.
-    share : float
+    fraction : float
         Fraction of the variance that lies between the groups: 1 for two grey values, 0.64 for normal noise alone, 0.75
         for an even slope.
 
@@ -97,8 +97,8 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
 
     Examples
     --------
-    >>> threshold, share = otsu_threshold(np.array([10, 10, 10, 200, 210, 210], np.uint8))
-    >>> float(threshold), round(share, 3)
+    >>> threshold, fraction = otsu_threshold(np.array([10, 10, 10, 200, 210, 210], np.uint8))
+    >>> float(threshold), round(fraction, 3)
     (105.0, 0.999)
     >>> otsu_threshold([7, 7, 7])
     Traceback (most recent call last):
@@ -182,20 +182,20 @@ def _measure(
     apart = binary_dilation(others, _EIGHT, 2) & ~inside if others.any() else others
     y, x = np.arange(top + first, top + past), np.arange(left + begin, left + end)
     slope, slope_errors, plane = np.zeros(2), np.zeros(2), np.zeros(values.shape)
-    for turn in range(1 + _TURNS):
-        share = (values - levels) / np.maximum(plateau + plane - levels, 0.25 * contrast)
-        share[apart] = 0.0
-        cover = np.clip((share - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
+    for times in range(1 + _PASSES):
+        fraction = (values - levels) / np.maximum(plateau + plane - levels, 0.25 * contrast)
+        fraction[apart] = 0.0
+        cover = np.clip((fraction - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0.0, 1.0)
         area = float(cover.sum())
         weights = cover if weighted else inside.astype(np.float64)
         down, across, total = weights.sum(axis=1), weights.sum(axis=0), float(weights.sum())
         if total <= 0.0 or area <= 0.0:
             return None
         row, column, radius = float(down @ y) / total, float(across @ x) / total, sqrt(area / pi)
-        if turn == _TURNS:
+        if times == _PASSES:
             break
-        slope, slope_errors = slope_inside(values, share > 0.5, (row - y[0], column - x[0]), radius, noise)
-        if turn == 0:
+        slope, slope_errors = slope_inside(values, fraction > 0.5, (row - y[0], column - x[0]), radius, noise)
+        if times == 0:
             if not slope.any():
                 break
             levels, tilt = surroundings(values, near, inside, background, contrast, uneven=True)

@@ -65,7 +65,7 @@ class Search:
         choice = match(costs, lambda chosen: self._conflict(chosen, blobs))
         choice = self._sure(choice, costs)
         sights = [self._judge(m, choice[m], blobs, ratios, time) for m in range(len(places))]
-        self._share(sights, choice, blobs, places)
+        self._divide(sights, choice, blobs, places)
         self._remember(sights, places, time, frame)
         return sights
 
@@ -193,7 +193,7 @@ class Search:
             return Sight(MarkerStatus.MERGED, blob, ratio)
         return Sight(MarkerStatus.SEEN, blob, ratio)
 
-    def _share(self, sights: list[Sight], choice: Choice, blobs: list[Blob], places: list[Place]) -> None:
+    def _divide(self, sights: list[Sight], choice: Choice, blobs: list[Blob], places: list[Place]) -> None:
         """Flag blobs in which two markers are foreseen: which one is in front is not known."""
         for marker, memory in enumerate(self.memories):
             if choice[marker] >= 0 or (memory.steps > 0 and memory.time == memory.seen):

@@ -218,8 +218,8 @@ def _rod(picture: Picture, a: NDArray[np.float64], b: NDArray[np.float64], width
     along, squared = b - a, float(((b - a) ** 2).sum())
     columns = np.arange(box[1].start, box[1].stop, dtype=np.float32) - a[0]
     rows = (np.arange(box[0].start, box[0].stop, dtype=np.float32) - a[1])[:, None]
-    share = np.clip((columns * along[0] + rows * along[1]) / max(squared, 1e-12), 0.0, 1.0)
-    away = np.hypot(columns - share * along[0], rows - share * along[1])
+    fraction = np.clip((columns * along[0] + rows * along[1]) / max(squared, 1e-12), 0.0, 1.0)
+    away = np.hypot(columns - fraction * along[0], rows - fraction * along[1])
     picture[box] += np.clip(0.5 * width + 0.5 - away, 0.0, 1.0) * (np.float32(grey) - picture[box])
 
 
@@ -247,7 +247,7 @@ def _visible(
     """Return the fraction of each disc that is in the image and behind no bar, by 812 points in it."""
     grid = np.stack(np.meshgrid(*[(np.arange(32) - 15.5) / 16.0] * 2), axis=-1).reshape(-1, 2)
     points = grid[(grid**2).sum(axis=1) < 1.0]
-    shares = np.empty(centres.shape[:2])
+    fractions = np.empty(centres.shape[:2])
     for marker, radius in enumerate(radii):
         places = centres[:, marker, None, :] + radius * points
         seen = ((places > -0.5) & (places < np.array([shape[1], shape[0]]) - 0.5)).all(axis=-1)
@@ -255,5 +255,5 @@ def _visible(
             within = (moments >= bar.start) & (moments <= bar.end)
             inside = (places > [bar.left, bar.top]) & (places < [bar.right, bar.bottom])
             seen &= ~(inside.all(axis=-1) & within[:, None])
-        shares[:, marker] = seen.mean(axis=1)
-    return shares
+        fractions[:, marker] = seen.mean(axis=1)
+    return fractions

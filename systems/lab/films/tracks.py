@@ -151,8 +151,8 @@ class Tracks:
 
     def __repr__(self) -> str:
         seen = (self.status == MarkerStatus.SEEN).sum(axis=0)
-        shares = ", ".join(f"{count:,}" for count in seen)
-        return f"Tracks({len(self.times):,} frames, {self.status.shape[1]} markers seen whole in {shares} of them)"
+        fractions = ", ".join(f"{count:,}" for count in seen)
+        return f"Tracks({len(self.times):,} frames, {self.status.shape[1]} markers seen whole in {fractions} of them)"
 
     @property
     def gaps(self) -> list[Gap]:

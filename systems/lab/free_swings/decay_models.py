@@ -201,17 +201,17 @@ def _rates(a: NDArray[np.float64], w: float, names: Iterable[str]) -> dict[str, 
     """Loss of amplitude per time for coefficients of 1, of some names."""
     m = np.sin(0.5 * a) ** 2
     k, turning = ellipk(m), np.sin(a)
-    share = k * turning
+    fraction = k * turning
     found = {}
     for name in names:
         if name == "damping":
             lost = np.where(a > 1e-3, ellipe(m) - (1.0 - m) * k, np.pi / 4.0 * m * (1.0 + m / 8.0))
-            found[name] = 4.0 * lost / share
+            found[name] = 4.0 * lost / fraction
         elif name == "friction":
-            found[name] = a / (w * share)
+            found[name] = a / (w * fraction)
         else:
             cubic = np.where(a > 1e-2, turning - a * np.cos(a), a**3 / 3.0 * (1.0 - a * a / 10.0))
-            found[name] = 2.0 * w * cubic / share
+            found[name] = 2.0 * w * cubic / fraction
     return found
 
 

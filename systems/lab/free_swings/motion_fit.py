@@ -89,9 +89,9 @@ class MotionFit:
         """Return an interval for one of the estimates (Student's distribution)."""
         if name not in self.estimates:
             raise ValueError(f"name={name!r}: the estimates are {', '.join(self.estimates)}")
-        share = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
+        fraction = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         freedom = int(np.isfinite(self.measured).sum()) - len(self.estimates)
-        reach = float(stdtrit(freedom, 0.5 + 0.5 * share)) * self.standard_errors[name]
+        reach = float(stdtrit(freedom, 0.5 + 0.5 * fraction)) * self.standard_errors[name]
         low = self.estimates[name] - reach
         return max(low, 0.0) if name in self.at_bound else low, self.estimates[name] + reach
 
@@ -210,13 +210,13 @@ def _past_stops(
     Where friction may stop it a half swing earlier or later, the sum of squares jumps and has many minima; the part
     before has one.
     """
-    for share in _BEFORE:
+    for fraction in _BEFORE:
         path = job(found.x[None])[0]
         moving = np.flatnonzero((np.diff(path, axis=0) != 0.0).any(axis=1))
         if not moving.size or moving[-1] + 2 >= len(path):  # it never rests
             break
         last, begun = job.times[moving[-1] + 1], job.times[0]
-        part = job.until(share * float((last - begun) / (job.times[-1] - begun)))
+        part = job.until(fraction * float((last - begun) / (job.times[-1] - begun)))
         if part.seen.sum() >= 5 * found.x.size and part.swings >= 1.0:
             again = _least_squares(job, _least_squares(part, found.x, low, high, fine=True).x, low, high, fine=True)
             found = min(found, again, key=lambda f: float(f.cost))

@@ -45,8 +45,8 @@ class QuadraticDecay:
     def half_widths(self, confidence: float = 0.95) -> NDArray[np.float64]:
         """Return half the widths of the intervals of a, b and c (Student's distribution)."""
         freedom = len(self.envelope.times) - 3
-        share = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
-        return float(stdtrit(freedom, 0.5 + 0.5 * share)) * self.standard_errors
+        fraction = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
+        return float(stdtrit(freedom, 0.5 + 0.5 * fraction)) * self.standard_errors
 
     @property
     def curvature(self) -> float:

@@ -19,9 +19,9 @@ _STEP = 1e-4  # of a difference quotient, relative to the size of what changes
 _FINE = 100  # samples of a swing between which a spline is as good as the motion, for any measurement
 _WIDE = 100.0  # factor by which a period that is fitted may differ from its first guess
 _FINER = 8  # samples between two measured ones, at most
-_SHARE = 0.2  # of the widest swing, what counts as one
+_SWING_FRACTION = 0.2  # of the widest swing, what counts as one
 _CLEAR = 4.0  # standard deviations of the noise, but no more than
-_CLEAR_SHARE = 0.5  # of the widest swing of all
+_CLEAR_FRACTION = 0.5  # of the widest swing of all
 _NEIGHBOURS = 13  # that tell noise from a motion with few samples in a swing
 
 
@@ -77,7 +77,7 @@ class Simulation:
         for column, least in zip(self.measured.T, self.clear.tolist(), strict=True):
             values = column[np.isfinite(column)]
             values = values - np.median(values) if values.size else values
-            clear = values[np.abs(values) > max(_SHARE * np.abs(values).max(initial=0.0), least)]
+            clear = values[np.abs(values) > max(_SWING_FRACTION * np.abs(values).max(initial=0.0), least)]
             crossings.append(np.count_nonzero(np.diff(np.signbit(clear))))
         return 0.5 * max(crossings)
 
@@ -181,4 +181,4 @@ def clear_of_noise(times: NDArray[np.float64], measured: NDArray[np.float64]) ->
     """
     noise = np.nan_to_num([noise_level(times, column, _NEIGHBOURS) for column in measured.T])
     widest = np.nanmax(np.abs(measured - np.nanmedian(measured, axis=0)), axis=0)
-    return np.minimum(_CLEAR * noise, _CLEAR_SHARE * widest)
+    return np.minimum(_CLEAR * noise, _CLEAR_FRACTION * widest)

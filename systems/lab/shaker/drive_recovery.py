@@ -187,11 +187,11 @@ def _described(
     lengths = np.hypot(cosines, sines)
     weights = (order * lengths) ** 2
     # What a harmonic tells about the frequency suffers from the noise at that harmonic.
-    shares = np.concatenate(
+    fractions = np.concatenate(
         [np.full(trends, factors[0]), np.repeat(factors[1:], 2), [weights @ factors[1:] / weights.sum()]]
     )
     inverse = np.linalg.inv(fit.gram)
-    root = np.sqrt(shares)
+    root = np.sqrt(fractions)
     covariance = fit.variance * inverse @ (fit.gram * np.outer(root, root)) @ inverse
 
     heights = lengths / (order * rate) ** 2

@@ -227,9 +227,9 @@ def periodogram(record: Record, values: Array) -> Spectrum:
     else:
         places = (record.times - record.times[0]) / spacing
         below = places.astype(int)
-        share = places - below
-        row = np.bincount(below, weights=values * (1.0 - share), minlength=count + 1)
-        row += np.bincount(below + 1, weights=values * share, minlength=count + 1)[: len(row)]
+        fraction = places - below
+        row = np.bincount(below, weights=values * (1.0 - fraction), minlength=count + 1)
+        row += np.bincount(below + 1, weights=values * fraction, minlength=count + 1)[: len(row)]
     power = np.abs(fft.rfft(row, length)) ** 2 / len(values)
     step = 1.0 / (length * spacing)
     power = power[: int(record.nyquist / step) + 1]

@@ -154,8 +154,8 @@ def displacement_error(
     _fit_together(peak_to_peak_volts=volts, frequency=rate, volts_error=volts_spread, frequency_error=rate_spread)
     calibration = finite_number("volts_per_g_error", volts_per_g_error, at_least=0.0)
     per_volt = 0.5 * _acceleration_per_volt(volts_per_g, standard_gravity) / (2.0 * pi * rate) ** 2
-    shares = np.hypot(2.0 * rate_spread / rate, calibration / volts_per_g)
-    return _plain(per_volt * np.hypot(volts_spread, volts * shares))
+    fractions = np.hypot(2.0 * rate_spread / rate, calibration / volts_per_g)
+    return _plain(per_volt * np.hypot(volts_spread, volts * fractions))
 
 
 def acceleration_from_volts(
