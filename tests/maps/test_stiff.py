@@ -16,7 +16,7 @@ from tests.reference.stiff import CASES, Case
 
 
 def system_of(case: Case) -> ForcedSystem:
-    names = [f"x{j}" for j in range(len(case.start))]
+    names = [f"x{j}" for j in range(len(case.initial_condition))]
     return ForcedSystem(case.rhs, case.params, case.period, names)
 
 
@@ -25,7 +25,7 @@ def system_of(case: Case) -> ForcedSystem:
 def test_stiff_systems_meet_their_tolerance(name: str, tolerance: float) -> None:
     case = CASES[name]
     strobe = stroboscopic_map(system_of(case), rtol=tolerance, atol=tolerance * 1e-3)
-    orbit = strobe.iterate(case.start, 1)
+    orbit = strobe.iterate(case.initial_condition, 1)
     assert orbit.status == Status.OK
     assert orbit.points == pytest.approx(case.image, rel=2.0 * tolerance, abs=2e-3 * tolerance)
 

@@ -39,7 +39,7 @@ class Case(NamedTuple):
     rhs: Callable[..., tuple[float, ...]]
     params: dict[str, float]
     period: float
-    ic: tuple[float, ...]
+    initial_condition: tuple[float, ...]
     image: tuple[float, ...]
 
 
@@ -70,7 +70,7 @@ def image(case: Case) -> tuple[float, ...]:
     """Return the state after a period."""
     p = SimpleNamespace(**case.params)
     solution = solve_ivp(
-        lambda t, x: case.rhs(t, x, p), (0.0, case.period), case.start, "Radau", rtol=1e-12, atol=1e-14
+        lambda t, x: case.rhs(t, x, p), (0.0, case.period), case.initial_condition, "Radau", rtol=1e-12, atol=1e-14
     )
     return tuple(solution.y[:, -1].tolist())
 
