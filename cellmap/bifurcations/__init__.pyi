@@ -8,6 +8,9 @@ from .branch import Bifurcation as Bifurcation
 from .branch import Branch as Branch
 from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
+from .circle_branches import CircleBranch as CircleBranch
+from .circle_branches import CircleStatus as CircleStatus
+from .circle_branches import continue_circle as continue_circle
 from .codimension_two import CodimensionTwo as CodimensionTwo
 from .coexistence import AtlasKind as AtlasKind
 from .connecting_branches import ConnectionBranch as ConnectionBranch
@@ -35,3 +38,5 @@ from .normal_forms import normal_form as normal_form
 from .orbit_continuation import continue_orbit as continue_orbit
 from .orbit_continuation import switch_branch as switch_branch
 from .stability_curves import BoundaryCurve as BoundaryCurve
+from .tongues import ArnoldTongue as ArnoldTongue
+from .tongues import arnold_tongue as arnold_tongue

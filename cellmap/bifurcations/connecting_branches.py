@@ -297,8 +297,7 @@ def _traced(
     """Return the places on one side of a curve, those at which a test function changes its sign, and why it ends."""
     low, high = limits
     places, zeros, end = [begin], list[SolutionPoint](), "no convergence"
-    none = np.zeros(len(begin.unknowns))
-    first = len(begin.unknowns) - len(low)
+    none, first = np.zeros(len(begin.unknowns)), len(begin.unknowns) - len(low)
     with progress_bar(most, label) as tick:
         for part in continuation_steps(problem, begin, longest, np.zeros(len(none), bool)):
             there = part.end.unknowns[first:]
@@ -322,13 +321,12 @@ def _traced(
 
 
 def _tangency(exact: PointMap, problem: ConnectingProblem, fold: SolutionPoint, parameter: str) -> Tangency:
-    """Return the tangency at a fold; the second derivative along the branch tells on which side the orbits are."""
-    n = problem.points * problem.dimension
+    """Return the tangency at a fold; a point of the branch beside it tells on which side the orbits are."""
     value = float(fold.unknowns[-1] * problem.scale[-1])
     ahead = corrected(problem, fold.unknowns + _BESIDE * fold.tangent, fold.tangent)
     gains = ahead is not None and bool(ahead.unknowns[-1] > fold.unknowns[-1])
     here = exact.with_params(**{parameter: value})
-    return Tangency(value, orbit_at(here, problem, fold.unknowns[:n], problem.angle(fold.unknowns)), gains)
+    return Tangency(value, orbit_at(here, problem, fold.unknowns[:-1], problem.angle(fold.unknowns)), gains)
 
 
 def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from ..basins.record import Basins
 from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Branch
+from ..bifurcations.circle_branches import CircleBranch
 from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.diagram import BifurcationDiagram
@@ -37,7 +38,7 @@ def to_xarray(result: Any) -> Any:
     Parameters
     ----------
     result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, AttractorAtlas, ExponentField, \
-Branch, BifurcationCurve, ConnectionBranch or TangencyCurve
+Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
         What is to be converted.
 
     Returns
@@ -221,16 +222,18 @@ def _(result: StabilityMap) -> Any:
 
 @_converted.register(Branch)
 @_converted.register(BifurcationCurve)
+@_converted.register(CircleBranch)
 @_converted.register(ConnectionBranch)
 @_converted.register(TangencyCurve)
-def _(result: Branch | BifurcationCurve | ConnectionBranch | TangencyCurve) -> Any:
+def _(result: Branch | BifurcationCurve | CircleBranch | ConnectionBranch | TangencyCurve) -> Any:
     columns = columns_of(result)
     names = variable_names(columns)
     variables = {
         name: ("point", np.asarray(values, object if isinstance(values, list) else None))
         for name, values in zip(names, columns.values(), strict=True)
     }
-    return xarray_package().Dataset(variables, attrs=about(result, type(result).__name__, ends=", ".join(result.ends)))
+    ends = {} if isinstance(result, CircleBranch) else {"ends": ", ".join(result.ends)}
+    return xarray_package().Dataset(variables, attrs=about(result, type(result).__name__, **ends))
 
 
 @_converted.register

@@ -12,6 +12,7 @@ from ..basins.record import Basins
 from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch
+from ..bifurcations.circle_branches import CircleBranch, circle_columns
 from ..bifurcations.coexistence import AtlasKind
 from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.diagram import BifurcationDiagram
@@ -28,7 +29,7 @@ def to_dataframe(result: Any) -> Any:
     Parameters
     ----------
     result : Basins, sequence of Attractor, Branch, BifurcationCurve, sequence of Bifurcation, BifurcationDiagram, \
-AttractorAtlas, ConnectionBranch or TangencyCurve
+AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
         Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them, in an
         atlas with their parameters; a branch or curve one for each of its points; a diagram one for each recorded
         point.
@@ -73,6 +74,8 @@ def columns_of(result: Any) -> dict[str, Any]:
         return _branch_columns(result)
     if isinstance(result, BifurcationCurve):
         return _curve_columns(result)
+    if isinstance(result, CircleBranch):
+        return circle_columns(result)
     if isinstance(result, ConnectionBranch):
         return {result.parameter: result.values, "angle": result.angles}
     if isinstance(result, TangencyCurve):
@@ -88,7 +91,7 @@ def columns_of(result: Any) -> dict[str, Any]:
             return _bifurcation_columns(result)
     raise TypeError(
         f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
-        "a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or of Bifurcation"
+        "a CircleBranch, a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or of Bifurcation"
     )
 
 

@@ -62,6 +62,14 @@ def interpolated() -> cellmap.Basins:
 
 
 @cache
+def delayed_logistic() -> Any:
+    """Return a map with an invariant circle."""
+    return cellmap.discrete_map(
+        lambda x, p: (p.a * x[0] * (1 - x[1]) + p.e * x[0] ** 2, x[0]), {"a": 2.18, "e": 0.0}, ("x", "y"), "delayed"
+    )
+
+
+@cache
 def outer_saddle() -> tuple[Any, Any]:
     """Return a map with homoclinic orbits, and their saddle."""
     turned = cellmap.discrete_map(
@@ -212,6 +220,15 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
         **{"parameters": ("a", "b"), "first": (1.3, 1.4), "second": (-0.35, -0.25), "max_points": 4},
     },
     "save_auto": lambda: {"result": sample("Branch"), "path": "b.branch"},
+    "continue_circle": lambda: {
+        **{"point_map": delayed_logistic(), "parameter": "a", "values": (2.02, 2.03), "initial_condition": (0.5, 0.4)},
+        **{"transient": 500},
+    },
+    "arnold_tongue": lambda: {
+        **{"point_map": delayed_logistic(), "rotations": 1, "period": 7, "parameters": ("a", "e")},
+        **{"first": (2.15, 2.22), "second": (-0.01, 0.01), "initial_condition": (0.5, 0.4)},
+        **{"transient": 3000, "periods": 400, "max_points": 4},
+    },
     "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "max_period": 2},
     "AttractorAtlas.fraction": lambda: {"family": 0},
     "plot_attractor_atlas": lambda: {"show": "number"},

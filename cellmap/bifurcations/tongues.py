@@ -1,0 +1,254 @@
+"""Arnold tongues: regions of two parameters in which a rotation number is locked, between two fold curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import gcd
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.checks import finite_number, known_parameter, shown, whole_number
+from .._lib.signatures import checked
+from ..maps.compiled_advance import recorded
+from ..maps.coordinates import state_points, turns_of
+from ..maps.orbit_batch import Orbits
+from ..maps.parameters_as_states import swept_map
+from ..maps.point_map import PointMap
+from ..orbits.invariant_circle import bump
+from ..orbits.newton import closed_orbit
+from ..orbits.orbit_kinds import PeriodicOrbit
+from .bifurcation_curve import BifurcationCurve, continue_bifurcation
+from .branch import Bifurcation
+from .kinds import BifurcationKind
+from .lane_orbits import refined
+from .orbit_continuation import continue_orbit
+
+_PARTS = 64  # values between two others at which rotation numbers are compared
+_ROUNDS = 12
+_LOCKED = 1e-9  # difference of rotation numbers that counts as none
+_WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class ArnoldTongue:
+    """Arnold tongue: the rotation number is p/q between two curves of folds of orbits of period q.
+
+    Parameters
+    ----------
+    rotations, period : int
+        p and q.
+    orbit : PeriodicOrbit
+        Locked orbit inside the tongue.
+    values : tuple of float
+        Borders along the first parameter, at the second parameter of the map, in their unit.
+    left, right : BifurcationCurve
+        Curves of folds through these.
+    """
+
+    rotations: int
+    period: int
+    orbit: PeriodicOrbit
+    values: tuple[float, float]
+    left: BifurcationCurve
+    right: BifurcationCurve
+
+    @property
+    def width(self) -> float:
+        """Width along the first parameter, at the second parameter of the map."""
+        return self.values[1] - self.values[0]
+
+    def __repr__(self) -> str:
+        name = self.left.parameters[0]
+        return f"ArnoldTongue({self.rotations}/{self.period}, {name} from {self.values[0]:.9g} to {self.values[1]:.9g})"
+
+
+@checked
+def arnold_tongue(
+    point_map: PointMap,
+    rotations: int,
+    period: int,
+    parameters: tuple[str, str],
+    first: tuple[float, float],
+    second: tuple[float, float],
+    initial_condition: ArrayLike,
+    transient: int = 2000,
+    periods: int = 4000,
+    step: float = 0.02,
+    max_points: int = 400,
+) -> ArnoldTongue:
+    """Find the Arnold tongue of a rotation number and continue its borders, curves of folds of locked orbits.
+
+    At the second parameter of the map the rotation number is computed for values of the first one, and the tongue is
+    enclosed: between values with smaller and larger rotation numbers.  Its locked orbit is refined by Newton's method
+    and continued to its folds, which are continued in both parameters.  Rotation numbers are weighted Birkhoff
+    averages: of the first angle, or of the turns around the mean of the orbit in the plane of the first two
+    coordinates.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map, at a value of the second parameter at which the tongue is open.
+    rotations, period : int
+        p and q of the rotation number p/q, without common divisor.
+    parameters : tuple of str
+        Names of the two parameters.
+    first, second : tuple of float
+        Intervals of both, in their units.
+    initial_condition : array_like, shape (dimension,)
+        Initial condition of all orbits.
+    transient, periods : int, optional
+        Steps of the map that are discarded, and those over which rotation numbers are averaged.
+    step : float, optional
+        Longest step of the curves, in units in which the intervals have length 1.
+    max_points : int, optional
+        Largest number of points of each curve on either side.
+
+    Returns
+    -------
+    ArnoldTongue
+        The locked orbit and both borders.
+
+    Raises
+    ------
+    ValueError
+        For unknown parameters, p/q that are not reduced, or where no orbit with this rotation number is found: then the
+        interval does not contain the tongue, or it is narrower than a part in 1e12 of it.
+
+    References
+    ----------
+    Arnold, *Geometrical Methods in the Theory of Ordinary Differential Equations* (1983), chapter 3; Das, Saiki,
+    Sander, Yorke, Nonlinearity 30 (2017) 4111 (weighted averages).
+
+    Examples
+    --------
+    >>> from math import pi, sin
+    >>> from cellmap import angle, discrete_map
+    >>> circle = discrete_map(
+    ...     lambda x, p: (x[0] + p.omega - p.k / (2 * pi) * sin(2 * pi * x[0]),),
+    ...     {"omega": 0.5, "k": 0.8},
+    ...     (angle("x", "", 1.0, 0.0),),
+    ... )
+    >>> arnold_tongue(circle, 1, 2, ("omega", "k"), (0.4, 0.6), (0.4, 1.0), [0.1])
+    ArnoldTongue(1/2, omega from 0.4871... to 0.5128...)
+    """
+    exact = point_map.without_table
+    one, two = parameters[:2] if len(parameters) == 2 else ("", "")
+    for name in (one, two):
+        known_parameter("parameters", name, exact.params)
+    if one == two:
+        raise ValueError(f"parameters={parameters!r}: give two different parameters")
+    q, p = whole_number("period", period, at_least=1), whole_number("rotations", rotations)
+    if gcd(p, q) != 1 or p > q:
+        raise ValueError(f"rotations={p!r}, period={q!r}: give p and q without common divisor, p at most q")
+    low, high = (finite_number("first", value) for value in first)
+    if not low < high:
+        raise ValueError(f"first={shown(first)}: give an increasing pair of numbers")
+    state = state_points("initial_condition", initial_condition, exact.coordinates)
+    if state.ndim != 1:
+        raise ValueError(f"initial_condition has shape {state.shape}: give one state")
+    numbers = _Numbers(
+        exact, one, state, whole_number("transient", transient), whole_number("periods", periods, at_least=64)
+    )
+    inside, width = numbers.enclosed(p / q, low, high)
+    here = exact.with_params(**{one: inside})
+    orbit = _locked(here, numbers.end(inside), q, one)
+    branch = continue_orbit(
+        here,
+        orbit,
+        one,
+        max(low, inside - _WIDER * width),
+        min(high, inside + _WIDER * width),
+        step=0.02,
+        max_points=2000,
+    )
+    folds = branch.of_kind(BifurcationKind.FOLD)
+    sides = [f for f in folds if f.value <= inside], [f for f in folds if f.value >= inside]
+    if not all(sides):
+        raise ValueError(
+            f"first={first!r}: the borders of {p}/{q} near {one}={inside:.12g} are not both folds within the interval"
+        )
+    ends = max(sides[0], key=lambda f: f.value), min(sides[1], key=lambda f: f.value)
+
+    def curve(fold: Bifurcation) -> BifurcationCurve:
+        return continue_bifurcation(branch, fold, two, (low, high), second, step, max_points)
+
+    return ArnoldTongue(p, q, orbit, (ends[0].value, ends[1].value), curve(ends[0]), curve(ends[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """Rotation numbers for values of one parameter, in SIMD lanes."""
+
+    exact: PointMap
+    name: str
+    state: NDArray[np.float64]
+    transient: int
+    periods: int
+
+    def _orbits(self, values: NDArray[np.float64]) -> tuple[PointMap, Orbits]:
+        swept = swept_map(self.exact, self.name)
+        states = np.column_stack([np.tile(self.state, (len(values), 1)), values])
+        orbits = Orbits.starting(states)
+        swept.advance(orbits, self.transient)
+        orbits.rotations[:] = 0
+        return swept, orbits
+
+    def end(self, value: float) -> NDArray[np.float64]:
+        """Return where the orbit at a value is after the transient."""
+        return np.asarray(self._orbits(np.array([value]))[1].points[0, :-1])
+
+    def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rotation numbers (n,) at values; NaN where an orbit ends."""
+        swept, orbits = self._orbits(values)
+        before = orbits.points.copy()
+        points, rotations = [before], [orbits.rotations.copy()]
+        for places, turned, _ in recorded(swept.advance, orbits, self.periods):
+            points.extend(places)
+            rotations.extend(turned)
+        history, turns = np.array(points)[..., :-1], np.array(rotations)[..., :-1]
+        turn = turns_of(self.exact.coordinates)[1]
+        if turn.any():
+            j = int(np.argmax(turn > 0.0))
+            steps = np.diff(history[..., j], axis=0) / turn[j] + np.diff(turns[..., j], axis=0)
+        else:
+            shift = history[..., :2] - history[..., :2].mean(axis=0)
+            phase = np.arctan2(shift[..., 1], shift[..., 0]) / (2.0 * np.pi)
+            steps = np.diff(phase, axis=0) % 1.0
+        return np.asarray(bump(len(steps)) @ steps)
+
+    def enclosed(self, ratio: float, low: float, high: float) -> tuple[float, float]:
+        """Return a value at which the rotation number is locked to p/q, and the width of the interval where it is."""
+        left, right = low, high
+        for _ in range(_ROUNDS):
+            values = np.linspace(left, right, _PARTS + 1)
+            apart = self.at(values) - ratio
+            locked = np.flatnonzero(np.abs(apart) <= _LOCKED)
+            if len(locked):
+                first, last = locked[0], locked[-1]
+                inside = float(values[(first + last) // 2])
+                width = float(values[min(last + 1, _PARTS)] - values[max(first - 1, 0)])
+                return inside, max(width, 1e-12 * (high - low))
+            crossing = np.flatnonzero(apart[:-1] * apart[1:] < 0.0)
+            # Where the numbers are angles, they jump by one turn somewhere.
+            crossing = crossing[np.abs(apart[crossing + 1] - apart[crossing]) < 0.5]
+            if not len(crossing):
+                break
+            left, right = float(values[crossing[0]]), float(values[crossing[0] + 1])
+        raise ValueError(
+            f"first={(low, high)!r}: no orbit with the rotation number {ratio:.9g} is found; give another interval of "
+            f"{self.name}, or another initial condition"
+        )
+
+
+def _locked(here: PointMap, state: NDArray[np.float64], period: int, name: str) -> PeriodicOrbit:
+    """Return the periodic orbit beside a state."""
+    swept = swept_map(here, name)
+    turn = turns_of(here.coordinates)[1]
+    extent = np.where(turn > 0.0, turn, np.maximum(np.abs(state), 1e-9))
+    found, good = refined(swept, np.append(state, here.params[name])[None], np.array([period]), extent)
+    if not good[0]:
+        raise ValueError(
+            f"period={period!r}: the locked orbit is not found by Newton's method: take a longer transient"
+        )
+    return closed_orbit(here, found[0, :-1], period, extent)

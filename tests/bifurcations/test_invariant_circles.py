@@ -1,0 +1,121 @@
+"""Invariant circles over a parameter, and Arnold tongues against extrema computed by SciPy."""
+
+from __future__ import annotations
+
+from math import pi, sin
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+from cellmap import PointMap, angle, discrete_map
+from cellmap.bifurcations import CircleStatus, arnold_tongue, continue_circle
+
+
+def delayed(a: float = 2.18) -> PointMap:
+    return discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]) + p.e * x[0] ** 2, x[0]), {"a": a, "e": 0.0}, ("x", "y"))
+
+
+def circle_map(k: float) -> PointMap:
+    return discrete_map(
+        lambda x, p: (x[0] + p.omega - p.k / (2 * pi) * sin(2 * pi * x[0]),),
+        {"omega": 0.5, "k": k},
+        (angle("x", "", 1.0, 0.0),),
+    )
+
+
+def frequency(x0: float, p: int, q: int, k: float) -> float:
+    """Return omega of the orbit of the circle map through x0 with the rotation number p/q."""
+
+    def missed(omega: float) -> float:
+        x = x0
+        for _ in range(q):
+            x += omega - k / (2 * pi) * sin(2 * pi * x)
+        return x - x0 - p
+
+    return float(brentq(missed, p / q - 0.2, p / q + 0.2, xtol=1e-15))
+
+
+def borders(p: int, q: int, k: float) -> list[float]:
+    places = np.linspace(0.0, 1.0, 12 * q)
+    found = [frequency(x, p, q, k) for x in places]
+    step, ends = places[1], []
+    for sign in (1.0, -1.0):
+        x = places[int(np.argmin(sign * np.array(found)))]
+        best = minimize_scalar(
+            lambda v, s=sign: s * frequency(v, p, q, k),
+            bounds=(x - step, x + step),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+        ends.append(sign * best.fun)
+    return ends
+
+
+RATIOS = [(p, q) for q in range(2, 10) for p in range(1, q) if np.gcd(p, q) == 1]
+
+
+@pytest.mark.parametrize(
+    ("p", "q"),
+    [pytest.param(p, q, marks=[] if (p, q) in {(1, 2), (2, 5), (1, 9)} else [pytest.mark.slow]) for p, q in RATIOS],
+)
+def test_tongues_of_the_sine_circle_map(p: int, q: int) -> None:
+    window = (p / q - 0.08, p / q + 0.08)
+    tongue = arnold_tongue(circle_map(0.8), p, q, ("omega", "k"), window, (0.5, 0.95), [0.1], step=0.1)
+    np.testing.assert_allclose(tongue.values, borders(p, q, 0.8), atol=1e-12)
+    for curve, side in ((tongue.left, 0), (tongue.right, 1)):
+        ends = curve.values[[0, -1]]
+        for omega, k in ends[(ends[:, 0] > window[0] + 1e-9) & (ends[:, 0] < window[1] - 1e-9)]:
+            np.testing.assert_allclose(omega, borders(p, q, float(k))[side], atol=1e-12)
+
+
+def test_the_widest_tongue_has_a_closed_form() -> None:
+    tongue = arnold_tongue(circle_map(0.8), 0, 1, ("omega", "k"), (-0.2, 0.2), (0.5, 0.95), [0.1], step=0.1)
+    np.testing.assert_allclose(tongue.values, [-0.4 / pi, 0.4 / pi], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(tongue.left.values[:, 0]), tongue.left.values[:, 1] / (2 * pi), rtol=1e-10)
+
+
+def test_the_circle_of_the_delayed_logistic_map() -> None:
+    # Aronson, Chory, Hall, McGehee (1982): a circle is born at a = 2 with the rotation number 1/6.
+    values = np.array([2.002, 2.004, 2.05, 2.1, 2.17, 2.19, 2.25])
+    branch = continue_circle(delayed(), "a", values, [0.5, 0.4])
+    assert branch.status[:5] == (CircleStatus.SMOOTH,) * 5
+    assert branch.status[5:] == (CircleStatus.LOCKED, CircleStatus.BROKEN)
+    assert branch.loss_of_smoothness == (2.19, 2.25)
+    first, second = branch.rotation[:2]
+    assert 2.0 * first - second == pytest.approx(1.0 / 6.0, abs=2e-6)  # linear in a - 2
+    assert (np.diff(branch.rotation[:6]) < 0.0).all()
+    assert branch.period[5] == 7
+    assert branch.rotation[5] == pytest.approx(1.0 / 7.0, abs=1e-15)
+    assert (branch.invariance_errors[:5] < 1e-7).all()
+    # The mean of the turns around the mean of a long orbit, without weights.
+    x, y, places = 0.5, 0.4, []
+    for k in range(42000):
+        x, y = 2.1 * x * (1.0 - y), x
+        places += [(x, y)] if k >= 2000 else []
+    shift = np.array(places) - np.mean(places, axis=0)
+    turns = np.diff(np.arctan2(shift[:, 1], shift[:, 0]) / (2 * pi)) % 1.0
+    assert branch.rotation[3] == pytest.approx(turns.mean(), abs=3e-5)
+    # Closer to the loss of smoothness the curve is analytic on a narrower strip.
+    assert branch.decay[4] < 0.5 * branch.decay[2]
+
+
+def test_the_locking_of_the_delayed_logistic_map() -> None:
+    tongue = arnold_tongue(
+        delayed(), 1, 7, ("a", "e"), (2.1, 2.25), (-0.01, 0.01), [0.5, 0.4], transient=20_000, step=0.1
+    )
+    # Inside of the borders the orbit has period 7, just outside a smooth circle carries the motion.
+    outside = tongue.values[0] - 1e-3
+    branch = continue_circle(delayed(), "a", [outside, tongue.values[0] + 1e-3, tongue.values[1] - 1e-3], [0.5, 0.4])
+    assert branch.status[0] is CircleStatus.SMOOTH
+    assert branch.rotation[0] > 1.0 / 7.0
+    assert branch.period[1:].tolist() == [7, 7]
+
+
+def test_bad_arguments() -> None:
+    with pytest.raises(ValueError, match="without common divisor"):
+        arnold_tongue(circle_map(0.8), 2, 4, ("omega", "k"), (0.4, 0.6), (0.5, 0.9), [0.1])
+    with pytest.raises(ValueError, match="no orbit with the rotation number"):
+        arnold_tongue(circle_map(0.8), 1, 3, ("omega", "k"), (0.4, 0.6), (0.5, 0.9), [0.1])
+    with pytest.raises(ValueError, match="give one state"):
+        continue_circle(delayed(), "a", [2.1], [[0.5, 0.4]])
