@@ -133,6 +133,13 @@ def listed(name: str, value: Any) -> tuple[Any, ...]:
         raise TypeError(f"{name}={shown(value)}: give a sequence") from None
 
 
+def pair_of(name: str, value: Any, what: str = "two numbers, the ends of an interval") -> tuple[Any, Any]:
+    """Return the two entries of an argument."""
+    if not is_sequence(value) or len(value) != 2:
+        raise TypeError(f"{name}={shown(value)}: give {what}")
+    return value[0], value[1]
+
+
 def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns that was given as an argument; where it fails, say which one it was."""
     try:

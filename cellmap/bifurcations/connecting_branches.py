@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, known_parameter, shown, whole_number
+from .._lib.checks import finite_number, known_parameter, pair_of, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
@@ -18,8 +17,6 @@ from ..maps.point_map import PointMap
 from .arclength import Problem, SolutionPoint, continuation_steps, corrected
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
-
-T = TypeVar("T")
 
 _BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
 
@@ -252,13 +249,13 @@ def continue_tangency(
     ('left the intervals', 'left the intervals')
     """
     exact = tangency.orbit._point_map
-    one, two = _pair("parameters", parameters, "the names of two parameters")
+    one, two = pair_of("parameters", parameters, "the names of two parameters")
     for name in (one, two):
         known_parameter("parameters", name, exact.params)
     if one == two:
         raise ValueError(f"parameters={parameters!r}: give two different parameters")
     box = [
-        _interval(f"{label}[0]", f"{label}[1]", *_pair(label, given), exact.params[name])
+        _interval(f"{label}[0]", f"{label}[1]", *pair_of(label, given), exact.params[name])
         for label, given, name in (("first", first, one), ("second", second, two))
     ]
     longest = finite_number("step", step, above=0.0, at_most=1.0)
@@ -333,14 +330,6 @@ def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:
     """Return the points (n, d) of saddles and orbit as the equations have them."""
     d = len(orbit._scale)
     return np.asarray(orbit._unknowns.reshape(-1, d) * orbit._scale)
-
-
-def _pair(label: str, given: tuple[T, T], what: str = "two numbers, the ends of an interval") -> tuple[T, T]:
-    try:
-        low, high = given
-    except (TypeError, ValueError):
-        raise TypeError(f"{label}={shown(given)}: give {what}") from None
-    return low, high
 
 
 def _interval(below: str, above: str, lower: float, upper: float, value: float) -> tuple[float, float]:

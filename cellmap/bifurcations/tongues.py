@@ -8,7 +8,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import finite_number, known_parameter, shown, whole_number
+from .._lib.checks import finite_number, known_parameter, pair_of, shown, whole_number
 from .._lib.signatures import checked
 from ..maps.compiled_advance import recorded
 from ..maps.coordinates import state_points, turns_of
@@ -130,10 +130,10 @@ def arnold_tongue(
     ...     (angle("x", "", 1.0, 0.0),),
     ... )
     >>> arnold_tongue(circle, 1, 2, ("omega", "k"), (0.4, 0.6), (0.4, 1.0), [0.1])
-    ArnoldTongue(1/2, omega from 0.4871... to 0.5128...)
+    ArnoldTongue(1/2, omega from 0.475749661 to 0.524250339)
     """
     exact = point_map.without_table
-    one, two = parameters[:2] if len(parameters) == 2 else ("", "")
+    one, two = pair_of("parameters", parameters, "the names of two parameters")
     for name in (one, two):
         known_parameter("parameters", name, exact.params)
     if one == two:
@@ -141,7 +141,7 @@ def arnold_tongue(
     q, p = whole_number("period", period, at_least=1), whole_number("rotations", rotations)
     if gcd(p, q) != 1 or p > q:
         raise ValueError(f"rotations={p!r}, period={q!r}: give p and q without common divisor, p at most q")
-    low, high = (finite_number("first", value) for value in first)
+    low, high = (finite_number("first", value) for value in pair_of("first", first))
     if not low < high:
         raise ValueError(f"first={shown(first)}: give an increasing pair of numbers")
     state = state_points("initial_condition", initial_condition, exact.coordinates)
@@ -230,7 +230,7 @@ class _Numbers:
                 width = float(values[min(last + 1, _PARTS)] - values[max(first - 1, 0)])
                 return inside, max(width, 1e-12 * (high - low))
             crossing = np.flatnonzero(apart[:-1] * apart[1:] < 0.0)
-            # Where the numbers are angles, they jump by one turn somewhere.
+            # Rotation numbers are known up to whole numbers.
             crossing = crossing[np.abs(apart[crossing + 1] - apart[crossing]) < 0.5]
             if not len(crossing):
                 break
