@@ -28,7 +28,8 @@ export class Controls {
     const row = document.createElement("div");
     row.className = "parameter";
     const id = `value-${name ?? "phase of the section"}`;
-    const label = Object.assign(document.createElement("label"), { textContent: title, htmlFor: id });
+    const label = Object.assign(document.createElement("label"), { htmlFor: id });
+    for (const part of title.split(/(?<=_)/)) label.append(part, document.createElement("wbr")); // where long names may break
     const slider = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any" });
     slider.setAttribute("aria-label", `${title}, slider`);
     const number = Object.assign(document.createElement("input"), { type: "number", step: "any", id });

@@ -185,7 +185,7 @@ const plane = new Plane(state, {
   ask: (message) => connection.ask(message),
   set: setParameters,
   nameOf: (number) => names.get(number) ?? `attractor ${number}`,
-  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note") },
+  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), button: $("stability"), note: $("plane-note") },
 });
 
 const sweep = new Sweep(state, {

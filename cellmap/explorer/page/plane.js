@@ -31,6 +31,7 @@ export class Plane {
   make() {
     this.found = null;
     this.canvas.hidden = this.row.hidden = true;
+    this.button.disabled = Object.keys(this.state.view.params).length < 2;
   }
 
   async compute(x, y) {
