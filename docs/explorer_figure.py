@@ -1,4 +1,4 @@
-"""Picture and film of the explorer on the pages: ``python docs/explorer_figure.py``, with Chromium on this machine.
+"""Figure and film of the explorer on the pages: ``python docs/explorer_figure.py``, with Chromium on this machine.
 
 The film is what the browser has shown, in real time.
 """
@@ -38,10 +38,10 @@ SLIDE = """([label, share]) => {
 
 
 def main() -> None:
-    """Make the picture, then the film."""
+    """Make the figure, then the film."""
     with serve(load_gallery("systems.gallery"), open_page=False) as explorer, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
-        for make in (picture, film):
+        for make in (figure, film):
             page = browser.new_page(viewport=SIZE)
             page.goto(explorer.address)
             wait_for(page, COMPLETE)
@@ -56,7 +56,7 @@ def wait_for(page: Page, condition: str) -> None:
         page.wait_for_timeout(20)
 
 
-def picture(page: Page) -> None:
+def figure(page: Page) -> None:
     """Click a point, search for the saddles, draw a bifurcation diagram, and keep the screen."""
     page.select_option("#along", "amplitude")
     page.click("#saddles")
