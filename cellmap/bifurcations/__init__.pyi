@@ -6,6 +6,8 @@ from .bifurcation_curve import continue_bifurcation as continue_bifurcation
 from .bifurcation_curve import switch_curve as switch_curve
 from .branch import Bifurcation as Bifurcation
 from .branch import Branch as Branch
+from .branch_search import BranchSearch as BranchSearch
+from .branch_search import find_branches as find_branches
 from .cascade import Cascade as Cascade
 from .cascade import period_doubling_cascade as period_doubling_cascade
 from .circle_branches import CircleBranch as CircleBranch

@@ -33,6 +33,7 @@ NO_FIGURE = {
     "Axes",
     "Attractor",
     "Bifurcation",
+    "CodimensionTwo",
     "ConnectingOrbit",
     "PeriodicOrbit",
     "PointMap",

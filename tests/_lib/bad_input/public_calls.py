@@ -79,6 +79,15 @@ def outer_saddle() -> tuple[Any, Any]:
 
 
 @cache
+def doublings_of_henon() -> Any:
+    """Return a curve of period doublings with a 1:2 resonance, at a = 3 and b = -1."""
+    henon = systems.henon_map(0.2, 0.3)
+    branch = cellmap.continue_orbit(henon, cellmap.periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4, step=0.1)
+    box = {"first": (0.0, 4.0), "second": (-1.5, 0.9)}
+    return cellmap.bifurcations.continue_bifurcation(branch, branch.bifurcations[0], "b", **box, step=0.1)
+
+
+@cache
 def sample(name: str) -> Any:
     """Return a record of a class, from the function that makes them."""
     match name:
@@ -98,6 +107,10 @@ def sample(name: str) -> Any:
             return cellmap.certify(interpolated())
         case "Bifurcation":
             return sample("Branch").bifurcations[0]
+        case "BifurcationCurve":
+            return doublings_of_henon()
+        case "CodimensionTwo":
+            return doublings_of_henon().codimension_two[0]
         case "ConnectingOrbit":
             return cellmap.bifurcations.connecting_orbits(*outer_saddle(), max_steps=16, n_samples=512)[0]
         case "Tangency":
@@ -235,6 +248,10 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "stability_map": lambda: {"x": ("alpha", (0.1, 0.2, 0.3)), "y": ("beta", (0.1, 0.2, 0.3))},
     "jury_margins": lambda: {"matrix": [[0.5, 0.0], [0.1, 0.2]]},
     "continue_bifurcation": lambda: {"parameter": "s", "first": (1.3, 2.2), "second": (0.4, 0.6), "step": 0.05},
+    "switch_curve": lambda: {"first": (0.0, 4.0), "second": (-1.5, 0.9), "step": 0.2},
+    "plot_bifurcation_curves": lambda: {"curves": doublings_of_henon()},
+    "find_branches": lambda: {"parameter": "r", "lower": 1.3, "upper": 1.6, "n_values": 1, "step": 0.1},
+    "normal_form": lambda: {"point": [0.0, 0.0], "kind": cellmap.bifurcations.BifurcationKind.PITCHFORK},
     "continue_orbit": lambda: {"orbit": sample("Attractor"), "lower": 1.3, "upper": 2.3, "step": 0.05},
     "period_doubling_cascade": lambda: {"limit": 2.5, "orbit": sample("Attractor")},
     "switch_branch": lambda: {"lower": 1.3, "upper": 2.2, "step": 0.05},

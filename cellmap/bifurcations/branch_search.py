@@ -1,0 +1,222 @@
+"""All branches of periodic orbits in a window, with isolas: orbits searched for at several parameter values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number, known_parameter, whole_number
+from .._lib.signatures import checked
+from ..maps.coordinates import difference
+from ..maps.grid import CellGrid
+from ..maps.point_map import PointMap
+from ..orbits.orbit_kinds import PeriodicOrbit
+from ..orbits.periodic_search import find_periodic_orbits
+from .branch import Bifurcation, Branch
+from .kinds import BifurcationKind
+from .orbit_continuation import continue_orbit, switch_branch
+
+_OFFSET = 0.5 * (3.0 - np.sqrt(5.0))  # of values in parts of the interval, away from round numbers
+_SINGULAR = 1e-4  # distance of a multiplier from 1
+_SAME = 1e-6  # of the window, or of an angle's period
+_TWO_SIDED = {BifurcationKind.PITCHFORK, BifurcationKind.TRANSCRITICAL}
+
+
+@dataclass(frozen=True, eq=False)
+class BranchSearch:
+    """Branches of periodic orbits that pass through a window, found by a search at several parameter values.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter.
+    branches : tuple of Branch
+        The branches, each once; one whose ends are both "closed" is an isola.
+    values : ndarray, shape (n,)
+        Parameter values of the search, in the unit of the parameter.
+    orbits : ndarray, shape (n,)
+        Number of periodic orbits that the search has found at each value.
+    present : ndarray of bool, shape (branches, n)
+        Whether a branch passes each value of the search.
+    connected : ndarray of bool, shape (branches,)
+        Whether a branch was reached from another one at a bifurcation; the others were found by the search.
+    not_followed : tuple of Bifurcation
+        Bifurcations from which no further branch could be followed, though one leaves them.
+    """
+
+    parameter: str
+    branches: tuple[Branch, ...]
+    values: NDArray[np.float64]
+    orbits: NDArray[np.int64]
+    present: NDArray[np.bool_]
+    connected: NDArray[np.bool_]
+    not_followed: tuple[Bifurcation, ...]
+
+    def __repr__(self) -> str:
+        closed = len(self.isolas)
+        return (
+            f"BranchSearch({len(self.branches)} branches over {self.parameter}, {closed} of them closed, "
+            f"{int(self.orbits.sum())} orbits at {len(self.values)} values)"
+        )
+
+    @property
+    def isolas(self) -> tuple[Branch, ...]:
+        """The branches that are closed curves."""
+        return tuple(b for b in self.branches if b.ends == ("closed", "closed"))
+
+
+@checked
+def find_branches(
+    point_map: PointMap,
+    parameter: str,
+    lower: float,
+    upper: float,
+    region: CellGrid,
+    max_period: int = 1,
+    n_values: int = 9,
+    step: float = 0.01,
+    max_points: int = 1000,
+    progress: bool = False,
+) -> BranchSearch:
+    """Find the branches of periodic orbits in a window of states and an interval of a parameter, isolas included.
+
+    At several parameter values all periodic orbits in the window are searched for.  Each that is on no known branch is
+    continued, and from its bifurcations the branches that leave them.  A branch is missed if it passes none of the
+    values, as a small isola between two of them, or if the search fails at all values that it passes; one that is
+    present at a single value is a hint that others like it may have been missed.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        The map; an interpolated map makes the search faster.
+    parameter : str
+        Name of the parameter.
+    lower, upper : float
+        Interval of parameter values, in its unit.
+    region : CellGrid
+        Window and cells of the search, as for :func:`find_periodic_orbits`.
+    max_period : int, optional
+        Longest period in steps of the map.
+    n_values : int, optional
+        Number of equally spaced parameter values of the search.
+    step, max_points, progress
+        As for :func:`continue_orbit`.
+
+    Returns
+    -------
+    BranchSearch
+        The branches, and what the search has found at each value.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an unknown parameter, an empty interval, or a window that does not fit the map.
+
+    Examples
+    --------
+    A circle of fixed points, x^2 + q^2 = 1, beside a line of others, x = 3:
+
+    >>> from cellmap import CellGrid, discrete_map
+    >>> ring = discrete_map(lambda x, p: (x[0] + 0.1 * (1 - x[0]**2 - p.q**2) * (x[0] - 3),), {"q": 0.0}, ("x",))
+    >>> find_branches(ring, "q", -2.0, 2.0, CellGrid((-2.05,), (4.0,), (200,)))
+    BranchSearch(2 branches over q, 1 of them closed, ... orbits at 9 values)
+    """
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    if not low < high:
+        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
+    known_parameter("parameter", parameter, point_map.params)
+    longest, count = whole_number("max_period", max_period, at_least=1), whole_number("n_values", n_values, at_least=1)
+    values = low + (high - low) * (np.arange(count) + _OFFSET) / count
+    found = _Found(_tolerances(point_map, region), (low, high), longest, step, max_points, progress)
+    numbers = np.zeros(count, np.int64)
+    for k, value in enumerate(values.tolist()):
+        there = point_map.with_params(**{parameter: value})
+        orbits = find_periodic_orbits(there, region, longest, progress)
+        numbers[k] = len(orbits)
+        for orbit in orbits:
+            # At a bifurcation Newton's method ends anywhere near it.
+            regular = float(np.abs(orbit.multipliers - 1.0).min()) > _SINGULAR
+            if regular and not found.has(orbit, value):
+                exact = there.without_table
+                branch = continue_orbit(exact, orbit, parameter, low, high, step, max_points, progress=progress)
+                found.add(branch, connected=False)
+    branches = found.branches
+    present = [[bool(b.values.min() <= v <= b.values.max()) for v in values.tolist()] for b in branches]
+    return BranchSearch(
+        parameter=parameter,
+        branches=tuple(branches),
+        values=values,
+        orbits=numbers,
+        present=np.array(present, dtype=bool).reshape(len(branches), count),
+        connected=np.array(found.connected, dtype=bool),
+        not_followed=tuple(found.not_followed),
+    )
+
+
+def _tolerances(point_map: PointMap, region: CellGrid) -> NDArray[np.float64]:
+    """Return how near to each other points of one orbit are, at least, in each coordinate."""
+    widths = np.subtract(region.upper, region.lower)
+    periods = [c.period or np.inf for c in point_map.coordinates]
+    return np.asarray(_SAME * np.minimum(widths, periods))
+
+
+class _Found:
+    """Branches found so far, each once."""
+
+    def __init__(
+        self,
+        tolerances: NDArray[np.float64],
+        interval: tuple[float, float],
+        longest: int,
+        step: float,
+        most: int,
+        progress: bool,
+    ) -> None:
+        self.branches: list[Branch] = []
+        self.connected: list[bool] = []
+        self.not_followed: list[Bifurcation] = []
+        self._tolerances, self._interval, self._longest = tolerances, interval, longest
+        self._step, self._most, self._progress = step, most, progress
+        self._orbits: dict[tuple[int, float], tuple[PeriodicOrbit, ...]] = {}
+
+    def has(self, orbit: PeriodicOrbit, value: float) -> bool:
+        """Return whether an orbit at a parameter value is on one of the branches."""
+        for number, branch in enumerate(self.branches):
+            if branch.period % orbit.period:
+                continue
+            key = (number, value)
+            if key not in self._orbits:
+                self._orbits[key] = branch.orbits_at(value)
+            for other in self._orbits[key]:
+                apart = np.abs(difference(other.points, orbit.points[0], orbit.coordinates))
+                if (apart <= self._tolerances).all(axis=-1).any():
+                    return True
+        return False
+
+    def add(self, branch: Branch, connected: bool) -> None:
+        """Add a branch, and those that leave it at its bifurcations if they are new."""
+        self.branches.append(branch)
+        self.connected.append(connected)
+        for bifurcation, side in self._leaving(branch):
+            try:
+                further = switch_branch(
+                    branch, bifurcation, *self._interval, self._step, self._most, side, self._progress
+                )
+            except ValueError:
+                self.not_followed.append(bifurcation)
+                continue
+            value = float(0.5 * (further.values.min() + further.values.max()))
+            orbits = further.orbits_at(value)
+            if not orbits or not self.has(orbits[0], value):
+                self.add(further, connected=True)
+
+    def _leaving(self, branch: Branch) -> Iterator[tuple[Bifurcation, int]]:
+        for bifurcation in branch.bifurcations:
+            if bifurcation.kind is BifurcationKind.PERIOD_DOUBLING and 2 * branch.period <= self._longest:
+                yield bifurcation, 1
+            elif bifurcation.kind in _TWO_SIDED:
+                yield bifurcation, 1
+                yield bifurcation, -1

@@ -1,0 +1,77 @@
+"""All branches in a window: curves in closed form, isolas among them, and those of the driven pendulum."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, discrete_map, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, find_branches
+from systems import driven_pendulum, logistic_map
+
+WINDOW = CellGrid((-2.05,), (5.0,), (150,))
+
+
+def test_two_isolas_and_a_line() -> None:
+    # Fixed points on the circles x^2 + q^2 = 1 and (x - 3)^2 + (q - 0.5)^2 = 1/4, and at x = 4.5.
+    exact = discrete_map(
+        lambda x, p: (
+            x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),
+        ),
+        {"q": 0.0},
+        ("x",),
+    )
+    found = find_branches(exact, "q", -2.0, 2.0, WINDOW, step=0.03)
+    assert (len(found.branches), len(found.isolas)) == (3, 2)
+    large, small = sorted(found.isolas, key=lambda b: float(b.points.mean()))
+    np.testing.assert_allclose(large.points[:, 0] ** 2 + large.values**2, 1.0, atol=1e-11)
+    np.testing.assert_allclose((small.points[:, 0] - 3.0) ** 2 + (small.values - 0.5) ** 2, 0.25, atol=1e-11)
+    for isola, folds in ((large, [-1.0, 1.0]), (small, [0.0, 1.0])):
+        np.testing.assert_allclose(sorted(b.value for b in isola.of_kind(BifurcationKind.FOLD)), folds, atol=1e-10)
+    q = found.values
+    np.testing.assert_array_equal(found.orbits, 1 + 2 * (np.abs(q) < 1.0) + 2 * (np.abs(q - 0.5) < 0.5))
+    assert found.present.sum(axis=0).tolist() == (found.orbits // 2 + 1).tolist()
+    assert not found.connected.any()
+
+
+def test_an_isola_between_two_values_is_missed() -> None:
+    exact = discrete_map(lambda x, p: (x[0] + 0.3 * (0.01 - x[0] ** 2 - p.q**2),), {"q": 0.0}, ("x",))
+    assert find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=2).branches == ()
+    assert len(find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=9).isolas) == 1
+
+
+def test_branches_of_the_logistic_map_are_found_once() -> None:
+    """The fixed points 0 and 1 - 1/mu, in parts up to 1 and from 1 on, and the doubled orbits from 3 and 1 + sqrt 6."""
+    region = CellGrid((-0.21,), (1.2,), (300,))
+    found = find_branches(logistic_map(2.8), "mu", 0.5, 3.5, region, max_period=4)
+    assert sorted(b.period for b in found.branches) == [1, 1, 1, 2, 4]
+    assert found.connected.tolist() == [False, True, True, True, True]
+    born = [b.values.min() for b in found.branches if b.period > 1]
+    np.testing.assert_allclose(born, [3.0, 1.0 + np.sqrt(6.0)], atol=0.02)
+    assert found.not_followed == ()
+
+
+def test_branches_of_the_driven_pendulum() -> None:
+    """The hanging and the inverted state, two saddles from 2.329 mm on, and rotations both ways from 1.7318 mm on."""
+    exact = stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
+    region = CellGrid((-pi, -500), (pi, 500), (80, 80))
+    found = find_branches(exact, "amplitude", 1e-3, 6e-3, region, n_values=3, step=0.05)
+    assert len(found.branches) == 6
+    assert found.orbits.tolist() == [2, 8, 8]
+    folds = [1e3 * b.value for branch in found.branches for b in branch.of_kind(BifurcationKind.FOLD)]
+    np.testing.assert_allclose(folds, [1.731758671939] * 2, atol=1e-9)
+    assert sum(len(b.of_kind(BifurcationKind.PITCHFORK)) for b in found.branches) == 1
+    assert found.connected.sum() == 2
+
+
+def test_bad_input_is_refused() -> None:
+    exact = logistic_map(2.8)
+    region = CellGrid((0.0,), (1.0,), (10,))
+    with pytest.raises(ValueError, match="upper=1"):
+        find_branches(exact, "mu", 2.0, 1.0, region)
+    with pytest.raises(ValueError, match="parameter='nu'"):
+        find_branches(exact, "nu", 2.0, 3.0, region)
+    with pytest.raises(ValueError, match="n_values=0"):
+        find_branches(exact, "mu", 2.0, 3.0, region, n_values=0)
