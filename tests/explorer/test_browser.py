@@ -258,6 +258,8 @@ def test_the_phase_another_system_and_the_address(page: Page, browser: Browser) 
     with opened(browser, page.url) as again:
         assert again.input_value("#value-drive") == "0.55"
         assert_shown(again, basins)
+    after(page, lambda: page.evaluate("location.hash = '#schema=1&system=wells&phase=0.5&lower=1&cells=9'"))
+    assert_shown(page, find_basins(WELLS, WINDOW))
     page.evaluate("location.hash = '#schema=99&system=wells'")
     until(page, "document.getElementById('failure').textContent.includes('version 99')")
 
@@ -436,6 +438,21 @@ def test_a_click_in_the_stability_map_moves_both_parameters(page: Page) -> None:
     after(page, lambda: page.press("#plane", "ArrowLeft"))
     assert float(page.input_value("#value-a")) == pytest.approx(a - 0.01, abs=1e-4)
     assert "now a = 1.2" in str(page.get_attribute("#plane", "aria-label"))
+
+
+def test_a_drag_ends_with_its_system(page: Page) -> None:
+    """What is begun in a window of two coordinates has no meaning for a strip of one."""
+    box = page.locator("#image").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 150, box["y"] + 100)
+    page.evaluate("document.getElementById('text').value = 'x -> a*x*(1 - x)\\na = 2.5'")
+    after(page, lambda: page.evaluate("document.querySelector('#equations button').click()"))
+    page.mouse.move(box["x"] + 200, box["y"] + 120)
+    page.mouse.up()
+    assert page.locator("[data-field]").count() == 2
+    assert page.input_value("[data-field=lower-0]") == "-2"
 
 
 def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:

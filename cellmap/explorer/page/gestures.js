@@ -34,6 +34,13 @@ export class Gestures {
     this.future = [];
   }
 
+  // Begins anew with another system: what is under way belongs to the one before.
+  forget() {
+    this.past = [];
+    this.future = [];
+    this.pointers.clear();
+  }
+
   back() { this.exchange(this.past, this.future); }
   forward() { this.exchange(this.future, this.past); }
 

@@ -67,12 +67,13 @@ async function choose({ name, text, parts }, view) {
 function use(system, text, view) {
   Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
   const known = Object.entries(view?.params ?? {}).filter(([name]) => name in system.view.params);
-  state.view = { ...system.view, ...view, params: { ...system.view.params, ...Object.fromEntries(known) } };
+  const kind = (value) => [value === null, value?.length].join();
+  const fits = ([key, value]) => kind(value) === kind(system.view[key]); // an address may say anything
+  state.view = { ...system.view, ...Object.fromEntries(Object.entries(view ?? {}).filter(fits)), params: { ...system.view.params, ...Object.fromEntries(known) } };
   parts.make(system.scene);
   if (text) $("text").value = text;
   $("system").value = text ? "" : system.name;
-  gestures.past = [];
-  gestures.future = [];
+  gestures.forget();
   names.clear();
   views.clear();
   oldest = connection.number + 1;
