@@ -17,6 +17,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .chaos import chaotic_attractors
+from .continua import continua
 from .equilibria import sticking_sets
 from .examined import Examined
 from .guesses import LOOKED_AT, guesses_of
@@ -64,7 +65,7 @@ def find_attractors(
     -------
     tuple of Attractor
         Attractors in an order that does not depend on the initial conditions: fixed points, periodic, rotating,
-        sticking sets, quasi-periodic, chaotic.
+        sticking sets, continua of cycles, quasi-periodic, chaotic.
 
     Examples
     --------
@@ -152,6 +153,7 @@ def sort_out(
         fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
+            fresh = fresh or continua(point_map, orbits.points, extent, max_period, attractors)
         if not fresh:
             break
         attractors = [*attractors, *fresh]

@@ -14,7 +14,7 @@ from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
 from ..orbits.invariant_circle import InvariantCircle
 from ..orbits.invariant_torus import InvariantTorus
 
-_SAMPLED = (Kind.CHAOTIC, Kind.EQUILIBRIA, Kind.QUASIPERIODIC)  # kinds of which the points are a sample
+_SAMPLED = (Kind.CHAOTIC, Kind.EQUILIBRIA, Kind.CONTINUUM, Kind.QUASIPERIODIC)  # kinds of which the points are a sample
 
 
 def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None:

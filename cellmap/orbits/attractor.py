@@ -29,6 +29,8 @@ class Kind(StrEnum):
     """Rotating (running) solution: periodic up to full rotations of an angle, which increases or decreases for ever."""
     EQUILIBRIA = "equilibria"
     """Sticking set, a continuum of equilibria: dry friction keeps the state at each of its points."""
+    CONTINUUM = "continuum of cycles"
+    """Segment of cycles with a multiplier 1, such as one for each place at which friction holds a part of a system."""
     QUASIPERIODIC = "quasi-periodic"
     """Invariant circle or torus on which no orbit ever closes, such as a limit cycle seen by a time-T map."""
     CHAOTIC = "chaotic"
@@ -159,6 +161,9 @@ class Attractor(ShownAsHtml):
             return f"fixed point ({_place(self.points[0], self.coordinates)})"
         if self.kind is Kind.EQUILIBRIA:
             return f"equilibria around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
+        if self.kind is Kind.CONTINUUM:
+            cycles = "fixed points" if self.period == 1 else f"cycles of period {self.period}"
+            return f"continuum of {cycles} around ({_place(self.points[len(self.points) // 2], self.coordinates)})"
         if self.circle is not None:
             if np.isfinite(self.circle.cycle_period):
                 return f"limit cycle, period {self.circle.cycle_period:.6g} in time"

@@ -1,0 +1,271 @@
+"""Continua of cycles: segments of periodic points with one multiplier 1, beside which all orbits come to them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._compiled.kernels.capture import AT_REST
+from .._lib.stopping import check_stop
+from ..maps.coordinates import difference, turns_of, wrap
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap, follow
+from ..maps.tangent import tangent
+from ..orbits.attractor import Attractor, Cover, Kind
+from ..orbits.multipliers import multipliers_of
+from ..orbits.newton import resolution
+from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .tube import Tube, cover_of_tube, nearest_places
+
+_TRIED = 4  # orbits in one look
+_CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, and
+_PRECISE = 1e-10  # at which a periodic point is found, relative to the resolution
+_NEUTRAL = 1e-6  # distance of the one multiplier from 1
+_CONTRACTING = 1.0 - 1e-3  # largest other multiplier
+_STEPS = 64  # along the extent of the region
+_MOST_POINTS = 256  # of a segment
+_REFINEMENTS = 5  # halvings of a step at the ends
+_RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the extent
+_ALONG, _DIRECTIONS = 33, 24  # points and directions at which the tube is tried
+_LONGEST = 512  # steps in which distances have to be halved
+_DENSE = 1024
+_PERIODS = 16  # in which orbits near the ends have to come closer
+_SAMPLE = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A curve with two ends, in points (n, dimension); ``size`` makes distances along axes comparable."""
+
+    exact: PointMap
+    points: NDArray[np.float64]
+    size: NDArray[np.float64]
+
+    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of points (n, dimension) to the segment, inf for points that are not finite."""
+        return self.feet(points)[0]
+
+    def feet(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return distances of points, and where along the segment, in points from its begin, they are nearest."""
+        apart, where = np.full(len(points), np.inf), np.zeros(len(points))
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        nearest = nearest_places(self, points[finite])
+        for side in (-1, 1):
+            there = np.clip(nearest + side, 0, len(self.points) - 1)
+            here = self.points[nearest]
+            along = difference(self.points[there], here, self.exact.coordinates) / self.size
+            shift = difference(points[finite], here, self.exact.coordinates) / self.size
+            share = np.clip((shift * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0.0, 1.0)
+            far = np.linalg.norm(shift - share[:, None] * along, axis=1)
+            closer = far < apart[finite]
+            apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * share)[closer]
+        return apart, where
+
+    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points (radii, along, directions, dimension) at distances from points of the segment."""
+        d = self.exact.dimension
+        free = np.random.default_rng(0).standard_normal((_DIRECTIONS, d))
+        free = np.concatenate([free / np.linalg.norm(free, axis=1, keepdims=True), np.eye(d), -np.eye(d)])
+        here = self.points[np.linspace(0, len(self.points) - 1, _ALONG).round().astype(int)]
+        return np.asarray(here[:, None, :] + radii[:, None, None, None] * free * self.size)
+
+    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest of distances (radii, n)."""
+        return np.asarray(distances.max(axis=1))
+
+
+def continua(
+    point_map: PointMap,
+    states: NDArray[np.float64],
+    extent: NDArray[np.float64],
+    max_period: int,
+    known: Sequence[Attractor] = (),
+) -> list[Attractor]:
+    """Return the attracting segments of periodic points on which some orbits end, without the known ones.
+
+    Where dry friction holds one part of a system while another moves, each place at which it can be held has a cycle of
+    its own.  Such a cycle has one multiplier 1, and the others inside the unit circle.  The segment of its neighbours
+    is followed along the neutral direction, until there are no more or they leave the region.  A tube around it is a
+    trapping region if the distance of all points tried on its surface is halved in some steps, and what they move along
+    the segment meanwhile is less than what the tube leaves out at its ends.
+    """
+    exact = point_map.without_table
+    found: list[Attractor] = []
+    for place in states[((np.arange(_TRIED) + 0.5) / _TRIED * len(states)).astype(int)]:
+        covers = [a.cover for a in [*known, *found] if a.kind is Kind.CONTINUUM and a.cover is not None]
+        if any(inside_cover(cover, place[None], exact)[0] for cover in covers):
+            continue
+        period = _period(exact, place, extent, max_period)
+        attractor = _explored(exact, place, period, extent) if period else None
+        if attractor is not None:
+            found.append(attractor)
+    return found
+
+
+def _period(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64], max_period: int) -> int:
+    """Return the number of steps after which an orbit is where it was; 0 for none."""
+    orbit = Orbits.starting(place[None].copy())
+    for q in range(1, max_period + 1):
+        check_stop()
+        exact.advance(orbit, 1)
+        apart = np.abs(difference(orbit.points[0], place, exact.coordinates))
+        if (apart <= _CLOSED * resolution(place, extent)).all():
+            return q
+    return 0
+
+
+def _periodic(
+    exact: PointMap, guess: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the periodic point nearest to a guess, by Gauss and Newton's method, and its derivative; None if none."""
+    point = guess
+    for _ in range(8):
+        image, matrix = tangent(exact, point, period)
+        residual = difference(image, point, exact.coordinates) / extent
+        scaled = matrix * (extent / extent[:, None])
+        if not (np.isfinite(residual).all() and np.isfinite(scaled).all()):
+            return None
+        if (np.abs(residual) * extent <= _PRECISE * resolution(point, extent)).all():
+            multipliers = multipliers_of(scaled)
+            neutral = abs(multipliers[0] - 1.0) <= _NEUTRAL and (np.abs(multipliers[1:]) < _CONTRACTING).all()
+            return (point, scaled) if neutral else None
+        steps = np.linalg.pinv(np.eye(len(point)) - scaled, rcond=1e-5) @ residual
+        point = wrap(point + steps * extent, exact.coordinates)
+    return None
+
+
+def _traced(
+    exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the periodic points beside one of them, in their order, and its derivative; None if it is alone."""
+    first = _periodic(exact, place, period, extent)
+    if first is None:
+        return None
+    ahead = np.linalg.svd(np.eye(len(place)) - first[1])[2][-1]
+    halves = []
+    for sign in (-1.0, 1.0):
+        direction, point, length, half = sign * ahead, first[0], 1.0 / _STEPS, []
+        smallest = length * 0.5**_REFINEMENTS
+        while length >= smallest and len(half) < _MOST_POINTS:
+            check_stop()
+            guess = wrap(point + length * direction * extent, exact.coordinates)
+            found = _periodic(exact, guess, period, extent)
+            shift = np.zeros_like(point) if found is None else difference(found[0], point, exact.coordinates) / extent
+            away = difference(guess if found is None else found[0], first[0], exact.coordinates) / extent
+            if np.abs(away).max() > 1.0:
+                break
+            if found is None or not 0.5 * length <= np.linalg.norm(shift) <= 2.0 * length:
+                length *= 0.5
+                continue
+            point, direction = found[0], shift / np.linalg.norm(shift)
+            half.append(point)
+        halves.append(half)
+    points = np.array([*halves[0][::-1], first[0], *halves[1]])
+    return (points, first[1]) if len(points) > 8 else None
+
+
+def _explored(
+    exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
+) -> Attractor | None:
+    traced = _traced(exact, place, period, extent)
+    if traced is None:
+        return None
+    points, matrix = traced
+    segments = [Segment(exact, _dense(points, exact, extent), extent)]
+    for _ in range(period - 1):
+        images = follow(exact, segments[-1].points, 1).points
+        segments.append(Segment(exact, images, extent))
+    covers = [_cover(segment, period) for segment in segments]
+    if any(cover is None for cover in covers):
+        return None
+    cover = _joined([c for c in covers if c is not None], segments)
+    image = follow(exact, points[len(points) // 2], period)
+    multipliers = multipliers_of(matrix)
+    with np.errstate(divide="ignore"):
+        exponents = np.log(np.abs(multipliers)) / period
+    kept = np.linspace(0, _DENSE - 1, max(_SAMPLE // period, 2)).round().astype(int)
+    sample = np.concatenate([segment.points[kept] for segment in segments])
+    rotations = tuple(image.rotations.tolist())
+    return Attractor(
+        Kind.CONTINUUM, period, sample, rotations, multipliers, exponents, exact.coordinates, cover=cover
+    )  # fmt: skip
+
+
+def _dense(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return many points along straight lines between some, at equal distances."""
+    steps = difference(points[1:], points[:-1], exact.coordinates)
+    path = np.concatenate([points[:1], points[0] + np.cumsum(steps, axis=0)])
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps / extent, axis=1))])
+    where = np.linspace(0.0, length[-1], _DENSE)
+    return wrap(np.stack([np.interp(where, length, column) for column in path.T], axis=-1), exact.coordinates)
+
+
+def _cover(segment: Segment, period: int) -> Cover | None:
+    """Return the boxes of the widest tube around a segment that is seen to contract, but for its ends."""
+    exact = segment.exact
+    unit = float(np.linalg.norm(difference(segment.points[1], segment.points[0], exact.coordinates) / segment.size))
+    for radius in _RADII:
+        begin = wrap(segment.surface(np.array([radius])).reshape(-1, exact.dimension), exact.coordinates)
+        orbits, made = Orbits.starting(begin.copy()), 0
+        steps = period
+        while steps <= _LONGEST:
+            check_stop()
+            exact.advance(orbits, steps - made)
+            made = steps
+            apart, after = segment.feet(orbits.points)
+            before = segment.feet(begin)[1]
+            # Points beside the ends may leave; all of those between them have to come closer.
+            moved = np.abs(after - before).reshape(_ALONG, -1)
+            halved = (apart <= 0.5 * radius).reshape(_ALONG, -1).all(axis=1)
+            inner = np.flatnonzero(halved)
+            if len(inner) > _ALONG // 2 and halved[inner[0] : inner[-1] + 1].all():
+                each = (_DENSE - 1) / (_ALONG - 1)
+                margin = int(np.ceil(4.0 * moved[inner].max() + 2.0 * radius / unit))
+                low, high = int(np.ceil(inner[0] * each)) + margin, int(inner[-1] * each) - margin
+                if high - low > _DENSE // 2:
+                    shorter = Segment(exact, segment.points[low : high + 1], segment.size)
+                    return cover_of_tube(shorter, Tube(radius, steps, 0.5))
+            steps *= 2
+    return None
+
+
+def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
+    """Put covers together, in boxes of the first; with boxes at the ends of a single segment, see :func:`_drawn`."""
+    first, exact = covers[0], segments[0].exact
+    centres = np.concatenate([c.lower + (c.boxes + 0.5) * c.widths for c in covers])
+    boxes = np.unique(boxes_of(centres, first.lower, first.widths, exact), axis=0)
+    if len(segments) > 1:
+        return Cover(first.lower, first.widths, boxes, np.ones(len(boxes), bool))
+    known = Cover(first.lower, first.widths, boxes)
+    points = segments[0].points
+    around = boxes_around(first.widths, turns_of(exact.coordinates)[1])
+    ends = np.unique(
+        boxes_of(points[~inside_cover(known, points, exact)], first.lower, first.widths, exact), axis=0
+    )  # fmt: skip
+    beside = np.array(list(itertools.product((-1, 0, 1), repeat=exact.dimension)))
+    further = moved_boxes(ends, beside, around)
+    further = further[
+        ~inside_cover(known, wrap(first.lower + (further + 0.5) * first.widths, exact.coordinates), exact)
+    ]
+    both = np.concatenate([boxes, further])
+    certain = np.concatenate([np.ones(len(boxes), bool), _drawn(segments[0], first, further)])
+    order = np.lexsort(both.T[::-1])
+    return Cover(first.lower, first.widths, both[order], certain[order])
+
+
+def _drawn(segment: Segment, cover: Cover, boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell in which boxes centre and corners rest, or come closer to the segment."""
+    exact, d = segment.exact, segment.exact.dimension
+    corners = np.array([(0.5,) * d, *itertools.product((0.0, 1.0), repeat=d)])
+    begin = wrap(
+        (cover.lower + (boxes[:, None, :] + corners) * cover.widths).reshape(-1, d), exact.coordinates
+    )  # fmt: skip
+    once, later = follow(exact, begin, 1).points, follow(exact, begin, _PERIODS).points
+    moved = np.abs(difference(once, begin, exact.coordinates))
+    rests = (moved <= AT_REST * resolution(begin, segment.size)).all(axis=-1)
+    far, near = segment.distances(begin), segment.distances(later)
+    return np.asarray((rests | (near < far)).reshape(len(boxes), -1).all(axis=1))

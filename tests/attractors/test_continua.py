@@ -1,0 +1,131 @@
+"""Continua of cycles: segments in closed form, what is none, and files."""
+
+from __future__ import annotations
+
+from math import cos, pi
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, ForcedSystem, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors.continua import continua
+from cellmap.attractors.labels import Label
+from cellmap.basins import load_basins, save_basins
+from cellmap.orbits import Kind
+
+
+def held_beside_a_moving_mass(t, x, p, s):
+    """A block with dry friction on a spring, and on it, by a spring, a mass that is driven and damped."""
+    a, va, b, vb = x
+    spring = b - a
+    return va, 0.3 * spring - p.k * a - p.limit * s[0], vb, -spring - 0.4 * vb + p.force * cos(t)
+
+
+HELD = ForcedSystem(
+    held_beside_a_moving_mass,
+    {"limit": 1.0, "force": 0.3, "k": 1.0},
+    2 * pi,
+    ("a", "va", "b", "vb"),
+    switches=lambda t, x, p: (x[1],),
+)
+SQUARE = CellGrid((-1, -1), (1, 1), (12, 12))
+
+
+@pytest.fixture(scope="module")
+def held():
+    return find_basins(stroboscopic_map(HELD), CellGrid((-1, -0.5, -1, -0.5), (1, 0.5, 1, 0.5), (5, 2, 4, 2)))
+
+
+def test_places_at_which_friction_holds_a_block(held):
+    """The mass swings with the amplitude 0.3/0.4 of resonance, b - a = 0.75 sin t.
+
+    Its spring pulls with 0.225 at most, so that the block is held where its own spring pulls with 0.775 or less.
+    """
+    (attractor,) = held.attractors
+    assert attractor.kind is Kind.CONTINUUM and attractor.period == 1
+    a, va, b, vb = attractor.points.T
+    assert a.max() == pytest.approx(0.775, abs=2e-3) and a.min() == pytest.approx(-0.775, abs=2e-3)
+    assert np.abs(a).max() < 0.775
+    assert b == pytest.approx(a, abs=1e-8)
+    assert vb == pytest.approx(0.75, abs=1e-8)
+    assert np.abs(va).max() < 1e-15
+    # Of the block at rest 1 and 0, of the mass exp(2 pi (-0.2 +- i sqrt(0.96))).
+    assert attractor.multipliers[0] == pytest.approx(1.0, abs=1e-9)
+    assert np.abs(attractor.multipliers[1:3]) == pytest.approx(np.exp(-0.4 * pi), abs=1e-9)
+    assert attractor.multipliers[3] == pytest.approx(0.0, abs=1e-9)
+    assert attractor.name.startswith("continuum of fixed points around")
+
+
+def test_labels_are_those_of_long_orbits(held):
+    """Nearly all are decided; 500 periods later orbits are on the segment, or creep towards its ends from outside."""
+    assert (held.labels == 0).mean() > 0.98
+    points = held.grid.centres().reshape(-1, 4)[held.labels.ravel() == 0]
+    a, va, b, vb = held.point_map.iterate(points, 500).points.T
+    assert np.abs(a).max() < 0.785
+    assert np.abs(b - a).max() < 0.02 and np.abs(vb - 0.75).max() < 0.02 and np.abs(va).max() < 1e-3
+
+
+def test_files(held, tmp_path):
+    save_basins(held, tmp_path / "held.h5")
+    again = load_basins(tmp_path / "held.h5")
+    assert again.attractors[0].kind is Kind.CONTINUUM
+    assert again.attractors[0].name == held.attractors[0].name
+    assert (again.labels == held.labels).all()
+
+
+def test_a_slanted_line_of_fixed_points():
+    """(x, y) -> (x, y/2 + 0.3 x): y = 0.6 x."""
+    line = discrete_map(lambda x, p: (x[0], 0.5 * x[1] + 0.3 * x[0]), {}, ("x", "y"))
+    basins = find_basins(line, SQUARE)
+    (attractor,) = basins.attractors
+    assert (basins.labels == 0).all()
+    assert attractor.points[:, 1] == pytest.approx(0.6 * attractor.points[:, 0], abs=1e-9)
+    assert attractor.exponents == pytest.approx([0.0, np.log(0.5)], abs=1e-9)
+
+
+def test_cycles_of_period_two():
+    """(x, y) -> (-x, y/2 + 0.3 x): pairs of points on y = -0.2 x."""
+    flips = discrete_map(lambda x, p: (-x[0], 0.5 * x[1] + 0.3 * x[0]), {}, ("x", "y"))
+    basins = find_basins(flips, SQUARE)
+    (attractor,) = basins.attractors
+    assert (attractor.kind, attractor.period) == (Kind.CONTINUUM, 2)
+    assert (basins.labels == 0).all()
+    assert attractor.points[:, 1] == pytest.approx(-0.2 * attractor.points[:, 0], abs=1e-9)
+
+
+def test_a_segment_ends_where_it_stops_attracting():
+    """The multiplier across y = x is 1/2 + x^2."""
+    bounded = discrete_map(lambda x, p: (x[0], x[0] + (0.5 + x[0] ** 2) * (x[1] - x[0])), {}, ("x", "y"))
+    (attractor,) = find_attractors(bounded, SQUARE.centres())
+    assert np.abs(attractor.points).max() == pytest.approx(np.sqrt(0.499), abs=1e-3)
+    inside = find_basins(bounded, SQUARE).labels[4:8]
+    assert (inside == 0).all()
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x, p: (x[0], x[1]),  # every point stays
+        lambda x, p: (x[0], x[1] + x[0]),  # a shear
+        lambda x, p: (-x[0], -x[1]),
+        lambda x, p: (x[0] - x[0] ** 3, 0.5 * x[1] + 0.3 * x[0]),  # one fixed point, of multiplier 1
+        lambda x, p: (x[0], 2.0 * x[1] - x[0]),  # a line that repels
+    ],
+)
+def test_what_is_no_attracting_continuum(function):
+    exact = discrete_map(function, {}, ("x", "y"))
+    ends = exact.iterate(SQUARE.centres().reshape(-1, 2), 20).points
+    assert continua(exact, ends, np.full(2, 2.0), 8) == []
+
+
+def test_an_orbit_beside_the_continuum_is_not_in_it():
+    """Two lines of fixed points, y = x + 1 and y = x - 1, which part the plane between them."""
+    lines = discrete_map(lambda x, p: (x[0], x[0] + (3 * (x[1] - x[0]) - (x[1] - x[0]) ** 3) / 2), {}, ("x", "y"))
+    basins = find_basins(lines, CellGrid((-1, -2), (1, 2), (12, 12)))
+    assert [a.kind for a in basins.attractors] == [Kind.CONTINUUM] * 2
+    x, y = basins.grid.centres().reshape(-1, 2).T
+    for number, attractor in enumerate(basins.attractors):
+        above = attractor.points[0] @ (-1, 1) > 0
+        mine = (basins.labels.ravel() == number) & (np.abs(y - x) < 1.7)  # farther away they jump across
+        assert ((y > x) == above)[mine].all()
+    assert (basins.labels != Label.UNDECIDED).all()
