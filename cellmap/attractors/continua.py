@@ -148,7 +148,8 @@ def _traced(
     ahead = np.linalg.svd(np.eye(len(place)) - first[1])[2][-1]
     halves = []
     for sign in (-1.0, 1.0):
-        direction, point, length, half = sign * ahead, first[0], 1.0 / _STEPS, []
+        direction, point, length = sign * ahead, first[0], 1.0 / _STEPS
+        half: list[NDArray[np.float64]] = []
         smallest = length * 0.5**_REFINEMENTS
         while length >= smallest and len(half) < _MOST_POINTS:
             check_stop()
@@ -220,7 +221,7 @@ def _cover(segment: Segment, period: int) -> Cover | None:
             before = segment.feet(begin)[1]
             # Points beside the ends may leave; all of those between them have to come closer.
             moved = np.abs(after - before).reshape(_ALONG, -1)
-            halved = (apart <= 0.5 * radius).reshape(_ALONG, -1).all(axis=1)
+            halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
             inner = np.flatnonzero(halved)
             if len(inner) > _ALONG // 2 and halved[inner[0] : inner[-1] + 1].all():
                 each = (_DENSE - 1) / (_ALONG - 1)
