@@ -95,6 +95,8 @@ def continua(
     """
     exact = point_map.without_table
     found: list[Attractor] = []
+    if exact.dimension < 2:
+        return found
     for place in states[((np.arange(_TRIED) + 0.5) / _TRIED * len(states)).astype(int)]:
         covers = [a.cover for a in [*known, *found] if a.kind is Kind.CONTINUUM and a.cover is not None]
         if any(inside_cover(cover, place[None], exact)[0] for cover in covers):

@@ -114,6 +114,7 @@ def test_a_segment_ends_where_it_stops_attracting():
 )
 def test_what_is_no_attracting_continuum(function):
     exact = discrete_map(function, {}, ("x", "y"))
+    assert continua(discrete_map(lambda x, p: (x[0],), {}, ("x",)), np.array([[0.3]]), np.ones(1), 8) == []
     ends = exact.iterate(SQUARE.centres().reshape(-1, 2), 20).points
     assert continua(exact, ends, np.full(2, 2.0), 8) == []
 
