@@ -20,7 +20,7 @@ from .atlas_record import AttractorAtlas, AttractorFamily
 from .atlas_spreading import slow_ones, spread
 from .coexistence import AtlasKind, Attractors, Explorer
 
-_ORBITS = 32768  # in a tile
+_ORBITS = 65536  # in a tile
 _PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,
 _PILOT_PERIODS = 32  # after as many periods
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.threads import progress_bar
-from ..maps.point_map import PointMap
+from ..maps.coordinates import difference
+from ..maps.point_map import PointMap, follow
 from ..orbits.newton import closed_orbit, newton
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
 from .branch import Bifurcation, Branch
@@ -20,6 +21,7 @@ _CLOSE = 1.5  # cells between a curve and a border that it explains
 _BEYOND = 4  # cells beyond a border up to which an orbit is followed
 _TRIES = 3  # borders of one family from which no curve is found, after which its others are left
 _STEP = 0.02  # of curves, as a fraction of the window
+_SAME = 1e-3  # distance, relative to the orbit, within which half of its period brings it back
 _SMALLEST = 4  # parameter points of a family whose borders are looked at
 
 
@@ -120,6 +122,7 @@ def _curve(
         at = _first(branch, here[name], side)
         if at is None:
             return None
+        branch, at = _of_parent(branch, at)
         other = axes[1 - axis]
         first, second = ((float(a[0]), float(a[-1])) for a in (along, other))
         return continue_bifurcation(branch, at, names[1 - axis], first, second, step=_STEP, max_points=400)
@@ -137,6 +140,37 @@ def _first(branch: Branch, value: float, side: int) -> Bifurcation | None:
         and b.kind not in (BifurcationKind.TRANSCRITICAL, BifurcationKind.DEGENERATE)
     ]
     return min(found, key=lambda b: abs(b.value - value), default=None)
+
+
+def _of_parent(branch: Branch, at: Bifurcation) -> tuple[Branch, Bifurcation]:
+    """Return the period doubling, on the branch of its parent, at which an orbit of twice the period is born.
+
+    On the branch of the doubled orbit it looks like a fold.  Other bifurcations are returned as they are.
+    """
+    half = branch.period // 2
+    if branch.period % 2 or at.kind is not BifurcationKind.FOLD:
+        return branch, at
+    point_map = branch.point_map.with_params(**{branch.parameter: at.value})
+    extent = np.maximum(np.abs(at.point), 1.0)
+    apart = difference(follow(point_map, at.point, half).points, at.point, point_map.coordinates)
+    if not (np.abs(apart) <= _SAME * extent).all():
+        return branch, at
+    solution, settled = newton(point_map, at.point[None], np.array([half]), extent)
+    if not settled[0]:
+        return branch, at
+    reach = float(np.ptp(branch.values))
+    parent = continue_orbit(
+        point_map,
+        closed_orbit(point_map, solution[0], half, extent),
+        branch.parameter,
+        at.value - reach,
+        at.value + reach,
+        step=0.1,
+        max_points=100,
+    )
+    doublings = parent.of_kind(BifurcationKind.PERIOD_DOUBLING)
+    nearest = min(doublings, key=lambda b: abs(b.value - at.value), default=None)
+    return (branch, at) if nearest is None else (parent, nearest)
 
 
 def _beside(

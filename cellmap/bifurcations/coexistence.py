@@ -18,7 +18,7 @@ from .lane_orbits import along, least_periods, monodromy_of, near_returns, refin
 from .lane_regions import Regions, regions_around
 
 _FIRST_LOOK = 16  # periods before attractors are searched for,
-_STRIDE = 8  # between tests of convergence,
+_STRIDES = (7, 6)  # in turn between tests of convergence, so that cycles are met at all of their phases,
 _RARER = 1.25  # and factor of age between searches, at least
 SAME_MEAN = 1e-4
 """Distance of means over orbits, in extents or radians, within which two attractors are one."""
@@ -129,12 +129,12 @@ class _Search:
         return self.job.initial_conditions.shape[1]
 
     def run(self) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
-        age, look, due = 0, 0, 0.0
+        age, tests, look, due = 0, 0, 0, 0.0
         while len(self.place) and age < self.job.max_periods:
             check_stop()
-            step = min(_FIRST_LOOK if age == 0 else _STRIDE, self.job.max_periods - age)
+            step = min(_FIRST_LOOK if age == 0 else _STRIDES[tests % len(_STRIDES)], self.job.max_periods - age)
             self.job.swept.advance(self.orbits, step)
-            age += step
+            age, tests = age + step, tests + 1
             self._end_escaped()
             self._capture()
             if age >= due and len(self.place):

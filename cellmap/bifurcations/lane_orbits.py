@@ -14,7 +14,7 @@ _NEAR = 0.05  # distance from its image, in extents, from which a point is refin
 _ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
 _REACH = 0.25  # distance in extents that refinement may move a point
 _ITERATIONS = 8
-_CONVERGED = 1e-9  # last step of refinement, in extents
+_CONVERGED = 1e-6  # last step of refinement, in extents; it leaves an error of the order of its square
 _SAME = 1e-6  # distance, in extents, within which points are equal
 
 

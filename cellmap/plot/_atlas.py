@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from matplotlib.patches import Patch
 from .._lib.checks import shown, whole_number
 from .._lib.signatures import checked
 from ..bifurcations.atlas_record import AttractorAtlas
+from ..bifurcations.bifurcation_curve import BifurcationCurve
+from ..bifurcations.connecting_branches import TangencyCurve
 from ..bifurcations.kinds import BifurcationKind
 from ._axes import axes_or_new
 from ._colours import colour_of
@@ -34,6 +37,7 @@ def attractor_atlas(
     ax: Axes | None = None,
     most_classes: int = 9,
     curves: bool = True,
+    extra_curves: Sequence[BifurcationCurve | TangencyCurve] = (),
     legend: bool = True,
 ) -> Axes:
     """Draw an atlas of attractors over its two parameters, with the bifurcation curves.
@@ -50,7 +54,9 @@ def attractor_atlas(
     most_classes : int, optional
         Classes with a colour of their own, the most frequent ones; the others are grey.
     curves : bool, optional
-        Draw the bifurcation curves.
+        Draw the bifurcation curves of the atlas.
+    extra_curves : sequence of BifurcationCurve or TangencyCurve, optional
+        Further curves over the same two parameters; those of tangencies are red.
     legend : bool, optional
         Name the classes and the kinds of bifurcations; a colour bar for other images.
 
@@ -62,7 +68,7 @@ def attractor_atlas(
     Raises
     ------
     ValueError
-        For another `show`, or a family that the atlas does not have.
+        For another `show`, a family that the atlas does not have, or curves over other parameters.
 
     Examples
     --------
@@ -95,12 +101,20 @@ def attractor_atlas(
         if legend:
             name = "attractors" if show == "number" else f"fraction of {atlas.families[int(show)].name}"
             ax.figure.colorbar(mesh, ax=ax, label=name)
-    if curves:
-        for curve in atlas.curves:
-            across, up = (curve.values[:, curve.parameters.index(name)] for name in atlas.parameters)
-            ax.plot(across, up, color="black", linewidth=1.0, linestyle=CURVE_STYLES.get(curve.kind, "-"))
-        found = [kind for kind in CURVE_STYLES if any(curve.kind is kind for curve in atlas.curves)]
-        handles += [Line2D([], [], color="black", linestyle=CURVE_STYLES[kind], label=str(kind)) for kind in found]
+    drawn: dict[str, Line2D] = {}
+    for curve in (*(atlas.curves if curves else ()), *extra_curves):
+        if set(curve.parameters) != set(atlas.parameters):
+            raise ValueError(f"extra_curves holds {curve!r}: give curves over {' and '.join(atlas.parameters)}")
+        across, up = (curve.values[:, curve.parameters.index(name)] for name in atlas.parameters)
+        if isinstance(curve, TangencyCurve):
+            name, colour, style = "tangency", "#990A00", "-"
+        else:
+            name, colour, style = str(curve.kind), "black", CURVE_STYLES.get(curve.kind, "-")
+        (drawn[name],) = ax.plot(across, up, color=colour, linewidth=1.0, linestyle=style)
+    handles += [
+        Line2D([], [], color=line.get_color(), linestyle=line.get_linestyle(), label=name)
+        for name, line in drawn.items()
+    ]
     ax.set(
         xlabel=atlas.parameters[0],
         ylabel=atlas.parameters[1],
