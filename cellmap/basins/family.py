@@ -15,6 +15,7 @@ from .._lib.stopping import Stop
 from ..attractors.continued import circles_followed, orbits_followed, with_regions
 from ..attractors.matching import persistent_labels, thinned
 from ..attractors.search import find_attractors
+from ..maps.coordinates import difference
 from ..maps.interpolation.drafts import draft_of, examined
 from ..maps.interpolation.interpolated import Interpolated
 from ..maps.point_map import PointMap
@@ -24,6 +25,8 @@ from ..orbits.attractor import Attractor, Kind
 
 _KEPT = 16  # maps that are kept with their attractors
 _REMEMBERED = 1024  # points that are kept of an attractor that may come back
+_TRIED = 8  # attractors that were lost, the latest ones, that are followed in drafts once more
+_SAME = 1e-6  # distance of points of one orbit, in sizes of the region
 _SEEDS = 4  # points of an attractor that was lost from which it is sought
 
 
@@ -104,11 +107,24 @@ class Family:
             return Member(self._base if spec is None else spec.build(), phase, before, key=key)
         drafted = isinstance(spec, Interpolated)
         point_map = self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
-        names = list(regular)
-        found = orbits_followed(point_map, list(regular.values()), self._extent)
-        kept = {names[k]: a for k, a in found.items() if a.neighbourhood is not None}
+        gone = {k: a for k, a in self._memory.items() if k not in regular and a.neighbourhood is not None}
+        followed = {**regular, **dict(list(gone.items())[-_TRIED:])}
+        names = list(followed)
+        found = orbits_followed(point_map, list(followed.values()), self._extent)
+        kept: dict[int, Attractor] = {}
+        for k, orbit in found.items():
+            if orbit.neighbourhood is not None and (names[k] in regular or self._is_new(orbit, kept)):
+                kept[names[k]] = orbit
         place = Member(point_map, phase, before, list(kept.values()), list(kept), key=key)
         return replace(place, draft=True, unexamined=drafted)
+
+    def _is_new(self, orbit: Attractor, known: Mapping[int, Attractor]) -> bool:
+        """Tell whether an orbit, to which one leads that was lost, has no point of another one."""
+        axes = orbit.coordinates
+        return all(
+            (np.abs(difference(a.points, orbit.points[:1], axes)) > _SAME * self._extent).any(axis=-1).all()
+            for a in known.values()
+        )
 
     def verified(self, draft: Member, stop: Stop) -> Member:
         """Return a map with its table examined, and its attractors with verified regions."""

@@ -105,6 +105,25 @@ def test_an_attractor_keeps_its_identity_while_it_moves() -> None:
     assert (back.identity_image[:20] == left).all()
 
 
+def test_an_attractor_that_comes_back_is_in_the_preview() -> None:
+    """The left well vanishes at t = 0.385; where two wells have merged, the orbit between them is found once."""
+    live = LiveBasins(TILTED, LINE)
+    both = image(live).identities
+    assert len(image(live, {"t": 0.45}).identities) == 1
+    preview = next(live.frames({"t": 0.2}))
+    assert preview.preview
+    assert set(np.unique(preview.identity_samples)) == set(both)
+    merging = LiveBasins(
+        discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 1.5}, ("x",)), CellGrid((-1,), (1,), (80,))
+    )
+    wells = image(merging).identities
+    (middle,) = image(merging, {"a": 0.9}).identities
+    preview = next(merging.frames({"a": 0.89}))
+    assert preview.preview
+    assert tuple(preview.attractors) == (middle,)
+    assert set(image(merging, {"a": 1.4}).identities) == set(wells)
+
+
 def test_a_preview_comes_before_anything_is_verified(monkeypatch: pytest.MonkeyPatch) -> None:
     """Orbits by Newton's method, with the regions of those before; the frames after it rest on verified ones."""
     set_threads(1)
