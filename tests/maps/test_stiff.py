@@ -36,6 +36,14 @@ def test_the_method_follows_from_the_work() -> None:
     assert chosen["van der Pol, mu = 1"] != "Rosenbrock"
 
 
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7])
+def test_thin_layers_are_seen(tolerance: float) -> None:
+    """Few steps of the period pass over the layer, a thousandth wide, in which friction turns round."""
+    strobe = stroboscopic_map(system_of(CASES["tanh(1000 v)"]), rtol=tolerance, atol=tolerance)
+    assert method_of(strobe) == "Rosenbrock"
+    assert (strobe.iterate(np.random.default_rng(0).uniform(-2.0, 2.0, (64, 2)), 1).status == Status.OK).all()
+
+
 def cubic(t: float, x: Any, p: Any) -> tuple[float, float]:
     return x[1], -p.rate * (x[1] - cos(t)) - (x[0] ** 3)
 
