@@ -109,8 +109,7 @@ def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterato
                 under_way |= {pool.submit(work, task): task for task in islice(rest, 1)}
     except GeneratorExit:
         # The garbage collector may say so while this thread holds the locks of pools, which let nobody in twice.
-        for future in under_way:
-            future.cancel()
+        _given_back_after([future for future in under_way if not future.cancel()], threads, pool)
         raise
     except BaseException:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -135,6 +134,21 @@ def _given_back(threads: int, pool: ThreadPoolExecutor) -> None:
         _idle.append((threads, pool))
     else:
         pool.shutdown(wait=False)
+
+
+def _given_back_after(under_way: Sequence[Future[Any]], threads: int, pool: ThreadPoolExecutor) -> None:
+    """Keep a pool for the next call when the tasks that are under way have come to their end."""
+    pools = [pool, *[None] * (len(under_way) - 1)]  # taken from the end, so that the last task finds the pool
+
+    def ended(_: Future[Any]) -> None:
+        last = pools.pop()
+        if last is not None:
+            _given_back(threads, last)
+
+    for future in under_way:
+        future.add_done_callback(ended)
+    if not under_way:
+        _given_back(threads, pool)
 
 
 @contextmanager

@@ -125,6 +125,12 @@ def test_threads_serve_one_call_after_another_and_several_at_once() -> None:
     together = threading.Barrier(2, timeout=10.0)
     names = [sorted(name for _, (_, name) in results_of(range(2), both)) for _ in range(3)]
     assert names[0] == names[1] == names[2], "no thread was started for a later call"
+    for _ in range(3):  # what is not read to its end leaves its threads as well, once they are done
+        results = results_of(range(40), lambda task: time.sleep(0.001))
+        next(results)
+        results.close()
+        time.sleep(0.05)
+    assert sorted(name for _, (_, name) in results_of(range(2), both)) == names[0]
     with pytest.raises(ZeroDivisionError):
         run_over(range(4), lambda task: 1 // task)
     run_over(range(2), meet)
