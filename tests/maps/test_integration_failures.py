@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from cellmap import ForcedSystem, angle, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, angle, stroboscopic_map
 from cellmap.maps.orbit_batch import Status
 from cellmap.maps.point_map import ToleranceWarning
 
@@ -155,3 +156,23 @@ def test_what_cannot_be_compiled_is_refused_clearly() -> None:
 
     with pytest.raises(TypeError, match="cannot be compiled: write it with plain arithmetic"):
         stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x", "v")))
+
+
+def test_capsizing_ships_end_and_the_others_come_back() -> None:
+    """Roll with quadratic damping, branches of abs included: which orbits blow up in a period, by SciPy's RK45."""
+
+    def roll(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], -x[0] + x[0] ** 3 - p.d * x[1] - p.q * x[1] * abs(x[1]) + p.f * sin(p.w * t)
+
+    ship = ForcedSystem(roll, {"d": 0.02, "q": 0.1, "f": 0.06, "w": 0.85}, 2 * pi / 0.85, ("angle", "rate"))
+    places = CellGrid((-1.2, -1.2), (1.2, 1.2), (8, 8)).centres().reshape(-1, 2)
+
+    def capsized(t: float, x: Any) -> float:
+        return abs(x[0]) - 50.0
+
+    capsized.terminal = True  # type: ignore[attr-defined]
+    expected = [solve_ivp(ship.fun, (0.0, ship.length), x, events=capsized).status == 1 for x in places]
+    images = stroboscopic_map(ship).iterate(places, 1)
+    assert 10 < sum(expected) < 54
+    assert np.array_equal(np.isin(images.status, [Status.OUT_OF_STEPS, Status.DIVERGED]), expected)
+    assert (images.status[~np.array(expected)] == Status.OK).all()

@@ -30,6 +30,9 @@ FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
 
 CONTEXT = 12  # numbers, and one more for each surface
+MANY = 512
+"""Steps, or events, from which on a lane without a right digit is given up: after a blow-up they never end."""
+
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
 
@@ -87,6 +90,16 @@ def _store(lanes, i, t, state, signs, slides, errors, fresh):
         lanes[(size + 1 + count + e) * LANES + i] = slides[e]
     for e in range(count + 1):
         lanes[(2 * size + 1 + 2 * count + e) * LANES + i] = fresh[e]
+
+
+@inlined
+def _is_lost(state, errors):
+    """Tell whether a state is not finite, or has no right digit, as after a blow-up between two steps."""
+    size, error = 1.0, 0.0
+    for j in range(state.size):
+        size += abs(state[j])
+        error += abs(errors[j])
+    return not error < size
 
 
 @inlined
@@ -176,9 +189,9 @@ def period(single):
                         )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
             rounds = 8 * steps[b] + (1024 if impacts == 0 else 16384)
-            moving = 1
-            while moving and rounds:
-                rounds -= 1
+            moving, spent = 1, 0
+            while moving and spent < rounds:
+                spent += 1
                 if watched != 0:
                     series[moved : moved + LANES] = 0.0
                 _step(addresses, lanes, series, p, end, rate, used, size, count, flag)
@@ -189,6 +202,9 @@ def period(single):
                 for i in range(used):
                     if series[flag + i] > 0.0 or (watched != 0 and series[moved + i] > 0.0):
                         t = _load(lanes, i, state, signs, slides, errors, fresh)
+                        if _is_lost(state, errors) and (steps[b] >= MANY or spent > steps[b] + MANY):
+                            lanes[size * LANES + i] = np.nan  # it takes no more steps, and does not arrive
+                            continue
                         landed = land(
                             series[i:], state, signs, slides, counts, errors, fresh, hits, a, held, t, order, end
                         )
