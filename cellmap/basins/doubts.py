@@ -93,7 +93,10 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
         helped = np.count_nonzero(status < Status.ESCAPED)
         if 2 * helped > len(points):
             return True, f"{helped} of {len(points)} tried reach the end of their periods with {changed}"
-    return False, f"allow more than max_steps={spec.max_steps}, or loosen rtol and atol"
+    return (
+        False,
+        f"allow more than max_steps={spec.max_steps}, or loosen rtol and atol, unless they blow up in finite time",
+    )
 
 
 def _ends(point_map: PointMap, points: np.ndarray) -> np.ndarray:
