@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
+from .._lib.files import as_path
 from .._lib.signatures import checked
 from .._lib.tiles import check_client, completed
 from ..maps.coordinates import state_points, turns_of
+from ..maps.fingerprint import fingerprint
 from ..maps.orbit_batch import Orbits
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
@@ -18,6 +21,7 @@ from .atlas_curves import borders_of, curves_at
 from .atlas_families import families_of
 from .atlas_record import AttractorAtlas, AttractorFamily
 from .atlas_spreading import slow_ones, spread
+from .atlas_tiles import Tiles
 from .coexistence import AtlasKind, Attractors, Explorer
 
 _ORBITS = 65536  # in a tile
@@ -34,6 +38,7 @@ def attractor_atlas(
     max_periods: int = 400,
     max_period: int = 8,
     curves: int = 12,
+    checkpoint: str | PathLike[str] | None = None,
     progress: bool = False,
     client: Any = None,
 ) -> AttractorAtlas:
@@ -67,8 +72,11 @@ def attractor_atlas(
         Longest period of periodic attractors.
     curves : int, optional
         Largest number of bifurcation curves; 0 for none.
+    checkpoint : path-like, optional
+        Folder in which finished tiles are stored.  Repeating a call that was interrupted or killed resumes it, with the
+        same result; delete the folder afterwards.
     progress : bool, optional
-        Show progress on a terminal.  Ctrl-C ends the work between two tiles.
+        Show progress on a terminal.
     client : distributed.Client, optional
         Dask cluster that works; by default the threads of this process do.
 
@@ -122,7 +130,23 @@ def attractor_atlas(
     tile = max(1, _ORBITS // len(states))
     label = f"atlas of {exact.name}" if progress else None
     numbers = range(-(-len(values) // tile))
-    parts = dict(completed(numbers, lambda k: values[k * tile : (k + 1) * tile], job, client, label))
+
+    def part(number: int) -> NDArray[np.float64]:
+        return values[number * tile : (number + 1) * tile]
+
+    if checkpoint is None:
+        parts = dict(completed(numbers, part, job, client, label))
+    else:
+        if client is not None:
+            raise ValueError(
+                "client and checkpoint are both given: tiles of a cluster are not stored; give one of them"
+            )
+        belongs = fingerprint(swept, np.column_stack([np.tile(states[:1], (len(values[:64]), 1)), values[:64]]))
+        run = {"x": [first, *across.tolist()], "y": [second, *up.tolist()], "initial conditions": states.tolist()}
+        tiles = Tiles.of(
+            as_path("checkpoint", checkpoint), belongs | run | {"max_periods": periods, "max_period": longest}
+        )
+        parts = dict(completed(numbers, int, tiles.remembering(lambda number: job(part(number))), None, label))
     found = Attractors.joined(*(parts[k][0].shifted(k * tile) for k in numbers))
     escaped, undecided = (np.concatenate([parts[k][j] for k in numbers]).reshape(shape) for j in (1, 2))
     found = spread(job, values, shape, found, label)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from cellmap import PointMap, discrete_map, find_basins, set_threads, stroboscopic_map
 from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, attractor_atlas
+from cellmap.bifurcations.coexistence import Explorer
 from systems import driven_pendulum, henon_map
 
 SIDE = (np.arange(6) + 0.5) / 6.0
@@ -111,6 +113,39 @@ def test_any_number_of_threads(pendulum: tuple[PointMap, AttractorAtlas]) -> Non
         assert numbers() == several
     finally:
         set_threads(None)
+
+
+def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    axes = ("r", np.linspace(2.5, 3.8, 30)), ("s", np.linspace(0.5, 1.0, 8))
+    states = np.linspace(0.1, 0.9, 600)[:, None]
+    whole = attractor_atlas(scaled_logistic(), *axes, states, max_periods=60, curves=0)
+    folder, done, original = tmp_path / "atlas", [0], Explorer.__call__
+
+    def failing(job: Explorer, values: np.ndarray) -> Any:
+        done[0] += 1
+        if done[0] == 2:
+            raise KeyboardInterrupt
+        return original(job, values)
+
+    set_threads(1)
+    try:
+        with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+            patched.setattr(Explorer, "__call__", failing)
+            attractor_atlas(scaled_logistic(), *axes, states, max_periods=60, curves=0, checkpoint=folder)
+        kept = sorted(folder.glob("tile-*.npz"))
+        assert len(kept) == 1
+        before = kept[0].stat().st_mtime_ns
+        again = attractor_atlas(scaled_logistic(), *axes, states, max_periods=60, curves=0, checkpoint=folder)
+    finally:
+        set_threads(None)
+    assert kept[0].stat().st_mtime_ns == before
+    for name in ("rows", "columns", "kind", "period", "points", "counts", "family", "undecided"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+    kept[0].write_bytes(b"damaged")
+    repaired = attractor_atlas(scaled_logistic(), *axes, states, max_periods=60, curves=0, checkpoint=folder)
+    np.testing.assert_array_equal(repaired.counts, whole.counts)
+    with pytest.raises(ValueError, match="belongs to another run, with max_periods=60"):
+        attractor_atlas(scaled_logistic(), *axes, states, max_periods=61, curves=0, checkpoint=folder)
 
 
 @pytest.mark.parametrize(
