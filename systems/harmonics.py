@@ -15,7 +15,7 @@ from cellmap.utils import finite_number, whole_number
 from .drives import period_of
 from .effects import Effect, FieldTerm, Terms
 from .forces import total
-from .quantities import LENGTH, MOST_RADIANS, NUMBER, RATE, is_sequence, quantity, sized_number
+from .quantities import LENGTH, MOST_RADIANS, NUMBER, RATE, is_iterable, quantity, sized_number
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def sampled_drive(samples: Sequence[float], frequency: float, harmonics: int | N
     >>> [round((2 * pi) ** 2 * a, 12) for a in drive.amplitudes], abs(round(drive.phases[0], 12))
     ([1.0, 0.0], 0.0)
     """
-    if not is_sequence(samples):
+    if not is_iterable(samples):
         raise TypeError(f"samples={samples!r}: give a sequence of numbers")
     values = [finite_number(f"samples[{j}]", v) for j, v in enumerate(samples)]
     count = len(values)

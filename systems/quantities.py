@@ -63,7 +63,7 @@ class Part:
         for f in fields(self):
             value = getattr(self, f.name)
             if each := _name_of_one(f, value):
-                if not is_sequence(value):
+                if not is_iterable(value):
                     raise TypeError(f"{f.name}={value!r}: give a sequence of numbers")
                 value = tuple(_number(f, f"{each}_{i}", v) for i, v in enumerate(value, start=1))
                 if not value:
@@ -85,13 +85,13 @@ class Part:
 
 def _name_of_one(f: Any, value: Any) -> str:
     """Return the name of one of the numbers of a sequence; an empty one where there is a single number."""
-    if f.metadata.get("per_joint") and is_sequence(value):
+    if f.metadata.get("per_joint") and is_iterable(value):
         return str(f.name)
     return f.metadata.get("each", "")
 
 
-def is_sequence(value: Any) -> bool:
-    """Tell whether a value holds numbers to go through: an array without axes has an iterator that fails."""
+def is_iterable(value: Any) -> bool:
+    """Tell whether a value is no text and can be iterated over: an array without axes has an iterator that fails."""
     return hasattr(value, "__iter__") and not isinstance(value, str) and getattr(value, "ndim", 1) > 0
 
 

@@ -43,20 +43,10 @@ class FeatureBasins:
         Orbit of each group after the transient, the one with features nearest to their median.
     doubts : mapping of str to int
         Reasons why initial conditions are doubtful, and the number of orbits with each.
-    grid : CellGrid or None
-        Cells whose centres are the initial conditions.
-    initial_conditions : ndarray or None
-        Initial conditions, if no grid was given.
-    name : str
-        Name of the system.
-    params : mapping of str to float
-        Parameters of the system.
-    coordinates : tuple of Coordinate
-        State variables.
+    grid, initial_conditions, name, params, coordinates, inaccurate
+        As of :class:`Basins`.
     settings : mapping
         Arguments of :func:`classify_by_features`, and under ``"map"`` the recipe of the map.
-    inaccurate : int
-        Initial conditions along whose orbits the integrator missed its tolerance.
     """
 
     labels: NDArray[np.int16]

@@ -36,7 +36,7 @@ class Iterate:
     points : ndarray, shape (..., dimension)
         Images, angles wrapped; NaN where `status` is ESCAPED or a later one.
     rotations : ndarray of int, shape (..., dimension)
-        Full rotations of each angle; ``points + rotations * turn`` is the unwrapped image.
+        Full rotations of each angle; ``points + rotations * period`` is the unwrapped image.
     status : ndarray of uint8, shape (...)
         A :class:`Status` for each orbit.
     coordinates : tuple of Coordinate
@@ -342,8 +342,7 @@ class _Advanced:
 
 def warn_of_tolerance(status: NDArray[np.uint8], name: str) -> None:
     """Warn where orbits carry the status INACCURATE."""
-    missed = np.count_nonzero(status == Status.INACCURATE)
-    if missed:
+    if missed := np.count_nonzero(status == Status.INACCURATE):
         warn_caller(
             f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so. "
             "Loosen rtol and atol, or allow more steps with max_steps",

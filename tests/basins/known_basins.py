@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from math import cos, pi, sin, tanh
+from typing import Any
+
+import numpy as np
 
 import systems
 from cellmap import (
@@ -47,3 +51,18 @@ def goy(x, p):
 
 GOY = discrete_map(goy, {}, (angle("theta", lower=0.0), "x"), name="Grebogi, Ott, Yorke")
 DUFFING = stroboscopic_map(systems.two_well_duffing())
+
+
+def assert_same_record(one: Any, other: Any) -> None:
+    """All fields are equal to the last bit, those of records in them too; NaN equals NaN."""
+    for f in fields(one):
+        a, b = getattr(one, f.name), getattr(other, f.name)
+        if isinstance(a, np.ndarray):
+            assert (a.dtype, a.shape) == (b.dtype, b.shape), f.name
+            assert a.tobytes() == b.tobytes(), f.name
+        elif is_dataclass(a):
+            assert_same_record(a, b)
+        elif f.name == "cycle_period":
+            assert np.array_equal(a, b, equal_nan=True)
+        else:
+            assert a == b, f.name

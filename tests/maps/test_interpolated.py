@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from maps_to_interpolate import COARSE, ORDERS, SMOOTH, errors_at, exact_map, interpolated
 
-import systems
 from cellmap import (
     CellGrid,
     PointMap,
@@ -21,20 +20,8 @@ from cellmap import (
     discrete_map,
     interpolated_map,
     set_threads,
-    stroboscopic_map,
 )
 from cellmap.maps.interpolation.interpolated import table_memory
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> PointMap:
-    return stroboscopic_map(systems.driven_pendulum(), rtol=1e-12, atol=1e-12)
-
-
-@pytest.fixture(scope="module")
-def pendulum_table(pendulum) -> PointMap:
-    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)))
-
 
 # --- order of convergence
 
@@ -180,8 +167,8 @@ def test_the_exact_map_carries_orbits_outside(name):
     assert image.unwrapped == pytest.approx(exact.unwrapped, rel=1e-5, abs=1e-4)
 
 
-def test_outside_images_are_the_exact_ones_to_the_bit(pendulum, pendulum_table):
-    icm = interpolated_map(pendulum, pendulum_table.table.grid, outside="integrate")
+def test_outside_images_are_the_exact_ones_to_the_bit(pendulum, interpolated_pendulum):
+    icm = interpolated_map(pendulum, interpolated_pendulum.table.grid, outside="integrate")
     far = np.random.default_rng(4).uniform([-pi, 101.0], [pi, 400.0], (100, 2))
     assert np.array_equal(icm(far), pendulum(far))
 
@@ -195,9 +182,9 @@ def test_orbits_that_swing_out_and_return_agree_with_the_exact_map(pendulum):
     assert difference.max() < 1e-6
 
 
-def test_zero_periods_change_nothing(pendulum_table):
+def test_zero_periods_change_nothing(interpolated_pendulum):
     initial_conditions = np.array([[0.3, 20.0], [-2.0, 500.0]])
-    assert np.array_equal(pendulum_table.iterate(initial_conditions, 0).points, initial_conditions)
+    assert np.array_equal(interpolated_pendulum.iterate(initial_conditions, 0).points, initial_conditions)
 
 
 # --- the measured error
@@ -220,8 +207,12 @@ def test_error_is_the_known_error_of_a_parabola():
     assert error.median == pytest.approx(scale * 3 / 16, rel=0.01)
 
 
-def test_error_is_reproducible(pendulum_table):
-    first, again, other = pendulum_table.error(500), pendulum_table.error(500), pendulum_table.error(500, rng=1)
+def test_error_is_reproducible(interpolated_pendulum):
+    first, again, other = (
+        interpolated_pendulum.error(500),
+        interpolated_pendulum.error(500),
+        interpolated_pendulum.error(500, rng=1),
+    )
     assert (first.median, first.percentile_99, first.largest) == (again.median, again.percentile_99, again.largest)
     assert first.median != other.median
 
@@ -240,9 +231,9 @@ def test_exact_map_has_no_error_to_measure(pendulum):
         pendulum.error()
 
 
-def test_error_of_the_wrong_number_of_points(pendulum_table):
+def test_error_of_the_wrong_number_of_points(interpolated_pendulum):
     with pytest.raises(ValueError, match="n_samples=0"):
-        pendulum_table.error(0)
+        interpolated_pendulum.error(0)
 
 
 # --- the same bits, the recipe, the memory
@@ -278,15 +269,15 @@ def test_recipe_says_how_the_map_was_made(pendulum):
     }
 
 
-def test_map_describes_itself(pendulum, pendulum_table):
-    assert pendulum_table.exact is pendulum
-    assert pendulum_table.period == pendulum.period
-    assert pendulum_table.params == pendulum.params
-    assert pendulum_table.table.grid.wraps == (True, False)
-    assert pendulum_table.cost.seconds > 0
-    assert "interpolated of driven pendulum" in repr(pendulum_table)
-    assert "order 5" in repr(pendulum_table.table)
-    assert len(repr(pendulum_table)) < 300
+def test_map_describes_itself(pendulum, interpolated_pendulum):
+    assert interpolated_pendulum.exact is pendulum
+    assert interpolated_pendulum.period == pendulum.period
+    assert interpolated_pendulum.params == pendulum.params
+    assert interpolated_pendulum.table.grid.wraps == (True, False)
+    assert interpolated_pendulum.cost.seconds > 0
+    assert "interpolated of driven pendulum" in repr(interpolated_pendulum)
+    assert "order 5" in repr(interpolated_pendulum.table)
+    assert len(repr(interpolated_pendulum)) < 300
 
 
 @pytest.mark.parametrize("order", ORDERS)

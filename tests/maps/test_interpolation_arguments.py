@@ -10,21 +10,8 @@ import pytest
 import systems
 from cellmap import (
     CellGrid,
-    PointMap,
     interpolated_map,
-    stroboscopic_map,
 )
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> PointMap:
-    return stroboscopic_map(systems.driven_pendulum(), rtol=1e-12, atol=1e-12)
-
-
-@pytest.fixture(scope="module")
-def pendulum_table(pendulum) -> PointMap:
-    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)))
-
 
 GRID = CellGrid((-pi, -100.0), (pi, 100.0), (16, 16))
 ONE_AND_A_HALF_PERIODS = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
@@ -62,9 +49,9 @@ def test_something_that_is_no_map(exact):
         interpolated_map(exact, GRID)
 
 
-def test_interpolated_map_of_an_interpolated_map(pendulum_table):
+def test_interpolated_map_of_an_interpolated_map(interpolated_pendulum):
     with pytest.raises(TypeError, match="give an exact map"):
-        interpolated_map(pendulum_table, GRID)
+        interpolated_map(interpolated_pendulum, GRID)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +72,6 @@ def test_windows_that_are_none(lower, upper, shape, message):
 
 
 @pytest.mark.parametrize("points", [[np.nan, 0.0], [0.0, np.inf], [1.0], [[1.0, 2.0, 3.0]], "ab"], ids=repr)
-def test_initial_conditions_that_are_none(pendulum_table, points):
+def test_initial_conditions_that_are_none(interpolated_pendulum, points):
     with pytest.raises((ValueError, TypeError), match="points"):
-        pendulum_table(points)
+        interpolated_pendulum(points)

@@ -28,11 +28,6 @@ GRID = CellGrid((-pi, -100.0), (pi, 100.0), (16, 16))
 
 
 @pytest.fixture(scope="module")
-def pendulum() -> PointMap:
-    return stroboscopic_map(systems.driven_pendulum(), rtol=1e-12, atol=1e-12)
-
-
-@pytest.fixture(scope="module")
 def multiple(pendulum) -> PointMap:
     """The pendulum whose cells take up to eight periods at once."""
     return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate", max_step=8)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import fields
 from math import cos, pi, sin
-from typing import Any
 
 import numpy as np
 import pytest
+from known_basins import assert_same_record
 
 import cellmap
 import cellmap._lib.checkpoint
@@ -88,17 +87,6 @@ def assert_same(ours: Basins, theirs: Basins) -> None:
     assert len(ours.attractors) == len(theirs.attractors)
     for one, other in zip(ours.attractors, theirs.attractors, strict=True):
         assert_same_record(one, other)
-
-
-def assert_same_record(one: Any, other: Any) -> None:
-    for f in fields(one):
-        a, b = getattr(one, f.name), getattr(other, f.name)
-        if isinstance(a, np.ndarray):
-            assert a.tobytes() == b.tobytes(), f.name
-        elif f.name in ("neighbourhood", "cover") and a is not None:
-            assert_same_record(a, b)
-        else:
-            assert a == b, f.name
 
 
 def dying(monkeypatch: pytest.MonkeyPatch, moment: int, torn: bool) -> None:

@@ -24,7 +24,7 @@ from cellmap.basins import StoreError
 
 PROGRAM = """
 import sys
-sys.path.insert(0, {folder!r})
+sys.path[:0] = {folders!r}
 import test_killed_runs
 test_killed_runs.long_run({path!r})
 print("finished")
@@ -46,7 +46,7 @@ def assert_same_results(ours: tuple[Basins, ...], theirs: tuple[Basins, ...]) ->
 
 
 def started(tmp_path: Path) -> subprocess.Popen[str]:
-    program = PROGRAM.format(folder=str(Path(__file__).parent), path=str(tmp_path))
+    program = PROGRAM.format(folders=[str(p) for p in Path(__file__).parents[:2]], path=str(tmp_path))
     return subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

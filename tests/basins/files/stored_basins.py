@@ -7,6 +7,7 @@ from dataclasses import asdict, fields
 from math import pi
 
 import numpy as np
+from known_basins import assert_same_record
 
 import systems
 from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, stroboscopic_map
@@ -40,20 +41,6 @@ CASES = {
         discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (9,))
     ),
 }
-
-
-def assert_same_record(a, b) -> None:
-    for f in fields(a):
-        one, other = getattr(a, f.name), getattr(b, f.name)
-        if isinstance(one, np.ndarray):
-            assert one.dtype == other.dtype, f.name
-            assert np.array_equal(one, other), f.name
-        elif f.name in ("neighbourhood", "cover", "circle", "torus") and one is not None:
-            assert_same_record(one, other)
-        elif f.name == "cycle_period":
-            assert np.array_equal(one, other, equal_nan=True)
-        else:
-            assert one == other, f.name
 
 
 def assert_same(a: Basins, b: Basins) -> None:
