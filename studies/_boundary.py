@@ -25,7 +25,7 @@ class Boxes:
     """
 
     on_lines: list[BoxCount]
-    picture: BoxCount | None
+    image: BoxCount | None
 
     def __repr__(self) -> str:
         if np.isnan(self.dimension):
@@ -43,7 +43,7 @@ class Boxes:
         """Dimension of the boundary; NaN where there is none."""
         if self.by_lines:
             return 1.0 + float(np.mean([c.dimension for c in self.on_lines]))
-        return np.nan if self.picture is None else self.picture.dimension
+        return np.nan if self.image is None else self.image.dimension
 
     @property
     def standard_error(self) -> float:
@@ -52,7 +52,7 @@ class Boxes:
             values = [c.dimension for c in self.on_lines]
             within = float(np.mean([c.standard_error for c in self.on_lines]))
             return max(float(np.std(values, ddof=1)), within) / sqrt(len(values))
-        return np.nan if self.picture is None else self.picture.standard_error
+        return np.nan if self.image is None else self.image.standard_error
 
 
 def box_counts(

@@ -110,9 +110,9 @@ def draw_maps(figure: Figure, ax: Axes, maps: Mapping[str, StabilityMap], legend
     number = sum((m.unstable == 0).astype(int) for m in maps.values())
     shades = ListedColormap([str(1.0 - 0.55 * k / len(maps)) for k in range(len(maps) + 1)])
     norm = BoundaryNorm(np.arange(len(maps) + 2) - 0.5, shades.N)
-    picture = ax.pcolormesh(some.x, some.y, number, cmap=shades, norm=norm, rasterized=True)
+    mesh = ax.pcolormesh(some.x, some.y, number, cmap=shades, norm=norm, rasterized=True)
     if legend:
-        figure.colorbar(picture, ax=ax, label="stable equilibria", ticks=range(len(maps) + 1))
+        figure.colorbar(mesh, ax=ax, label="stable equilibria", ticks=range(len(maps) + 1))
     for colour, (name, found) in zip(CURVES, maps.items(), strict=False):
         colours = {**dict.fromkeys(Crossing, colour), Crossing.NEIMARK_SACKER: to_rgba(colour, 0.5)}
         plot.stability_map(found, ax=ax, colours=colours, background=False, legend=False)

@@ -80,10 +80,10 @@ def rod_cascades(doublings: int) -> dict[str, Cascade]:
 def weak_cascades(doublings: int) -> dict[str, Cascade]:
     """Return the cascades of the hanging state and of the rotations (both have the same) at weak damping."""
     exact = stroboscopic_map(WEAK, **PRECISE)
-    turning = exact.with_params(beta=0.3)
+    rotating = exact.with_params(beta=0.3)
     return {
         "hanging": period_doubling_cascade(exact, periodic_orbit(exact, [0.0, 0.0]), "beta", 0.7, doublings),
-        "rotation": period_doubling_cascade(turning, periodic_orbit(turning, [2.85, 0.83]), "beta", 0.7, doublings),
+        "rotation": period_doubling_cascade(rotating, periodic_orbit(rotating, [2.85, 0.83]), "beta", 0.7, doublings),
     }
 
 

@@ -114,12 +114,12 @@ def _colour(attractor: Attractor) -> str:
 def main(quick: bool, output: Path) -> None:
     """Compute, store and draw."""
     panels = compute(cells=100 if quick else 500, table=128 if quick else 512)
-    pictures = {}
+    images = {}
     for panel in panels:
         place = f"{1e3 * panel.amplitude:g} mm, {panel.window:g} rad per s"
-        pictures[f"{place}, lost"] = panel.lost
-        pictures[f"{place}, kept"] = panel.kept
-    save_basins(pictures, output / "figure_19.h5")
+        images[f"{place}, lost"] = panel.lost
+        images[f"{place}, kept"] = panel.kept
+    save_basins(images, output / "figure_19.h5")
     for window in WINDOWS:
         figure = draw(panels, window)
         figure.savefig(output / f"figure_19_{window:g}.png", dpi=100)

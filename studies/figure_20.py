@@ -75,8 +75,8 @@ def pushed(link: str, pushes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def distance(points: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest angle by which states differ from an equilibrium."""
-    turned = points[..., :2] - state[:2]
-    return np.abs(np.angle(np.exp(1j * turned))).max(axis=-1)
+    shift = points[..., :2] - state[:2]
+    return np.abs(np.angle(np.exp(1j * shift))).max(axis=-1)
 
 
 def ends_of(point_map: PointMap, link: str, pushes: NDArray[np.float64]) -> NDArray[np.int64]:

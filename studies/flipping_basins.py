@@ -29,7 +29,7 @@ from cellmap.orbits import Kind
 from systems import double_pendulum
 
 REFERENCE = CellGrid((-pi, -pi, -1.0, -1.0), (pi, pi, 1.0, 1.0), (60, 60, 1, 1))
-TURNING = 100.0 * pi  # angular velocity of one rotation a period (rad/s)
+ROTATING = 100.0 * pi  # angular velocity of one rotation a period (rad/s)
 FASTEST = 400.0  # angular velocities of the box (rad/s)
 AMPLITUDES = (0.006, 0.0095)
 HALF = 1e-3  # half the width of an axis that a slice cuts
@@ -76,7 +76,7 @@ def compute(cells: int, side: int, initial_conditions: int) -> dict[str, Measure
     """Find the basins of all slices and boxes, and tell of each."""
     plans: dict[str, tuple[float, CellGrid | np.ndarray]] = {
         "at rest, 60 x 60": (AMPLITUDES[0], REFERENCE),
-        "both links turning once a period": (AMPLITUDES[0], angle_slice(side, TURNING)),
+        "both links turning once a period": (AMPLITUDES[0], angle_slice(side, ROTATING)),
         "rates from (π, 0)": (AMPLITUDES[0], rate_slice(side)),
         **{f"box, {1e3 * a:g} mm": (a, box(initial_conditions)) for a in AMPLITUDES},
         "at rest": (AMPLITUDES[0], angle_slice(cells, 0.0)),
@@ -117,11 +117,11 @@ def colour(attractor: Attractor) -> str:
 
 def draw(found: dict[str, Measured]) -> Figure:
     """Draw the slices."""
-    pictures = {title: found[title].basins for title in found if found[title].basins.grid is not None}
-    del pictures["at rest, 60 x 60"]
-    figure, axes = plt.subplots(1, len(pictures), figsize=(5.2 * len(pictures), 5.4), layout="constrained")
+    slices = {title: found[title].basins for title in found if found[title].basins.grid is not None}
+    del slices["at rest, 60 x 60"]
+    figure, axes = plt.subplots(1, len(slices), figsize=(5.2 * len(slices), 5.4), layout="constrained")
     named: dict[str, str] = {}
-    for ax, (title, basins) in zip(axes, pictures.items(), strict=True):
+    for ax, (title, basins) in zip(axes, slices.items(), strict=True):
         colours = {k: colour(a) for k, a in enumerate(basins.attractors)}
         plot.basins(basins, ax=ax, colours=colours, legend=False, show_attractors=title == "at rest")
         ax.set(title=title, aspect="equal")

@@ -212,9 +212,9 @@ def report(rows: list[Row]) -> str:
 
 def draw(rows: list[Row]) -> Figure:
     """Draw the counts of the turned sets with their lines."""
-    turned = [row for row in rows if row.placed == "turned"]
+    rotated = [row for row in rows if row.placed == "turned"]
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 7.5), layout="constrained")
-    for ax, row in zip(axes.flat, turned, strict=True):
+    for ax, row in zip(axes.flat, rotated, strict=True):
         plot.fit(row.fit, ax=ax)
         ax.set_title(f"{row.name}: exactly {row.exact:.4f}")
     return figure

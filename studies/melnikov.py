@@ -177,7 +177,7 @@ def report(result: Result) -> None:
 
 def draw(result: Result) -> Figure:
     """Draw dimensions against the force, and two basin images, below and above the critical force."""
-    figure, (panel, *pictures) = plt.subplots(1, 3, figsize=(15.0, 4.8), layout="constrained", width_ratios=(1.5, 1, 1))
+    figure, (panel, *images) = plt.subplots(1, 3, figsize=(15.0, 4.8), layout="constrained", width_ratios=(1.5, 1, 1))
     x = np.array([r.forcing for r in result.rows])
     pairs = np.array([(r.pairs.boundary_dimension, 2.0 * r.pairs.standard_error) for r in result.rows])
     boxes = np.array([(r.boxes.dimension, 2.0 * r.boxes.standard_error) for r in result.rows])
@@ -192,7 +192,7 @@ def draw(result: Result) -> Figure:
     panel.legend(fontsize="small")
     below = max((r for r in result.rows if r.forcing < result.formula), key=lambda r: r.forcing)
     above = min(result.rows, key=lambda r: abs(r.forcing - 0.10))
-    for ax, row in zip(pictures, (below, above), strict=True):
+    for ax, row in zip(images, (below, above), strict=True):
         plot.basins(row.basins, ax=ax, legend=False)
         ax.set_title(f"f = {row.forcing:g}")
     return figure

@@ -172,14 +172,14 @@ def draw(cases: list[Case]) -> Figure:
     figure, panels = plt.subplots(
         len(cases), 3, figsize=(14.0, 4.2 * len(cases)), layout="constrained", width_ratios=(1.0, 1.5, 1.5)
     )
-    for (picture, middle, right), case in zip(panels, cases, strict=True):
+    for (left, middle, right), case in zip(panels, cases, strict=True):
         shown = int(np.flatnonzero(~case.recording.film.dropped)[len(case.tracks.times) // 3])
-        picture.imshow(case.recording.film.frames[shown], cmap="gray", vmin=0, vmax=255)
+        left.imshow(case.recording.film.frames[shown], cmap="gray", vmin=0, vmax=255)
         middle.set(xlabel="time, s", ylabel="distance from the truth, pixels", yscale="log", ylim=(1e-3, 2.0))
         right.set(xlabel="time, s", ylabel="angle, rad")
         for marker, colour in zip(range(case.errors.shape[1]), COLOURS, strict=False):
             track = case.tracks.positions[:, marker]
-            picture.plot(track[:, 0], track[:, 1], color=colour, lw=0.7, alpha=0.8)
+            left.plot(track[:, 0], track[:, 1], color=colour, lw=0.7, alpha=0.8)
             plain = np.linalg.norm(case.plain.positions[:, marker] - case.recording.truth[:, marker], axis=-1)
             middle.plot(case.tracks.times, plain, ".", ms=2.5, color="0.75", label="plain" if marker == 0 else None)
             middle.plot(
@@ -188,7 +188,7 @@ def draw(cases: list[Case]) -> Figure:
             right.plot(case.tracks.times, case.truth[:, marker], color="0.7", lw=2.5)
             measured = case.truth[:, marker] + angle_errors(case)[:, marker]
             right.plot(case.tracks.times, measured, color=colour, lw=1.0, label=f"rod {marker}; gaps where not seen")
-        picture.set(title=f"{case.name}, frame {shown}", xlabel="column, pixels", ylabel="row, pixels")
+        left.set(title=f"{case.name}, frame {shown}", xlabel="column, pixels", ylabel="row, pixels")
         middle.legend(fontsize="small", loc="upper right", markerscale=3.0)
         right.legend(fontsize="small", loc="best")
     return figure

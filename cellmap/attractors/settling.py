@@ -140,16 +140,16 @@ def settle(
     Stopped
         Soon after that was requested.
     """
-    leap = point_map.leap
+    max_step = point_map.max_step
     if not len(catalogue.regions.owners) and not catalogue.covers:
         return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]
     # A cover is entered and left again; only trapping neighbourhoods can be tested once in several periods.
-    if leap == 1 or leap > periods or catalogue.covers:
+    if max_step == 1 or max_step > periods or catalogue.covers:
         return _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)[0]
-    found, since, before = _labelled(point_map, orbits, catalogue, periods, age, leap, stop=stop)
+    found, since, before = _labelled(point_map, orbits, catalogue, periods, age, max_step, stop=stop)
     # The last multi-period step again, by single periods, for the period in which the orbit converged.
     rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
-    again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, leap, 0, 1, stop=stop)[0]
+    again = _labelled(point_map, Orbits.starting(before[rows]), catalogue, max_step, 0, 1, stop=stop)[0]
     told = again.labels != Label.UNDECIDED
     rows = rows[told]
     found.labels[rows] = again.labels[told]

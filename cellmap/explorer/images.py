@@ -102,7 +102,7 @@ def described(explored: Explored) -> dict[str, Any]:
     }
 
 
-def picture(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
+def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
     """Return the description of a frame and its pixels; those of a preview are those of its coarse grid."""
     raster = view.raster(frame.identity_samples if frame.preview else frame.identity_image)
     kind, data = pixels(raster)

@@ -21,7 +21,7 @@ from . import downloads
 from .equations import EquationError, typed_system
 from .explored import Explored, ExploredScene, explored_of
 from .films import Film, sweep
-from .images import Images, described, orbit, picture, quality, verification
+from .images import Images, basin_image, described, orbit, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
 from .saddles import saddles
@@ -259,7 +259,7 @@ class Session:
             if self._waiting is None or len(self._sent) >= UNDER_WAY:
                 continue
             (wanted, view, frame), self._waiting = self._waiting, None
-            facts, data = await loop.run_in_executor(None, picture, view, frame)
+            facts, data = await loop.run_in_executor(None, basin_image, view, frame)
             self._frames += 1
             self._sent.add(self._frames)
             facts = {"type": "frame", "request": wanted.request, "frame": self._frames, **facts}

@@ -94,7 +94,7 @@ class PointMap(ShownAsHtml):
         used.
     cost : Cost
         Cost of constructing the map.
-    leap : int
+    max_step : int
         Number of periods that `advance` takes in one step where it can; 1 for all but interpolated maps.
     escapes : bool
         Whether orbits that leave the window of the table end there.
@@ -124,7 +124,7 @@ class PointMap(ShownAsHtml):
     tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
     stretch: Callable[[Orbits, NDArray[np.float64], int], NDArray[np.float64]] | None = field(default=None, repr=False)
     cost: Cost = Cost()
-    leap: int = 1
+    max_step: int = 1
     escapes: bool = False
     is_flow: bool = False
     no_image: Status = Status.DIVERGED

@@ -102,15 +102,15 @@ def gallery() -> str:
     parts = []
     for study in study_names():
         folder = results(study)
-        pictures = sorted(folder.glob("*.png"))
-        if not pictures:
+        images = sorted(folder.glob("*.png"))
+        if not images:
             continue
         about = inspect.getdoc(importlib.import_module(f"studies.{study}")) or study
         first, *others = (as_markdown(paragraph) for paragraph in about.split("\n\n"))
         parts += [*headed(first), *others]
         parts += [
-            f"```{{figure}} {picture.relative_to(GENERATED.parent).as_posix()}\n:alt: {first}\n:width: 100%\n```"
-            for picture in pictures
+            f"```{{figure}} {image.relative_to(GENERATED.parent).as_posix()}\n:alt: {first}\n:width: 100%\n```"
+            for image in images
         ]
         printed = (folder / "printed.txt").read_text(encoding="utf-8").strip()
         if printed:

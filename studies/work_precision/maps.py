@@ -73,7 +73,9 @@ def tables(quick: bool) -> list[Chart]:
         sizes = (QUICK_SIZES if quick else FULL_SIZES)[exact.dimension]
         kinds = [(1, 1), (3, 1), (5, 1), *([(5, 4)] if exact.dimension == 2 else [])]
         runs = [
-            _table(problem, exact, initial_conditions, order, leap, cells) for order, leap in kinds for cells in sizes
+            _table(problem, exact, initial_conditions, order, max_step, cells)
+            for order, max_step in kinds
+            for cells in sizes
         ]
         periods = f"{len(initial_conditions):,} orbits, {LOOKUPS} periods"
         charts.append(
@@ -82,9 +84,11 @@ def tables(quick: bool) -> list[Chart]:
     return charts
 
 
-def _table(problem: Problem, exact: PointMap, initial_conditions: np.ndarray, order: int, leap: int, cells: int) -> Run:
+def _table(
+    problem: Problem, exact: PointMap, initial_conditions: np.ndarray, order: int, max_step: int, cells: int
+) -> Run:
     """Measure one interpolated map; multi-period steps are taken where they are as accurate as their default asks."""
-    settings: dict[str, Any] = {"tolerance": _ANY} if leap == 1 else {"max_step": leap}
+    settings: dict[str, Any] = {"tolerance": _ANY} if max_step == 1 else {"max_step": max_step}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of coarse grids, which are what is measured
         table = interpolated_map(exact, problem.table(cells), order=order, outside="integrate", **settings)
@@ -92,5 +96,5 @@ def _table(problem: Problem, exact: PointMap, initial_conditions: np.ndarray, or
     errors = np.abs(table.iterate(problem.initial_conditions, 1).unwrapped - problem.images).max(axis=1)
     seconds = best_seconds(lambda: table.iterate(initial_conditions, LOOKUPS), 2)
     more = f"interpolated in {table.cost.seconds:.2g} s, largest error {errors.max():.1e}"
-    name = f"order {order}" + (f", steps of {leap} periods" if leap > 1 else "")
+    name = f"order {order}" + (f", steps of {max_step} periods" if max_step > 1 else "")
     return Run(name, f"{cells} cells a side", table.cost.seconds + seconds, float(np.median(errors)), more)

@@ -50,13 +50,13 @@ def _exponent(quick: bool) -> Chart:
         found = uncertainty_exponent(point_map, REGION, outcome=_side, max_pairs=pairs, min_uncertain=10**9)
         return found.exponent, found.standard_error
 
-    def by_picture(side: int) -> tuple[float, float]:
+    def by_image(side: int) -> tuple[float, float]:
         grid = CellGrid(REGION.lower, REGION.upper, (side, side))
         found = image_uncertainty_exponent(_side(point_map.iterate(grid.centres(), 30).points))
         return found.exponent, found.standard_error
 
     runs = _timed("pairs of points", [10**k for k in range(few, many)], by_pairs, exact)
-    runs += _timed("a basin image", [256, 512, 1024] if quick else [256, 512, 1024, 2048, 4096], by_picture, exact)
+    runs += _timed("a basin image", [256, 512, 1024] if quick else [256, 512, 1024, 2048, 4096], by_image, exact)
     return Chart("uncertainty exponent of McDonald's map", "s", "error of the exponent", tuple(runs), 1e-5)
 
 

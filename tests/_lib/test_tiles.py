@@ -77,7 +77,7 @@ MAPS = {
     "lambda": lambda_map,
     "discrete": newton_map,
     "table": lambda: interpolated_map(pendulum(), WINDOW, outside="escape"),
-    "table, leaps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, max_step=4),
+    "table, multi-period steps": lambda: interpolated_map(pendulum(), WINDOW, 3, "integrate", 0.05, max_step=4),
 }
 
 

@@ -67,7 +67,7 @@ CASES = {
     "small basins": (pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (60, 51)), 600),
     "undecided": (lambda: CONSERVATIVE, CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35)), 300),
     "chaotic": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (95, 95)), 500),
-    "leaps": (
+    "multi-period steps": (
         lambda: interpolated_map(CONSERVATIVE, CellGrid((-1, -1), (1, 1), (60, 60)), outside="escape", max_step=8),
         CellGrid((-0.6, -0.6), (0.6, 0.6), (30, 30)),
         300,

@@ -222,7 +222,7 @@ def test_orbits_that_end_are_marked_and_begin_again():
     assert not diagram.chaotic.any()
 
 
-def test_orbit_that_falls_off_begins_at_its_start():
+def test_orbit_that_falls_off_begins_at_its_initial_condition():
     """(x - d)^2 + d: the fixed point d has the basin d - 1 < x < d + 1."""
 
     def moved(x, p):
@@ -235,7 +235,7 @@ def test_orbit_that_falls_off_begins_at_its_start():
     assert diagram.points[0, :, -1, 0] == pytest.approx(values, abs=1e-12)
 
 
-def test_several_starts_are_branches():
+def test_several_initial_conditions_are_branches():
     maps = discrete_map(wells, {"a": 1.0}, ("x",))
     diagram = bifurcation_diagram(maps, "a", [3.0, 2.0], [[0.5], [-0.5]])
     assert diagram.directions == ("up", "up", "down", "down")
@@ -302,7 +302,7 @@ def test_bad_arguments_are_named(change, message):
 # --- figures
 
 
-def test_picture_shows_all_points(duffing):
+def test_figure_shows_all_points(duffing):
     upper, lower = plot.bifurcation_diagram(duffing, coordinate="x")
     drawn = [line for line in upper.get_lines() if line.get_marker() == "."]
     assert [line.get_xdata().size for line in drawn] == [26 * 64] * 2
@@ -310,14 +310,14 @@ def test_picture_shows_all_points(duffing):
     assert (upper.get_ylabel(), lower.get_xlabel(), upper.get_title()) == ("x", "frequency", "Duffing")
 
 
-def test_picture_on_given_axes(duffing):
+def test_figure_on_given_axes(duffing):
     _, ax = plt.subplots()
     assert plot.bifurcation_diagram(duffing, coordinate=1, ax=ax) == (ax,)
     assert (ax.get_ylabel(), ax.get_xlabel()) == ("v", "frequency")
 
 
 @pytest.mark.parametrize(("coordinate", "message"), [("y", "coordinate='y'"), (2, "coordinate=2")])
-def test_picture_of_no_coordinate(duffing, coordinate, message):
+def test_figure_of_no_coordinate(duffing, coordinate, message):
     with pytest.raises(ValueError, match=message):
         plot.bifurcation_diagram(duffing, coordinate=coordinate)
     with pytest.raises(TypeError, match="diagram="):

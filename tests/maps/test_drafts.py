@@ -26,7 +26,9 @@ def table(rhs, max_step: int = 1) -> PointMap:
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells")
-@pytest.mark.parametrize(("rhs", "max_step"), [(forced, 1), (kinked, 1), (forced, 4)], ids=["smooth", "kink", "leaps"])
+@pytest.mark.parametrize(
+    ("rhs", "max_step"), [(forced, 1), (kinked, 1), (forced, 4)], ids=["smooth", "kink", "multi-period steps"]
+)
 def test_an_examined_draft_is_the_map_itself(rhs, max_step: int) -> None:
     whole = table(rhs, max_step)
     assert isinstance(whole.spec, Interpolated)

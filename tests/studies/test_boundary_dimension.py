@@ -33,7 +33,7 @@ def test_a_fractal_boundary_is_counted_on_lines() -> None:
     basins = find_basins(stroboscopic_map(two_well_duffing()), CellGrid((-2.2, -2.2), (2.2, 2.2), (20, 20)))
     boxes = box_counts(basins, lines=4, cells=2**14, side=10)
     assert boxes.by_lines
-    assert boxes.picture is None
+    assert boxes.image is None
     assert boxes.dimension == pytest.approx(1.90, abs=0.03 + 2.0 * boxes.standard_error)
 
 

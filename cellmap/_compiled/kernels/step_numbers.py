@@ -13,12 +13,12 @@ ASYMPTOTIC = 512.0  # steps a period from which on errors are taken to fall as t
 
 
 @loop
-def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safety, leap, rungs):
+def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safety, climb, rungs):
     """Choose the next rung of each member, or say why there is none.
 
     ``taken[m]`` is the rung that gave ``ratios[members[m]]``, error estimate over tolerance; in the ``first`` round it
     stands for a trial, and no rung below ``lowest`` is chosen.  Rung k has ``steps[k]`` steps and should do where
-    ``steps[k]**order >= safety * ratio * steps[taken]**order``.  At most ``leap`` rungs are climbed at once, or twice
+    ``steps[k]**order >= safety * ratio * steps[taken]**order``.  At most ``climb`` rungs are climbed at once, or twice
     as many from an image that is not finite.  ``before[members[m]]`` holds ratio and steps of the round before, -1 for
     none; where the ratio falls so slowly that the last rung would not do, as it does across a kink, there is no next.
     """
@@ -32,7 +32,7 @@ def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safe
         elif rung == last and not first:
             rungs[m] = MISSED if finite else DIVERGED
         elif not finite:
-            rungs[m] = max(min(rung + 2 * leap, last), lowest)
+            rungs[m] = max(min(rung + 2 * climb, last), lowest)
         else:
             low = lowest if first else rung + 1
             if before[member, 1] >= ASYMPTOTIC and steps[rung] >= 1.4 * before[member, 1]:
@@ -44,7 +44,7 @@ def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safe
             if not first:
                 before[member, 0], before[member, 1] = ratio, steps[rung]
             needed = (safety * ratio) ** (1.0 / order) * steps[rung]
-            high = max(low, min(rung + leap, last))
+            high = max(low, min(rung + climb, last))
             while low < high:
                 middle = (low + high) // 2
                 if steps[middle] >= needed:

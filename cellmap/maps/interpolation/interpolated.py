@@ -165,7 +165,7 @@ class Interpolated(MapSpec[PointMap]):
     order: int
     outside: str
     tolerance: float | None
-    leap: int
+    max_step: int
     table: CellTable | None = None
     cost: Cost = Cost()
 
@@ -173,11 +173,11 @@ class Interpolated(MapSpec[PointMap]):
         """Return the map, without its specification."""
         exact, table, outside = self.exact, self.table, self.outside
         if table is None:
-            return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.leap)
+            return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.max_step)
         allowed = allowed_errors(self.grid, self.order, self.tolerance) * (_STRICTER if self.tolerance is None else 1.0)
         began = time.perf_counter()
         tables = [table]
-        while 2 ** len(tables) <= self.leap:
+        while 2 ** len(tables) <= self.max_step:
             tables.append(doubled_table(exact, tables, outside, allowed, progress))
         advance = LookUps(exact, tables, outside)
         kept = replace(table, coefficients=advance.coefficients)
@@ -192,7 +192,7 @@ class Interpolated(MapSpec[PointMap]):
             exact=exact,
             table=kept,
             cost=replace(self.cost, seconds=seconds, tabulation=seconds),
-            leap=self.leap,
+            max_step=self.max_step,
             escapes=outside == "escape",
             is_flow=exact.is_flow,
             no_image=exact.no_image,
@@ -227,7 +227,7 @@ class Interpolated(MapSpec[PointMap]):
             "upper": grid.upper,
             "shape": grid.shape,
             "exact": self.exact.recipe,
-            **({"leap": self.leap} if self.leap > 1 else {}),
+            **({"leap": self.max_step} if self.max_step > 1 else {}),
         }
 
     @classmethod
@@ -235,8 +235,8 @@ class Interpolated(MapSpec[PointMap]):
         """Return the specification of a recipe."""
         exact = specification(source, recipe["exact"]).build()
         grid = CellGrid(tuple(recipe["lower"]), tuple(recipe["upper"]), tuple(recipe["shape"]))
-        leap = recipe.get("leap", 1)
-        return cls(exact, grid, int(recipe["order"]), recipe["outside"], recipe["tolerance"], leap)
+        max_step = recipe.get("leap", 1)
+        return cls(exact, grid, int(recipe["order"]), recipe["outside"], recipe["tolerance"], max_step)
 
 
 def allowed_errors(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
@@ -244,8 +244,8 @@ def allowed_errors(grid: CellGrid, order: int, tolerance: float | None) -> NDArr
     return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
 
 
-def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
-    """Return the bytes that tables of up to `leap` periods and the making of them need.
+def table_memory(grid: CellGrid, order: int, max_step: int = 1) -> int:
+    """Return the bytes that tables of up to `max_step` periods and the making of them need.
 
     Examples
     --------
@@ -254,4 +254,4 @@ def table_memory(grid: CellGrid, order: int, leap: int = 1) -> int:
     """
     d, nodes = grid.dimension, number_of_nodes(grid, order)
     along = sum(line_memory(n, nodes // n, order, wraps) for n, wraps in zip(grid.shape, grid.wraps, strict=True))
-    return (16 * d * nodes + 6 * grid.size + along) * leap.bit_length()
+    return (16 * d * nodes + 6 * grid.size + along) * max_step.bit_length()

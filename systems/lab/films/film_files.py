@@ -19,7 +19,7 @@ from .film import Film, film_at_rate
 
 _STACKS = (".gif", ".tif", ".tiff")
 _VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm")
-_PICTURES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
+_IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 _LUMA = np.array([0.299, 0.587, 0.114])
 
 
@@ -176,10 +176,10 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
 
 
 def _images(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
-    found = [p for p in folder.iterdir() if p.suffix.lower() in _PICTURES and not p.name.startswith(".")]
+    found = [p for p in folder.iterdir() if p.suffix.lower() in _IMAGES and not p.name.startswith(".")]
     names = sorted(found, key=_by_number)
     if not names:
-        raise StoreError(f"{str(folder)!r} holds no images: give a folder of {', '.join(_PICTURES)}")
+        raise StoreError(f"{str(folder)!r} holds no images: give a folder of {', '.join(_IMAGES)}")
     grey = []
     for name in names:
         try:

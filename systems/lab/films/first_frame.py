@@ -52,7 +52,7 @@ def read_first_frame(
     if not present.size:
         raise ValueError("film: all frames are missing; give one with frames")
     frame = int(present[0])
-    picture, shape = film.frames[frame], film.shape
+    image, shape = film.frames[frame], film.shape
     places = np.array(initial, np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places):
         raise ValueError(f"initial_positions has the shape {places.shape}: give a pixel (column, row) for each marker")
@@ -66,9 +66,9 @@ def read_first_frame(
     boxes = [box_around((float(c), float(r)), reach, 0.0, shape, None) for c, r in places]
     windows = [box for box in boxes if box is not None]
     near = [box_around((float(c), float(r)), max(12.0, 0.5 * reach), 0.0, shape, None) for c, r in places]
-    limit = _threshold(picture, [box for box in near if box is not None], threshold)
+    limit = _threshold(image, [box for box in near if box is not None], threshold)
     noise = pixel_noise(film)
-    blobs = [_blob_at(picture, box, places[k], k, limit, reach, noise, weighted) for k, box in enumerate(windows)]
+    blobs = [_blob_at(image, box, places[k], k, limit, reach, noise, weighted) for k, box in enumerate(windows)]
     for k, blob in enumerate(blobs):
         for j in range(k):
             if apart(blob, (blobs[j].column, blobs[j].row)) < 1.0:
@@ -79,8 +79,8 @@ def read_first_frame(
     return Setup(limit, reach, interval, noise, weighted), memories
 
 
-def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> float:
-    pixels = np.concatenate([picture[a:b, c:d].ravel() for a, b, c, d in windows])
+def _threshold(image: np.ndarray, windows: list[Box], given: float | None) -> float:
+    pixels = np.concatenate([image[a:b, c:d].ravel() for a, b, c, d in windows])
     low, high = float(pixels.min()), float(pixels.max())
     if low == high:
         raise ValueError(f"film: all pixels of the first windows are {low:g}; give positions of markers, in a lit film")
@@ -107,7 +107,7 @@ def _threshold(picture: np.ndarray, windows: list[Box], given: float | None) -> 
 
 
 def _blob_at(
-    picture: np.ndarray,
+    image: np.ndarray,
     box: Box,
     start: np.ndarray,
     number: int,
@@ -118,7 +118,7 @@ def _blob_at(
 ) -> Blob:
     """Return the blob nearest to an initial position, which must be whole."""
     place = float(start[0]), float(start[1])
-    blobs = find_blobs(picture, box, threshold, (3.0, np.inf), noise, weighted)
+    blobs = find_blobs(image, box, threshold, (3.0, np.inf), noise, weighted)
     near = sorted((apart(blob, place), k) for k, blob in enumerate(blobs))
     name = f"initial_positions[{number}]=({place[0]:g}, {place[1]:g})"
     if not near or near[0][0] > max(0.5 * reach, blobs[near[0][1]].radius):
@@ -127,7 +127,7 @@ def _blob_at(
             "at one, or another threshold; of dark markers, the negative of the film"
         )
     blob = blobs[near[0][1]]
-    here = float(picture[round(place[1]), round(place[0])])
+    here = float(image[round(place[1]), round(place[0])])
     if (blob.clipped or blob.cut) and here <= threshold < blob.plateau:
         raise ValueError(
             f"{name}: it is dark there, {here:g}, and what is above the grey value {threshold:g} around it goes beyond "

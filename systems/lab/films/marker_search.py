@@ -46,7 +46,7 @@ class Search:
 
     def look(self, frame: int) -> list[Sight]:
         """Look for all markers in a frame, and remember what was found."""
-        time, picture = float(self.film.times[frame]), self.film.frames[frame]
+        time, image = float(self.film.times[frame]), self.film.frames[frame]
         diagonal = hypot(*self.film.shape)
         places: list[Place] = []
         reaches: list[float] = []
@@ -54,7 +54,7 @@ class Search:
             reach = memory.reach(self.setup.window, time, self.setup.interval)
             reaches.append(min(reach, diagonal))
             places.append(self._foreseen(marker, time, self._pivot(marker, places)))
-        blobs = self._blobs(picture, places, reaches)
+        blobs = self._blobs(image, places, reaches)
         costs = np.full((len(places), len(blobs)), np.inf)
         ratios = np.ones_like(costs)
         for marker, memory in enumerate(self.memories):
@@ -87,7 +87,7 @@ class Search:
             return places[rod.pivot] if self.memories[rod.pivot].steps == 0 else None
         return rod.pivot
 
-    def _blobs(self, picture: NDArray[np.generic], places: list[Place], reaches: list[float]) -> list[Blob]:
+    def _blobs(self, image: NDArray[np.generic], places: list[Place], reaches: list[float]) -> list[Blob]:
         boxes = []
         for marker, (place, reach) in enumerate(zip(places, reaches, strict=True)):
             rod, radius = self.rods.get(marker), self.memories[marker].radius
@@ -105,7 +105,7 @@ class Search:
         return [
             blob
             for box in joined(boxes)
-            for blob in find_blobs(picture, box, setup.threshold, counts, setup.noise, setup.weighted)
+            for blob in find_blobs(image, box, setup.threshold, counts, setup.noise, setup.weighted)
         ]
 
     def _cost(self, marker: int, blob: Blob, ratio: float, places: list[Place], reaches: list[float]) -> float:

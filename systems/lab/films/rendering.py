@@ -18,7 +18,7 @@ from cellmap.utils import Rng, claim_memory, finite_number, progress_bar, random
 from .appearance import Bar, Look, Spot
 from .film import Camera, Film
 
-Picture = NDArray[np.float32]
+Image = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,12 @@ def render_film(
             if flags[k]:
                 continue
             within = _sub_exposures(camera, places, moment, exposure)
-            picture = sum(_scene(still, each, radii, look, first) for each in within) / np.float32(len(within))
+            image = sum(_scene(still, each, radii, look, first) for each in within) / np.float32(len(within))
             for bar in bars:
                 if bar.start <= moment <= bar.end:
                     cover = _bar_cover(camera.shape, bar)
-                    picture += cover * (bar.grey - picture)
-            lit = gaussian_filter(picture * light, look.blur, mode="nearest")
+                    image += cover * (bar.grey - image)
+            lit = gaussian_filter(image * light, look.blur, mode="nearest")
             variance = np.clip(lit, 0.0, None) * (255.0 / look.full_well) + look.read_noise**2
             noisy = lit + np.sqrt(variance) * rng.standard_normal(camera.shape, np.float32)
             frames[k] = np.clip(np.rint(noisy), 0, 255)
@@ -182,13 +182,13 @@ def _sub_exposures(camera: Camera, places: Any, moment: float, exposure: float) 
     return camera.pixels(places(moment + exposure * ((np.arange(count) + 0.5) / count - 0.5)))
 
 
-def _scene(still: Picture, joints: NDArray[np.float64], radii: NDArray[np.float64], look: Look, first: int) -> Picture:
-    picture = still.copy()
+def _scene(still: Image, joints: NDArray[np.float64], radii: NDArray[np.float64], look: Look, first: int) -> Image:
+    image = still.copy()
     for a, b in pairwise(joints):
-        _rod(picture, a, b, look.rod_width, look.rod)
+        _rod(image, a, b, look.rod_width, look.rod)
     for centre, radius in zip(joints[first:], radii, strict=True):
-        _disc(picture, centre, radius, look.marker)
-    return picture
+        _disc(image, centre, radius, look.marker)
+    return image
 
 
 def _around(shape: tuple[int, ...], low: NDArray[Any], high: NDArray[Any]) -> tuple[slice, slice] | None:
@@ -198,9 +198,9 @@ def _around(shape: tuple[int, ...], low: NDArray[Any], high: NDArray[Any]) -> tu
     return (slice(r0, r1), slice(c0, c1)) if r1 > r0 and c1 > c0 else None
 
 
-def _disc(picture: Picture, centre: NDArray[np.float64], radius: float, grey: float) -> None:
+def _disc(image: Image, centre: NDArray[np.float64], radius: float, grey: float) -> None:
     """Draw a disc whose edge pixels are covered in part, by the mean over 4 x 4 points of each pixel."""
-    box = _around(picture.shape, centre - radius - 1.5, centre + radius + 1.5)
+    box = _around(image.shape, centre - radius - 1.5, centre + radius + 1.5)
     if box is None:
         return
     fine = (np.arange(4) - 1.5) / 4.0
@@ -208,11 +208,11 @@ def _disc(picture: Picture, centre: NDArray[np.float64], radius: float, grey: fl
     columns = (np.arange(box[1].start, box[1].stop)[:, None] + fine - centre[0]).ravel()
     inside = np.clip(4.0 * (radius - np.hypot(rows[:, None], columns)) + 0.5, 0.0, 1.0)
     cover = inside.reshape(rows.size // 4, 4, columns.size // 4, 4).mean(axis=(1, 3), dtype=np.float32)
-    picture[box] += cover * (np.float32(grey) - picture[box])
+    image[box] += cover * (np.float32(grey) - image[box])
 
 
-def _rod(picture: Picture, a: NDArray[np.float64], b: NDArray[np.float64], width: float, grey: float) -> None:
-    box = _around(picture.shape, np.minimum(a, b) - width, np.maximum(a, b) + width)
+def _rod(image: Image, a: NDArray[np.float64], b: NDArray[np.float64], width: float, grey: float) -> None:
+    box = _around(image.shape, np.minimum(a, b) - width, np.maximum(a, b) + width)
     if box is None or width == 0.0:
         return
     along, squared = b - a, float(((b - a) ** 2).sum())
@@ -220,17 +220,17 @@ def _rod(picture: Picture, a: NDArray[np.float64], b: NDArray[np.float64], width
     rows = (np.arange(box[0].start, box[0].stop, dtype=np.float32) - a[1])[:, None]
     fraction = np.clip((columns * along[0] + rows * along[1]) / max(squared, 1e-12), 0.0, 1.0)
     away = np.hypot(columns - fraction * along[0], rows - fraction * along[1])
-    picture[box] += np.clip(0.5 * width + 0.5 - away, 0.0, 1.0) * (np.float32(grey) - picture[box])
+    image[box] += np.clip(0.5 * width + 0.5 - away, 0.0, 1.0) * (np.float32(grey) - image[box])
 
 
-def _bar_cover(shape: tuple[int, int], bar: Bar) -> Picture:
+def _bar_cover(shape: tuple[int, int], bar: Bar) -> Image:
     rows, columns = np.arange(shape[0], dtype=np.float32), np.arange(shape[1], dtype=np.float32)
     across = np.clip(np.minimum(columns - bar.left, bar.right - columns) + 0.5, 0.0, 1.0)
     down = np.clip(np.minimum(rows - bar.top, bar.bottom - rows) + 0.5, 0.0, 1.0)
     return np.outer(down, across)
 
 
-def _light(shape: tuple[int, int], shade: float) -> Picture:
+def _light(shape: tuple[int, int], shade: float) -> Image:
     """Light that falls off from a point left above the middle, to 1 - `shade` in the darkest corner."""
     rows, columns = np.linspace(-0.8, 1.0, shape[0]), np.linspace(-0.7, 1.0, shape[1])
     away = rows[:, None] ** 2 + columns**2

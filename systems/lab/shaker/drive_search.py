@@ -86,9 +86,9 @@ def find_drive(
     least, strongest, chance = FEWEST_PERIODS / record.span, np.nan, 1.0
     flat = solved(record, 1.0, 0)
     spectrum = periodogram(record, flat.residuals)
-    starts = _starts(record, spectrum, frequency) if start is None else iter([(start, 1)])
+    begins = _begins(record, spectrum, frequency) if start is None else iter([(start, 1)])
     # What a straight line leaves of a straight line is rounding, and no motion.
-    for place, divisor in starts if flat.variance > 1e-22 else iter([]):
+    for place, divisor in begins if flat.variance > 1e-22 else iter([]):
         try:
             line = refined(record, 2.0 * np.pi * place, 1)
             first = line.rate / (2.0 * np.pi * divisor)
@@ -118,7 +118,7 @@ def find_drive(
     )
 
 
-def _starts(record: Record, spectrum: Spectrum, frequency: float | None) -> Iterator[tuple[float, int]]:
+def _begins(record: Record, spectrum: Spectrum, frequency: float | None) -> Iterator[tuple[float, int]]:
     """Yield frequencies of lines to try (Hz), and which harmonic each is taken for."""
     if frequency is None:
         least = FEWEST_PERIODS / record.span

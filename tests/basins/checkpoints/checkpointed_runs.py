@@ -53,7 +53,7 @@ CASES: dict[str, Callable[..., Basins]] = {
         **how,
     ),
     # The same with multi-period steps, on whose division orbits depend.
-    "leaps": lambda **how: find_basins(
+    "multi-period steps": lambda **how: find_basins(
         interpolated_map(
             discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
             CellGrid((-1, -1), (1, 1), (60, 60)),

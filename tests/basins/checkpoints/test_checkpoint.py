@@ -76,7 +76,7 @@ def test_a_run_goes_on_where_it_died(name, moment, torn, plain, tmp_path, monkey
         assert done[0] == TILES[name] - moment, "tiles that were done are not done again"
 
 
-TILES = {"one pass": 4, "small basins": 4, "undecided": 6, "leaps": 6, "chaotic": 3, "given starts": 3}
+TILES = {"one pass": 4, "small basins": 4, "undecided": 6, "multi-period steps": 6, "chaotic": 3, "given starts": 3}
 """Tiles of all passes, as an undisturbed run has them."""
 
 

@@ -65,7 +65,7 @@ def test_memory_does_not_grow_with_the_number_of_initial_conditions(tmp_path):
     assert grown[1] - grown[0] < 40e6
 
 
-@pytest.mark.parametrize("name", ["undecided", "small basins", "leaps"])
+@pytest.mark.parametrize("name", ["undecided", "small basins", "multi-period steps"])
 @pytest.mark.slow
 def test_states_that_are_too_many_to_be_kept_are_computed_again(name, plain, tmp_path, monkeypatch):
     """Where all that is left can be looked at, forgetting its states changes nothing."""
