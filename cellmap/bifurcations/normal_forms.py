@@ -204,7 +204,7 @@ class Reduction:
         p = p / (p @ q)
         value, size, gap = coefficient(kind, critical, (a, b, c), q, p)
         gap = min(gap, float(singular[-2]) if len(a) > 1 else 1.0)
-        condition = (1.0 + float(np.abs(a).max())) / (across * gap) if gap else np.inf
+        condition = (1.0 + float(np.abs(a).max())) / gap if gap else np.inf
         return cls(kind, value, off, condition * size, q, p)
 
     def finished(self, other: Reduction, sizes: NDArray[np.float64], exact: bool) -> NormalForm:

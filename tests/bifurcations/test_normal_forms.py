@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import Bifurcation, BifurcationKind, Criticality, NormalForm, normal_form
-from systems import driven_pendulum, duffing_oscillator, henon_map, logistic_map
+from cellmap.maps.stroboscopic import Stroboscopic
+from systems import double_pendulum, driven_pendulum, duffing_oscillator, henon_map, logistic_map
 
 FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
 PITCHFORK, TRANSCRITICAL = BifurcationKind.PITCHFORK, BifurcationKind.TRANSCRITICAL
@@ -192,3 +193,15 @@ def test_a_fold_of_the_forced_duffing_oscillator() -> None:
         expected = Differences(system, fold.point, (1.0, 1.0), 0.02).coefficient(FOLD)
         assert form(fold).coefficient == pytest.approx(expected, rel=1e-5)
         assert form(fold).criticality is Criticality.GENERIC
+
+
+def test_higher_variational_equations_agree_with_differences_in_four_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 12.532158062 mm one state of the double pendulum is lost in a Neimark-Sacker bifurcation."""
+    exact = stroboscopic_map(double_pendulum(amplitude=12.532158062e-3), rtol=1e-12, atol=1e-12)
+    found = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)
+    monkeypatch.setattr(Stroboscopic, "curve_step", lambda *_: None)
+    other = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)
+    assert (found.exact, other.exact) == (True, False)
+    assert found.criticality is other.criticality is Criticality.SUPERCRITICAL
+    apart = complex(found.coefficient - other.coefficient, found.imaginary - other.imaginary)
+    assert abs(apart) < other.error < 1e-5 * abs(found.coefficient)
