@@ -195,7 +195,9 @@ def test_a_fold_of_the_forced_duffing_oscillator() -> None:
         assert form(fold).criticality is Criticality.GENERIC
 
 
-def test_higher_variational_equations_agree_with_differences_in_four_dimensions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_higher_variational_equations_agree_with_differences_in_four_dimensions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """At 12.532158062 mm one state of the double pendulum is lost in a Neimark-Sacker bifurcation."""
     exact = stroboscopic_map(double_pendulum(amplitude=12.532158062e-3), rtol=1e-12, atol=1e-12)
     found = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)
