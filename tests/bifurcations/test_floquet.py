@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin, tanh
+from math import cos, exp, pi, tanh
 from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
+from mathieu import HANGING, INVERTED, mathieu
 from scipy.special import mathieu_a, mathieu_b
 
-from cellmap import ForcedSystem, Status, angle, set_threads, stability_map, stroboscopic_map
+from cellmap import ForcedSystem, Status, set_threads, stability_map, stroboscopic_map
 from cellmap.bifurcations import Crossing, critical_values, floquet_multipliers
 from cellmap.maps import jacobian
 from systems import double_pendulum, driven_pendulum, triple_pendulum
-
-HANGING, INVERTED = (0.0, 0.0), (pi, 0.0)
-
-
-def _mathieu_rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-    return x[1], -p.gamma * x[1] - (p.alpha - p.beta * cos(t)) * sin(x[0])
-
-
-def _mathieu(alpha: float = 0.25, beta: float = 0.1, gamma: float = 0.0) -> ForcedSystem:
-    """Pendulum whose linearisation at 0 is Mathieu's equation with a = 4 alpha and q = 2 beta in the time t/2."""
-    return ForcedSystem(_mathieu_rhs, {"alpha": alpha, "beta": beta, "gamma": gamma}, 2 * pi, (angle("theta"), "v"))
 
 
 def _limits(system: ForcedSystem, state: Any, name: str, lower: float, upper: float, **options: Any) -> dict[str, Any]:
@@ -60,14 +50,14 @@ def test_limits_of_the_driven_pendulum() -> None:
 
 
 def test_principal_resonance() -> None:
-    (lost,) = critical_values(_mathieu(gamma=0.05), HANGING, "beta", 0.0, 0.2)
+    (lost,) = critical_values(mathieu(gamma=0.05), HANGING, "beta", 0.0, 0.2)
     assert lost.value == pytest.approx(0.050027335537, abs=1e-12)
     assert (lost.crossing, lost.below, lost.above, lost.loses) == (Crossing.MINUS_ONE, 0, 1, True)
 
 
 def test_curves_are_those_of_mathieu() -> None:
     """Every characteristic value, in tongues that are down to 1e-5 wide."""
-    plane = stability_map(_mathieu(), HANGING, ("alpha", np.linspace(-0.4, 2.6, 60)), ("beta", [0.05, 0.3, 0.5, 1.0]))
+    plane = stability_map(mathieu(), HANGING, ("alpha", np.linspace(-0.4, 2.6, 60)), ("beta", [0.05, 0.3, 0.5, 1.0]))
     for beta in plane.y:
         row = plane.rows.y == beta
         known = [mathieu_a(k, 2.0 * beta) / 4.0 for k in range(5)]
@@ -91,7 +81,7 @@ def test_the_upper_limit_at_high_frequency() -> None:
     """A/l = 0.454023 +- 1.679195/Omega^2, + for the inverted state: alpha = 1/Omega^2, beta = A/l."""
     step = 1e-4
     hanging, inverted = (
-        critical_values(_mathieu(alpha=step), state, "beta", 0.3, 0.6, n_points=64)[0].value
+        critical_values(mathieu(alpha=step), state, "beta", 0.3, 0.6, n_points=64)[0].value
         for state in (HANGING, INVERTED)
     )
     assert 0.5 * (hanging + inverted) == pytest.approx(0.454023, abs=1e-6)
@@ -279,16 +269,16 @@ def test_threads_change_no_bit() -> None:
     results = []
     for threads in (1, 3):
         set_threads(threads)
-        results.append(floquet_multipliers(_mathieu(gamma=0.05), HANGING, swept))
+        results.append(floquet_multipliers(mathieu(gamma=0.05), HANGING, swept))
     set_threads(None)
     assert np.array_equal(results[0].monodromy, results[1].monodromy)
     # Nor does the company of a point.
-    alone = floquet_multipliers(_mathieu(gamma=0.05), HANGING, {"beta": swept["beta"][[0, 4321, 8999]]})
+    alone = floquet_multipliers(mathieu(gamma=0.05), HANGING, {"beta": swept["beta"][[0, 4321, 8999]]})
     assert np.array_equal(alone.monodromy, results[0].monodromy[[0, 4321, 8999]])
 
 
 def test_shapes_and_points_without_a_matrix() -> None:
-    system = _mathieu(gamma=0.05)
+    system = mathieu(gamma=0.05)
     assert floquet_multipliers(system, HANGING).multipliers.shape == (2,)
     assert floquet_multipliers(system, HANGING, {"beta": np.empty((0, 3))}).multipliers.shape == (0, 3, 2)
     result = floquet_multipliers(system, HANGING, {"alpha": [0.1, -1e6], "beta": [[0.1], [0.2], [0.3]]})
@@ -310,63 +300,3 @@ def test_an_equilibrium_away_from_the_origin() -> None:
         assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-11)
     with pytest.raises(ValueError, match="v is not constant there but changes by"):
         floquet_multipliers(system, [-1.001, 0.0], {"delta": deltas})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        (([0.1, 0.0],), ValueError, "v is not constant there"),
-        (([0.0],), ValueError, "its last axis must hold the 2 state variables"),
-        (([HANGING],), ValueError, "give one state"),
-        (
-            (HANGING, {"omega": 1.0}),
-            ValueError,
-            r"params has 'omega': this system has \['alpha', 'beta', 'gamma'\]",
-        ),
-        ((HANGING, {"beta": [0.1, np.nan]}), ValueError, "give finite numbers"),
-        ((HANGING, {"beta": "much"}), TypeError, "give real numbers"),
-        ((HANGING, {"beta": [1, 2], "alpha": [1, 2, 3]}), ValueError, r"parameters have the shapes beta \(2,\), alpha"),
-        ((HANGING, [0.1]), TypeError, "give a mapping of names to arrays"),
-        ((HANGING, {}, 1e-20), ValueError, "rtol=1e-20"),
-    ],
-)
-def test_bad_input_is_refused(arguments: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        floquet_multipliers(_mathieu(), *arguments)
-
-
-def test_bad_systems_are_refused() -> None:
-    with pytest.raises(TypeError, match="give a ForcedSystem"):
-        floquet_multipliers("pendulum", HANGING)  # type: ignore[arg-type]
-    with pytest.raises(
-        TypeError, match=r"its right-hand side is discontinuous.*give a system without switching functions"
-    ):
-        floquet_multipliers(driven_pendulum(friction=1.0), HANGING)
-    branching = ForcedSystem(lambda t, x, p: (-x[0] if x[0] > 0 else -2 * x[0],), {}, 1.0, ("x",))
-    with pytest.raises(TypeError, match="derivatives of its right-hand side are not known"):
-        floquet_multipliers(branching, [0.0])
-    fixed = ForcedSystem(lambda t, x, p: (cos(p.rate * t) * x[0],), {"rate": 1.0}, 2 * pi, ("x",))
-    with pytest.raises(ValueError, match="one period later"):
-        floquet_multipliers(fixed, [0.0], {"rate": [1.0, 1.5]})
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "error", "message"),
-    [
-        ("beta", ("alpha", [1, 2, 3]), TypeError, "give a pair of a parameter's name and its values"),
-        ((1, [1, 2, 3]), ("alpha", [1, 2, 3]), TypeError, "give the name of a parameter"),
-        (("beta", [1, 2]), ("alpha", [1, 2, 3]), ValueError, "give at least 3 values in increasing order"),
-        (("beta", [1, 3, 2]), ("alpha", [1, 2, 3]), ValueError, "give at least 3 values in increasing order"),
-        (("beta", [1, 2, 3]), ("beta", [1, 2, 3]), ValueError, "give two parameters"),
-    ],
-)
-def test_bad_axes_are_refused(x: Any, y: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        stability_map(_mathieu(), HANGING, x, y)
-
-
-def test_bad_intervals_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"upper=0\.1: give a number above lower=0\.2"):
-        critical_values(_mathieu(), HANGING, "beta", 0.2, 0.1)
-    with pytest.raises(ValueError, match="n_points=2"):
-        critical_values(_mathieu(), HANGING, "beta", 0.1, 0.2, n_points=2)

@@ -1,0 +1,150 @@
+"""Continuation where bifurcations hide: at ends of steps, close together, on circles, and in other units."""
+
+from __future__ import annotations
+
+from math import cos, pi
+from typing import Any
+
+import numpy as np
+import pytest
+from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, kinds
+
+from cellmap import PointMap, angle, continue_orbit, discrete_map, periodic_orbit
+from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, switch_branch
+from cellmap.orbits import PeriodicOrbit
+from systems import logistic_map, standard_map
+
+
+def at_rest(exact: PointMap) -> PeriodicOrbit:
+    return periodic_orbit(exact, [0.0] * exact.dimension)
+
+
+@pytest.mark.parametrize("upper", [1.5, 2.0, 3.0])
+@pytest.mark.parametrize("begin", [0.1, 0.6, 0.7, 1.0])
+def test_a_step_may_end_on_a_bifurcation(begin: float, upper: float) -> None:
+    exact = discrete_map(lambda x, p: (-p.q * x[0] + x[0] ** 3,), {"q": begin}, ("x",))
+    (doubling,) = continue_orbit(exact, at_rest(exact), "q", 0.0, upper).bifurcations
+    assert doubling.kind is DOUBLING
+    assert doubling.value == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_neimark_sacker_bifurcation_at_a_round_number() -> None:
+    # Bogdanov map: det = 1 + e at the origin.
+    def bogdanov(x: Any, p: Any) -> tuple[float, float]:
+        y = x[1] + p.e * x[1] + 1.2 * x[0] * (x[0] - 1.0)
+        return x[0] + y, y
+
+    for begin in (-0.1, 0.0):
+        exact = discrete_map(bogdanov, {"e": begin}, ("x", "y"))
+        (found,) = continue_orbit(exact, at_rest(exact), "e", -0.5, 0.5).bifurcations
+        assert (found.kind, found.before, found.after) == (NEIMARK_SACKER, 0, 2)
+        assert found.value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_start_may_be_a_bifurcation() -> None:
+    (doubling,) = continue_orbit(
+        logistic_map(3.0), periodic_orbit(logistic_map(3.0), [0.66]), "mu", 2.5, 3.3
+    ).bifurcations
+    assert doubling.value == pytest.approx(3.0, rel=1e-12)
+    folding = discrete_map(lambda x, p: (x[0] + p.m - x[0] ** 2,), {"m": 0.0}, ("x",))
+    found = continue_orbit(folding, at_rest(folding), "m", -1.0, 0.5).bifurcations
+    assert [b.kind for b in found] == [FOLD]
+    assert found[0].value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_pairs_within_a_step_are_seen() -> None:
+    for e in (1e-4, 1e-5, 1e-6):
+        exact = discrete_map(
+            lambda x, p: ((-1 - p.e + (p.m - 0.3037) ** 2) * x[0] + x[0] ** 3,), {"e": e, "m": 0.0}, ("x",)
+        )
+        found = continue_orbit(exact, at_rest(exact), "m", -1.0, 1.0).bifurcations
+        assert [b.kind for b in found] == [DOUBLING, DOUBLING]
+        np.testing.assert_allclose([b.value for b in found], 0.3037 + np.sqrt(e) * np.array([-1, 1]), rtol=1e-11)
+
+
+def test_multipliers_that_cross_together_are_reported() -> None:
+    twins = discrete_map(lambda x, p: tuple(p.r * q * (1.0 - q) for q in x), {"r": 2.5}, ("x", "y"))
+    branch = continue_orbit(twins, periodic_orbit(twins, [0.6, 0.6]), "r", 2.0, 3.6)
+    (found,) = branch.bifurcations
+    assert (found.kind, found.before, found.after) == (BifurcationKind.DEGENERATE, 0, 2)
+    assert found.value == pytest.approx(3.0, rel=1e-7)
+    assert branch.ends == ("left the interval", "left the interval")
+
+
+def test_a_neutral_saddle_beside_a_pair_near_the_circle() -> None:
+    c, s = 0.99 * cos(1.0), 0.99 * np.sin(1.0)
+    exact = discrete_map(
+        lambda x, p: (p.a * x[0], 2.0 * x[1], c * x[2] - s * x[3], s * x[2] + c * x[3]), {"a": 0.3}, tuple("wxyz")
+    )
+    branch = continue_orbit(exact, at_rest(exact), "a", 0.1, 0.837)
+    assert branch.bifurcations == ()
+    assert branch.ends == ("left the interval", "left the interval")
+
+
+def test_krein_collisions() -> None:
+    # Froeschle's map with different kicks, coupled antisymmetrically: pairs collide on the circle at |c| = 0.15.
+    def coupled(x: Any, p: Any) -> tuple[float, ...]:
+        a = x[2] - np.sin(x[0]) + p.c * np.sin(x[1])
+        b = x[3] - 1.3 * np.sin(x[1]) - p.c * np.sin(x[0])
+        return x[0] + a, x[1] + b, a, b
+
+    exact = discrete_map(coupled, {"c": 0.01}, tuple("wxyz"))
+    branch = continue_orbit(exact, at_rest(exact), "c", -0.5, 0.5)
+    assert kinds(branch) == [NEIMARK_SACKER, NEIMARK_SACKER]
+    np.testing.assert_allclose([b.value for b in branch.bifurcations], [-0.15, 0.15], rtol=1e-6)
+
+
+def test_angles_that_enter_other_images() -> None:
+    # The elliptic orbit of period two of the standard map, theta = pi/2 with p = pi there, loses its symmetry at 2 pi.
+    exact = standard_map(1.0)
+    branch = continue_orbit(exact, periodic_orbit(exact, [pi, 0.0]), "k", 0.5, 9.0)
+    assert kinds(branch) == [DOUBLING]
+    assert branch.bifurcations[0].value == pytest.approx(4.0, rel=1e-12)
+    (pitchfork,) = switch_branch(branch, branch.bifurcations[0], 0.5, 9.0).bifurcations
+    assert pitchfork.kind is PITCHFORK
+    assert pitchfork.value == pytest.approx(2.0 * pi, rel=1e-12)
+
+
+def test_a_branch_around_a_circle_is_traced_once() -> None:
+    circle = discrete_map(lambda x, p: (x[0] + p.w - 0.5 * np.sin(x[0]),), {"w": 0.0}, (angle("x"),))
+    branch = continue_orbit(circle, at_rest(circle), "w", -1.0, 1.0)
+    assert branch.ends == ("closed", "closed")
+    np.testing.assert_allclose(sorted(b.value for b in branch.bifurcations), [-0.5, 0.5], rtol=1e-12)
+
+
+def test_a_closed_curve_over_two_parameters() -> None:
+    exact = discrete_map(lambda x, p: (-(2.0 - p.q**2 - p.s**2) * x[0] - x[0] ** 3,), {"q": 0.1, "s": 0.1}, ("x",))
+    branch = continue_orbit(exact, at_rest(exact), "q", -1.5, 1.5)
+    curve = continue_bifurcation(branch, branch.bifurcations[0], "s", (-1.5, 1.5), (-1.5, 1.5))
+    assert curve.ends == ("closed", "closed")
+    np.testing.assert_allclose((curve.values**2).sum(axis=1), 1.0, rtol=1e-12)
+    angles = np.unwrap(np.arctan2(*curve.values.T))
+    assert 6.2 < abs(angles[-1] - angles[0]) < 6.4
+
+
+def test_curves_end_on_the_edge(henon: Branch) -> None:
+    curve = continue_bifurcation(henon, henon.bifurcations[1], "b", (-1.0, 1.0), (0.0, 0.9))
+    assert curve.values[:, 1].min() == pytest.approx(0.0, abs=1e-13)
+    assert curve.values[:, 1].max() == pytest.approx(0.9, abs=1e-13)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_units_of_the_state(unit: float) -> None:
+    cubic = discrete_map(lambda x, p: (p.m * x[0] - x[0] ** 3 / unit**2,), {"m": 0.5}, ("x",))
+    branch = continue_orbit(cubic, at_rest(cubic), "m", -0.5, 3.0, sizes=[unit])
+    arm = switch_branch(branch, branch.bifurcations[0], -0.5, 3.0)
+    np.testing.assert_allclose(arm.points[:, 0] ** 2 / unit**2, arm.values - 1.0, atol=1e-11)
+    assert arm.bifurcations[0].value == pytest.approx(2.0, rel=1e-12)
+    with pytest.raises(ValueError, match="positive numbers"):
+        continue_orbit(cubic, at_rest(cubic), "m", -0.5, 3.0, sizes=[0.0])
+
+
+def test_the_orbits_at_the_ends(inverted: Branch) -> None:
+    for end in (0, -1):
+        (orbit,) = inverted.orbits_at(float(inverted.values[end]))
+        np.testing.assert_allclose(np.abs(orbit.points[0, 0]), pi, rtol=1e-12)
+
+
+def test_an_interval_beyond_the_system_is_refused(pendulum: PointMap) -> None:
+    with pytest.raises(ValueError, match="period"):
+        continue_orbit(pendulum, periodic_orbit(pendulum, [pi, 0.0]), "frequency", -10.0, 100.0)
