@@ -28,8 +28,9 @@ _NEUTRAL = 1e-6  # distance of the one multiplier from 1
 _CONTRACTING = 1.0 - 1e-3  # largest other multiplier
 _STEPS = 64  # along the extent of the region
 _MOST_POINTS = 256  # of a segment
-_REFINEMENTS = 5  # halvings of a step at the ends
-_RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the extent
+_REFINEMENTS = 5  # halvings of a step at the ends, and
+_FIRST_REFINEMENTS = 9  # more of the first step, for segments that are much shorter than the region
+_RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
 _ALONG, _DIRECTIONS = 33, 24  # points and directions at which the tube is tried
 _LONGEST = 512  # steps in which distances have to be halved
 _DENSE = 1024
@@ -152,7 +153,7 @@ def _traced(
     for sign in (-1.0, 1.0):
         direction, point, length = sign * ahead, first[0], 1.0 / _STEPS
         half: list[NDArray[np.float64]] = []
-        smallest = length * 0.5**_REFINEMENTS
+        smallest = length * 0.5 ** (_REFINEMENTS + _FIRST_REFINEMENTS)
         while length >= smallest and len(half) < _MOST_POINTS:
             check_stop()
             guess = wrap(point + length * direction * extent, exact.coordinates)
@@ -163,6 +164,9 @@ def _traced(
                 break
             if found is None or not 0.5 * length <= np.linalg.norm(shift) <= 2.0 * length:
                 length *= 0.5
+                continue
+            if not half and length < 1.0 / _STEPS and smallest < length * 0.5 ** (_REFINEMENTS + 1):
+                smallest, length = length * 0.5 ** (_REFINEMENTS + 4), length / 16.0
                 continue
             point, direction = found[0], shift / np.linalg.norm(shift)
             half.append(point)
@@ -178,10 +182,11 @@ def _explored(
     if traced is None:
         return None
     points, matrix = traced
-    segments = [Segment(exact, _dense(points, exact, extent), extent)]
+    dense = _dense(points, exact, extent)
+    size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
+    segments = [Segment(exact, dense, size)]
     for _ in range(period - 1):
-        images = follow(exact, segments[-1].points, 1).points
-        segments.append(Segment(exact, images, extent))
+        segments.append(Segment(exact, follow(exact, segments[-1].points, 1).points, size))
     covers = [_cover(segment, period) for segment in segments]
     if any(cover is None for cover in covers):
         return None

@@ -83,6 +83,21 @@ def test_a_slanted_line_of_fixed_points():
     assert attractor.exponents == pytest.approx([0.0, np.log(0.5)], abs=1e-9)
 
 
+def test_a_segment_that_is_much_shorter_than_the_region():
+    """Fixed points on y = 0.6 x for |x| < 0.001; beyond, x shrinks by a half towards it."""
+
+    def function(x, p):
+        inner = min(max(x[0], -0.001), 0.001)
+        return inner + 0.5 * (x[0] - inner), 0.5 * x[1] + 0.3 * inner
+
+    short = discrete_map(function, {}, ("x", "y"))
+    rng = np.random.default_rng(0)
+    near, far = rng.uniform(-0.0009, 0.0009, (20, 2)), rng.uniform(-1, 1, (10, 2))
+    (attractor,) = find_attractors(short, [*near, *far])
+    assert attractor.kind is Kind.CONTINUUM
+    assert np.abs(attractor.points[:, 0]).max() == pytest.approx(0.001, rel=0.05)
+
+
 def test_cycles_of_period_two():
     """(x, y) -> (-x, y/2 + 0.3 x): pairs of points on y = -0.2 x."""
     flips = discrete_map(lambda x, p: (-x[0], 0.5 * x[1] + 0.3 * x[0]), {}, ("x", "y"))
