@@ -41,6 +41,7 @@ class OnDisk(LabelStore):
     def __init__(self, shape: tuple[int, ...], path: Path, belongs: Mapping[str, Any]) -> None:
         super().__init__(shape)
         self._path, self._belongs = path, belongs
+        self._file: Checkpoint | None = None  # until a pass has begun
 
     def begin(self, now: Progress) -> None:
         """Write the file of a pass, with the labels of all other starts from the file before."""
@@ -83,6 +84,7 @@ class OnDisk(LabelStore):
 
     def unfinished(self, now: Progress) -> list[int]:
         """Return the tiles of a pass that are to do, those that were torn among them."""
+        assert self._file is not None
         open_ = []
         for number in range(len(now.parts)):
             rows = now.rows_of(number)
@@ -95,6 +97,7 @@ class OnDisk(LabelStore):
 
     def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
         """Keep what became of a tile: first its contents, then that it is done."""
+        assert self._file is not None
         self.labels[rows], self.times[rows] = settled.labels, settled.times
         self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
 
@@ -113,7 +116,8 @@ class OnDisk(LabelStore):
 
     def release(self) -> None:
         """Give pages of the file back to the system."""
-        self._file.release()
+        if self._file is not None:
+            self._file.release()
 
     def _known(self, labels: NDArray[np.int16], now: Progress) -> bool:
         return within(labels, min(LABEL_NAMES), len(now.attractors) - 1)
