@@ -79,7 +79,16 @@ document.addEventListener("drawn", (event) => {
   const { data, ...facts } = event.detail;
   window.frames.push(facts);
 });
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (text) {
+  const { type, request } = JSON.parse(text);
+  if (type === "view") window.asked = request;
+  send.call(this, text);
+};
 """
+WHOLE = (
+    "window.frames.some((f) => f.complete && f.request === window.asked) && document.getElementById('preview').hidden"
+)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +115,7 @@ def opened(browser: Browser, address: str, width: int = 1200, **options: Any) ->
     page.on("pageerror", lambda error: said.append(str(error)))
     page.add_init_script(LOG)
     page.goto(address)
-    until(page, "window.frames.some((f) => f.complete)")
+    until(page, WHOLE)
     yield page
     assert said == []
     context.close()
@@ -131,7 +140,7 @@ def after(page: Page, act: Callable[[], object]) -> None:
     """Do something, and wait until the image that it leads to is complete."""
     page.evaluate("window.frames = []")
     act()
-    until(page, "window.frames.length && document.getElementById('preview').hidden")
+    until(page, WHOLE)
 
 
 def pixels(page: Page) -> NDArray[np.uint8]:
