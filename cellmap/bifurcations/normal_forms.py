@@ -51,18 +51,18 @@ class NormalForm:
     ----------
     kind : BifurcationKind
         Kind of the bifurcation, with the normal form u -> u + a u^2 (fold, transcritical), u -> u + c u^3 (pitchfork),
-        u -> -u + b u^3 (period doubling) or w -> exp(i theta) w (1 + d |w|^2) (Neimark-Sacker).
+        u -> -u + b u^3 (period doubling) or w -> exp(i theta) w (1 + d abs(w)^2) (Neimark-Sacker).
     coefficient : float
         The coefficient a, c, b or the real part of d.  The eigenvector has length 1 in the units of the coordinates,
         which the value depends on and its sign does not.  The sign of a follows that of the eigenvector.
     imaginary : float
-        Imaginary part of d, the change of the rotation with |w|^2; 0 for the other kinds.
+        Imaginary part of d, the change of the rotation with abs(w)^2; 0 for the other kinds.
     error : float
         Estimate of the error of the coefficient.
     criticality : Criticality
         "supercritical", "subcritical", "generic" or "degenerate".
     eigenvector, adjoint : ndarray, shape (dimension,)
-        Eigenvectors q of the monodromy matrix and p of its transpose, with |q| = 1 and p . q = 1, complex for a
+        Eigenvectors q of the monodromy matrix and p of its transpose, with norm(q) = 1 and p . q = 1, complex for a
         Neimark-Sacker bifurcation; the largest component of q is real and positive.
     exact : bool
         Whether derivatives of the map come from its higher variational equations; else from differences of Jacobian

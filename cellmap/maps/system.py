@@ -166,6 +166,10 @@ class ForcedSystem:
         values = map(float, self.switches(t, tuple(x), self.parameters))
         return tuple(float(h > 0.0) - float(h < 0.0) for h in values)
 
+    def _state(self, x: Sequence[float]) -> tuple[float, ...]:
+        """Return a state that cannot be changed; what numba has compiled takes plain tuples alone."""
+        return tuple(x) if hasattr(self.rhs, "py_func") else State(x)
+
     def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
         """Return the right-hand side at one time and state, evaluated in plain Python.
 
@@ -173,12 +177,12 @@ class ForcedSystem:
         surface the mean of both sides is returned.
         """
         if self.switches is None:
-            return tuple(self.rhs(t, State(x), self.parameters))
+            return tuple(self.rhs(t, self._state(x), self.parameters))
         own = self.signs(t, x)
         chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
         if len(chosen) != len(own):
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
-        return tuple(self.rhs(t, State(x), self.parameters, chosen))
+        return tuple(self.rhs(t, self._state(x), self.parameters, chosen))
 
     def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""

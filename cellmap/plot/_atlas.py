@@ -81,7 +81,8 @@ def attractor_atlas(
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['1', '2', 'period doubling']
     """
-    if isinstance(show, bool) or not (isinstance(show, int) or show in ("classes", "number")):
+    known = show in range(len(atlas.families)) if isinstance(show, int) else show in ("classes", "number")
+    if isinstance(show, bool) or not known:
         raise ValueError(f"show={shown(show)}: give 'classes', 'number' or the number of a family")
     ax = axes_or_new(ax)
     handles: list[Any] = []
