@@ -14,6 +14,7 @@ from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap, follow
+from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
@@ -31,7 +32,7 @@ _MOST_POINTS = 256  # of a segment
 _REFINEMENTS = 5  # halvings of a step at the ends, and
 _FIRST_REFINEMENTS = 9  # more of the first step, for segments that are much shorter than the region
 _RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
-_ALONG, _DIRECTIONS = 33, 24  # points and directions at which the tube is tried
+_ALONG, _DIRECTIONS = 17, 24  # points and directions at which the tube is tried
 _LONGEST = 512  # steps in which distances have to be halved
 _DENSE = 1024
 _PERIODS = 16  # in which orbits near the ends have to come closer
@@ -219,10 +220,9 @@ def _cover(segment: Segment, period: int) -> Cover | None:
     for radius in _RADII:
         begin = wrap(segment.surface(np.array([radius])).reshape(-1, exact.dimension), exact.coordinates)
         orbits, made = Orbits.starting(begin.copy()), 0
-        steps = period
-        while steps <= _LONGEST:
+        for steps in _halving(segment, begin.reshape(_ALONG, -1, exact.dimension)[_ALONG // 2], radius, period):
             check_stop()
-            exact.advance(orbits, steps - made)
+            advance_on_threads(exact.advance, orbits, steps - made)
             made = steps
             apart, after = segment.feet(orbits.points)
             before = segment.feet(begin)[1]
@@ -237,8 +237,24 @@ def _cover(segment: Segment, period: int) -> Cover | None:
                 if high - low > _DENSE // 2:
                     shorter = Segment(exact, segment.points[low : high + 1], segment.size)
                     return cover_of_tube(shorter, Tube(radius, steps, 0.5))
-            steps *= 2
     return None
+
+
+def _halving(segment: Segment, begin: NDArray[np.float64], radius: float, period: int) -> list[int]:
+    """Return in how many steps, of those that are tried, some points of a tube have come to half of its radius.
+
+    Where those in the middle have not, which every part that is long enough holds, the others need not be followed.
+    """
+    orbits, made, found = Orbits.starting(begin.copy()), 0, []
+    steps = period
+    while steps <= _LONGEST:
+        check_stop()
+        segment.exact.advance(orbits, steps - made)
+        made = steps
+        if segment.distances(orbits.points).max() <= 0.5 * radius:
+            found.append(steps)
+        steps *= 2
+    return found
 
 
 def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
