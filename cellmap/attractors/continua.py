@@ -20,7 +20,7 @@ from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
-from .tube import Tube, cover_of_tube, nearest_places
+from .tube import Tube, cover_of_tube, feet_on_edges, nearest_places
 
 _TRIED = 4  # orbits in one look
 _CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, and
@@ -59,12 +59,9 @@ class Segment:
         for side in (-1, 1):
             there = np.clip(nearest + side, 0, len(self.points) - 1)
             here = self.points[nearest]
-            along = difference(self.points[there], here, self.exact.coordinates) / self.size
-            shift = difference(points[finite], here, self.exact.coordinates) / self.size
-            share = np.clip((shift * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0.0, 1.0)
-            far = np.linalg.norm(shift - share[:, None] * along, axis=1)
+            far, fraction = feet_on_edges(self, points[finite], here, self.points[there])
             closer = far < apart[finite]
-            apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * share)[closer]
+            apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * fraction)[closer]
         return apart, where
 
     def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:

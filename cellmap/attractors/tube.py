@@ -78,12 +78,7 @@ class Curves:
         curve, k = np.divmod(nearest, self.points.shape[1])
         for side in (-1, 1):
             here, there = self.points[curve, k], self.points[curve, (k + side) % self.points.shape[1]]
-            along = difference(there, here, self.exact.coordinates) / self.size
-            shift = difference(points[finite], here, self.exact.coordinates) / self.size
-            length = np.maximum((along**2).sum(axis=1), 1e-300)
-            fraction = np.clip((shift * along).sum(axis=1) / length, 0.0, 1.0)
-            apart = np.linalg.norm(shift - fraction[:, None] * along, axis=1)
-            found[finite] = np.minimum(found[finite], apart)
+            found[finite] = np.minimum(found[finite], feet_on_edges(self, points[finite], here, there)[0])
         return found
 
     def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -174,6 +169,17 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     if not len(boxes):
         return None
     return Cover(corner, widths, boxes, np.ones(len(boxes), bool))
+
+
+def feet_on_edges(
+    curves: Attracting, points: NDArray[np.float64], here: NDArray[np.float64], there: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return distances of points to straight edges, a row each, and at which fraction of its edge each is nearest."""
+    along = difference(there, here, curves.exact.coordinates) / curves.size
+    shift = difference(points, here, curves.exact.coordinates) / curves.size
+    length = np.maximum((along**2).sum(axis=1), 1e-300)
+    fraction = np.clip((shift * along).sum(axis=1) / length, 0.0, 1.0)
+    return np.linalg.norm(shift - fraction[:, None] * along, axis=1), fraction
 
 
 def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.int64]:

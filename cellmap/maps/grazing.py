@@ -7,14 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_switching
-from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
 from .._compiled.kernels.switching_period import COUNT, WATCHED
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from .coordinates import state_points, wrap
 from .discrete import Discrete
-from .integration import Flow
+from .integration import Flow, in_lanes, out_of_lanes
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
@@ -99,20 +98,19 @@ def _where_flows_differ(traced: SwitchingTrace) -> list[bool]:
 
 def _watched(motion: Flow, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return images (n, d) of points, and how near they come to each surface, shape (n, surfaces)."""
-    n, d = points.shape
+    n = len(points)
     context = motion.kernel.advance.context.copy()
     kept = np.zeros((n, int(context[COUNT]), RECORDS))
     kept[..., DEPTH] = np.inf
     context[WATCHED] = kept.ctypes.data
-    rows = np.concatenate([points, points[:1].repeat(-n % LANES, axis=0)]).reshape(-1, LANES, d)
-    x = np.ascontiguousarray(rows.swapaxes(1, 2))
+    x = in_lanes(points)
     expected = 4.0 * motion.steps_at(points, _STEPS[0])
     steps = max(motion.fewest_steps, int(np.clip(np.nan_to_num(expected, posinf=_STEPS[1]), *_STEPS)))
     errors = np.zeros_like(x)
     advance = type(motion.kernel.advance)(motion.kernel.advance.address, motion.kernel.advance.code, context)
     advance(x, np.full(len(x), steps), motion.begin, motion.length, motion.parameters, errors, n)
-    images = x.swapaxes(1, 2).reshape(-1, d)[:n]
-    ended = ~(errors.swapaxes(1, 2).reshape(-1, d)[:n] < 1e300).all(axis=1)
+    images = out_of_lanes(x, n)
+    ended = ~(out_of_lanes(errors, n) < 1e300).all(axis=1)
     distances = kept[..., DEPTH] / np.maximum(kept[..., EXTENT], 1e-300)
     distances[ended | ~np.isfinite(images).all(axis=1)] = np.nan
     return images, distances

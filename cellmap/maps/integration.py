@@ -179,6 +179,17 @@ def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
     return max(1, int((np.flatnonzero(present.reshape(len(present), -1).any(axis=1)).max(initial=0) + 2) // 2))
 
 
+def in_lanes(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, d) in blocks of lanes (blocks, d, LANES), the last one filled up with copies of the first."""
+    rows = np.concatenate([points, points[:1].repeat(-len(points) % LANES, axis=0)])
+    return np.ascontiguousarray(rows.reshape(-1, LANES, points.shape[1]).swapaxes(1, 2))
+
+
+def out_of_lanes(blocks: NDArray[np.float64], number: int) -> NDArray[np.float64]:
+    """Return the first points of blocks of lanes, shape (number, d)."""
+    return blocks.swapaxes(1, 2).reshape(-1, blocks.shape[1])[:number]
+
+
 @dataclass(frozen=True, eq=False)
 class Flow:
     """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits.
@@ -233,9 +244,7 @@ class Flow:
 
     def steps_at(self, points: NDArray[np.float64], steps: int) -> float:
         """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""
-        motion, missing = self.numbers, -len(points) % LANES
-        rows = np.concatenate([points, points[:1].repeat(missing, axis=0)]).reshape(-1, LANES, points.shape[1])
-        x = np.ascontiguousarray(rows.swapaxes(1, 2))
+        motion, x = self.numbers, in_lanes(points)
         errors, numbers = np.zeros_like(x), np.full(len(x), steps)
         self.kernel.advance(x, numbers, self.begin, self.length, self.parameters, errors)
         sizes = np.minimum(np.abs(x), self.largest[:, np.newaxis])
