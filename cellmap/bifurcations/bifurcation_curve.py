@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, shown, whole_number
+from .._lib.checks import finite_number, pair_of, shown, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
@@ -235,11 +235,8 @@ def _limits(step: float, max_points: int) -> tuple[float, int]:
 
 
 def _interval(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
-    try:
-        low, high = given
-    except (TypeError, ValueError):
-        raise TypeError(f"{label}={given!r}: give two numbers, the ends of an interval") from None
-    low, high = finite_number(f"{label}[0]", low), finite_number(f"{label}[1]", high)
+    ends = pair_of(label, given)
+    low, high = (finite_number(f"{label}[{k}]", end) for k, end in enumerate(ends))
     if not low <= value <= high or low == high:
         raise ValueError(f"{label}={given!r}: give an interval that contains the present value {value:g}")
     return low, high
