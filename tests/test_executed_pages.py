@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import code
 import importlib
 import importlib.util
+import json
 import operator
 import re
 import sys
@@ -63,6 +65,42 @@ def test_each_program_has_figures_with_alternative_text_and_expected_output(prog
     alternatives = re.findall(r'^# sphinx_gallery_alt = "(.*)"$', text, re.MULTILINE)
     assert alternatives and all(20 <= len(a) <= 160 for a in alternatives)
     assert "print(" not in text or (DOCS / "_printed" / program.parent.name / f"{program.stem}.txt").exists()
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.stem)
+def test_blocks_can_be_pasted_at_the_prompt(program):
+    """Python's own prompt before 3.13 needs an empty line after each loop and function, and none inside."""
+    prompt = code.InteractiveInterpreter()
+    prompt.runcode = lambda compiled: None
+    failed = []
+    prompt.showsyntaxerror = lambda *_, **__: failed.append(line)
+    for block in re.split(r"^# %%$", program.read_text(encoding="utf-8"), flags=re.MULTILINE):
+        typed = ""
+        for line in [*block.splitlines(), ""]:
+            if line.startswith("# sphinx_gallery"):
+                continue  # not on the page
+            typed += line + "\n"
+            if not prompt.runsource(typed[:-1], "<prompt>", "single"):
+                typed = ""
+    assert failed == []
+
+
+@pytest.mark.slow
+def test_notebooks_run_in_jupyter(tmp_path):
+    """The first tutorial, as the site offers it for downloading."""
+    client = pytest.importorskip("nbclient", reason="Jupyter is of no extra of this library")
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    pytest.importorskip("sphinx_gallery")
+    from sphinx_gallery import gen_gallery, notebook, py_source_parser
+
+    _, blocks = py_source_parser.split_code_and_text_blocks(DOCS / "tutorials" / "getting_started.py")
+    written = notebook.jupyter_notebook(blocks, gen_gallery.DEFAULT_GALLERY_CONF, str(DOCS))
+    book = nbformat.reads(json.dumps(written), as_version=4)
+    client.NotebookClient(book, timeout=200, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 8
+    assert not [output for output in outputs if output.get("name") == "stderr"]
 
 
 def test_examples_are_short():

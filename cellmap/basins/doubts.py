@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from .record import Basins, fractions_of
 _MANY = 0.05  # fraction of the initial conditions from which there is a warning
 _TRIED = 8  # orbits that are integrated again
 _PERIODS = 4
+_TIME = 0.01370521  # in periods, at which no forcing jumps
 
 _MORE = "raise max_periods={}"
 _REMEDIES = {
@@ -53,12 +55,12 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
         examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]
         yield (
             f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
-            f"{cause}; {remedy.format(basins.settings['max_periods'])}"
+            f"{cause}; {remedy.format(basins.settings['max_periods'])}{_turning(basins)}"
         )
     if Label.ESCAPED in parts:
         yield (
             f"{parts[Label.ESCAPED]:.1%} of the initial conditions escaped from the window of the interpolated map: "
-            "give it a larger grid, or outside='integrate'"
+            f"give it a larger grid, or outside='integrate'{_turning(basins)}"
         )
     if Label.OUT_OF_STEPS in parts:
         what = _remedy(basins, Label.OUT_OF_STEPS)[1]
@@ -67,6 +69,31 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
         helps, what = _remedy(basins, Label.DIVERGED)
         if helps:
             yield f"{parts[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+
+
+def _turning(basins: Basins) -> str:
+    """Name state variables on which the equations have period 2 pi and that are not declared as angles."""
+    spec = None if basins.point_map is None else basins.point_map.without_table.spec
+    if not isinstance(spec, Stroboscopic):
+        return ""
+    system, found = spec.system, []
+    place = [0.1 + 0.73 * j for j in range(system.dimension)]
+    for j, coordinate in enumerate(system.axes):
+        if coordinate.period is not None:
+            continue
+        try:
+            here, half, turned = (
+                system.derivative(_TIME * system.length, [*place[:j], place[j] + s, *place[j + 1 :]])
+                for s in (0.0, pi, 2 * pi)
+            )
+        except (ValueError, ZeroDivisionError, OverflowError):
+            continue  # outside the domain of the right-hand side, which has no angle then
+        if np.allclose(here, turned, 1e-9, 1e-12) and not np.allclose(here, half, 1e-3, 1e-6):
+            found.append(coordinate.name)
+    if not found:
+        return ""
+    remedy = ", ".join(f"angle({name!r})" for name in found)
+    return f". The equations are the same when {' or '.join(found)} grows by 2 pi: if orbits may turn, give {remedy}"
 
 
 def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:

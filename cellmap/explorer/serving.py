@@ -90,7 +90,7 @@ def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page:
 
         from .server import application
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"{error}: install cellmap-dynamics[explorer]") from error
+        raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[explorer]'") from error
     systems = {e.name: e for e in checked_gallery(gallery)}
     listening = socket.socket()
     try:

@@ -19,6 +19,7 @@ from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
+from .misread import lacking
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
@@ -188,7 +189,7 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
         except (ValueError, ZeroDivisionError, OverflowError):
             continue  # outside the domain of the function
         except AttributeError as error:
-            raise ValueError(f"function asks for a parameter that params lacks ({error})") from error
+            raise lacking("function", error) from error
         except IndexError as error:
             names = ", ".join(c.name for c in axes)
             raise ValueError(

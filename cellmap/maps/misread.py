@@ -27,7 +27,7 @@ def misread(
     if isinstance(error, AttributeError) and "can't set" in text:
         return TypeError(f"{functions} sets a parameter, which stays as it is: use a name of its own ({text})")
     if isinstance(error, AttributeError):
-        return ValueError(f"{functions} asks for a parameter that params lacks ({error})")
+        return lacking(functions, error)
     if isinstance(error, IndexError):
         if len(names) == 1 and len(listed) > 1:
             remedy = f"coordinates={listed!r} is one name: give one for each, such as {tuple(listed)!r}"
@@ -46,3 +46,12 @@ def misread(
         if exchanged:
             return TypeError("rhs takes the state before the time: it must be callable as rhs(t, x, p), time first")
     return TypeError(f"rhs must be callable as {form} and return a tuple: {error}")
+
+
+def lacking(functions: str, error: AttributeError) -> ValueError:
+    """Return what is said of a function that reads an attribute that its arguments do not have."""
+    if names := getattr(error.obj, "_fields", ()):
+        return ValueError(
+            f"{functions} asks for a parameter that params lacks: p.{error.name}; there are {', '.join(names)}"
+        )
+    return ValueError(f"{functions} asks for a parameter that params lacks ({error})")

@@ -269,14 +269,15 @@ class ForcedSystem:
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
             if _differ(now, later):
                 raise ValueError(
-                    f"period={self.length!r}: {functions} at t = {t:g} is {now} and one period later {later}; "
-                    "give the period of the forcing (any positive number for an autonomous system)"
+                    f"period={self.length!r}: {functions} at t = {t:g} is {_short(now)} and one period later "
+                    f"{_short(later)}; give the period of the forcing (any positive number for an autonomous system)"
                 )
             for (_, c), there in zip(angles, turned, strict=True):
                 if _differ(now, there):
                     raise ValueError(
-                        f"coordinates: rhs is {now} and one period of {c.name} further on {there}, so {c.name} is not "
-                        f"an angle of period {c.period:g}; give period= its period, or the name alone if it is no angle"
+                        f"coordinates: rhs is {_short(now)} and one period of {c.name} further on {_short(there)}, so "
+                        f"{c.name} is not an angle of period {c.period:g}; give period= its period, or the "
+                        "name alone if it is no angle"
                     )
             checked = True
         if captured(self.rhs) != before:
@@ -289,6 +290,10 @@ class ForcedSystem:
                 f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
                 "there is one coordinate for each state variable"
             ) from failure
+
+
+def _short(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{v:.6g}' for v in values)})"
 
 
 def _differ(a: Sequence[float], b: Sequence[float]) -> bool:

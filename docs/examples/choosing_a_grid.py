@@ -20,6 +20,7 @@ for order in (1, 3, 5):
         errors.append(interpolated_map(strobe, grid, order=order, tolerance=1e6).error().percentile_99)
     print(f"order {order}: doubling 96 cells divides the error by {errors[-2] / errors[-1]:.0f}")
     plt.loglog(cells, errors, "o-", label=f"order {order}")
+
 plt.gca().set(xlabel="cells along each axis", ylabel="error of one period (99 %)", title="Interpolated maps")
 plt.legend()
 # sphinx_gallery_alt = "Error of one period against cells on logarithmic axes: straight lines of slopes -2, -4 and -6"

@@ -21,5 +21,6 @@ basins = find_basins(interpolated_map(strobe, window), window)
 print(f"grid: {len(basins.attractors)} attractors")
 for label, fraction in basins.fractions.items():
     print(f"{basins.label_name(label)}: {100 * fraction.fraction:.1f} %")
+
 plot.basins(basins)
 # sphinx_gallery_alt = "Basins of the coexisting attractors of a weakly damped hardening oscillator, in spiral bands"

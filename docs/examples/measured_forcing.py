@@ -20,6 +20,7 @@ print("amplitudes in mm:", 1e3 * np.round(drive.amplitudes, 5))
 pendulum = scene(Pendulum(length=0.0272), Gravity(9.8), drive, ViscousDamping(10.0))
 for attractor in find_attractors(stroboscopic_map(pendulum), [[0.5, 0.0], [3.0, 0.0]]):
     print(f"period {attractor.period}, angle {abs(attractor.points[0, 0]):.3f}")
+
 w = 2 * np.pi * np.arange(1, 6)[:, None]
 kept = -(np.array(drive.amplitudes) @ ((50 * w) ** 2 * np.cos(w * phase + np.array(drive.phases)[:, None])))
 plt.plot(phase, record, ".", markersize=3, label="record")

@@ -19,5 +19,6 @@ sweep = continue_basins(stroboscopic_map(driven_pendulum()), "amplitude", amplit
 for label in sweep.labels:
     there = sweep.values[sweep.present[:, sweep.labels.index(label)]]
     print(f"{sweep.label_name(label)}: {1e3 * there.min():.1f} to {1e3 * there.max():.1f} mm")
+
 plot.basin_continuation(sweep)
 # sphinx_gallery_alt = "Stacked basin fractions against amplitude: rotations appear, then the inverted state"

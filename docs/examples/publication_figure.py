@@ -21,5 +21,6 @@ for ax, amplitude, letter in zip(axes, (0.003, 0.004), "ab", strict=True):
     basins = find_basins(interpolated_map(strobe, window), window)
     plot.basins(basins, ax=ax, colours={0: "#4c72b0", 1: "#dddddd"}, legend=False)
     ax.set(title=f"({letter}) amplitude {1e3 * amplitude:.0f} mm", xlabel=r"$\theta$ (rad)", ylabel="")
+
 axes[0].set_ylabel(r"$\dot\theta$ (rad/s)")
 # sphinx_gallery_alt = "Two panels of basins side by side, the basin of the inverted state in grey"

@@ -7,6 +7,9 @@ dimension of a basin boundary. Every figure and every printed line on this page 
 
 Install the library with ``pip install .`` in a checkout. The first map of each new right-hand side is compiled, which
 takes about a second; the result is kept on disk.
+
+In a notebook each figure appears beneath its block. At Python's prompt and in a script, ``plt.show()`` after a block opens
+it in a window; where there is none, ``plt.savefig("figure.png")`` writes it to a file.
 """
 
 # %%
@@ -74,6 +77,7 @@ for k, name in enumerate(["from q = 0.5", "from q = -1"]):
     q, v = both.states[-250:, k].T
     ax.plot(q, v, label=name)
     ax.plot(*both.strobe[-1, k], "ko")
+
 ax.set(xlabel="q", ylabel="v", title="Two limit cycles")
 ax.legend()
 print(both.strobe[-1].round(4))
@@ -98,12 +102,13 @@ icm = interpolated_map(strobe, window)
 basins = find_basins(icm, window)
 for attractor in basins.attractors:
     print(attractor)
+
 plot.basins(basins)
 # sphinx_gallery_alt = "Basins of the two limit cycles: that of the small one is a tongue that spirals round the other"
 
 # %%
 # The number of attractors need not be known beforehand. The multipliers of both are inside the unit circle, so both are
-# stable. Use ``plt.show()`` to see a figure when you run a script.
+# stable.
 #
 # How sure can we be?
 # -------------------
@@ -162,6 +167,7 @@ from cellmap.analysis.boundary import saddle_manifold
 orbits = find_periodic_orbits(strobe, window)
 for orbit in orbits:
     print(orbit)
+
 saddle = next(orbit for orbit in orbits if orbit.kind == "saddle")
 boundary = saddle_manifold(strobe, saddle, "stable", window, length=30)
 plot.manifolds(boundary, basins=basins)

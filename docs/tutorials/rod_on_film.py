@@ -78,6 +78,7 @@ best = fit_damping(times, angles, kinds=["viscous"]).best
 for name in ("length", "damping"):
     low, high = best.interval(name)
     print(f"{name}: {best.estimates[name]:.6f}, 95 %: {low:.6f} to {high:.6f}")
+
 plt.figure(figsize=(6.4, 3), layout="constrained")
 plt.plot(envelope.times, np.abs(envelope.amplitudes), "o", label="extremes")
 plt.plot(times, np.abs(angles), linewidth=0.7, label="measured angle")

@@ -84,6 +84,19 @@ def test_undecided_says_why():
         find_basins(standard, CellGrid((-pi, -pi), (pi, pi), (8, 8)), max_periods=300)
 
 
+@pytest.mark.parametrize("coordinate", ["theta", angle("theta")], ids=str)
+def test_rotations_of_what_is_no_angle(coordinate, recwarn):
+    """A rotor under a constant torque turns without end; -1 <= sin < 1.5, so that there is nothing else."""
+
+    def rhs(t, x, p):
+        return x[1], 1.5 - sin(x[0]) - 0.5 * x[1] + 0.1 * cos(t)
+
+    rotor = ForcedSystem(rhs, {}, 2 * pi, (coordinate, "w"))
+    find_basins(stroboscopic_map(rotor), CellGrid((-pi, -1), (pi, 1), (4, 4)), max_periods=200)
+    found = [str(w.message) for w in recwarn if w.category is UnsettledWarning]
+    assert [m.endswith("if orbits may turn, give angle('theta')") for m in found] == [True] * (coordinate == "theta")
+
+
 def test_late_orbits_ask_for_more_periods():
     """x - x^3 comes to 0 like 1/sqrt(n)."""
     with pytest.warns(UnsettledWarning, match="raise max_periods=300"):
