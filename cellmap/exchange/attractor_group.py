@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import Coordinate
-from ..orbits.attractor import Attractor, distinct_names
+from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood, distinct_names
+from ..orbits.invariant_circle import InvariantCircle
+from ..orbits.invariant_torus import InvariantTorus
 from .optional import xarray_package
+
+_PARTS = {"neighbourhood": Neighbourhood, "cover": Cover, "circle": InvariantCircle, "torus": InvariantTorus}
+"""Records of an attractor: its trapping region, or its invariant curves."""
 
 
 def attractor_group(
@@ -19,7 +25,9 @@ def attractor_group(
     """Return a Dataset of attractors over the dimension `attractor`.
 
     Attractors have different numbers of points: these stand one after another along `point`, with the place of their
-    attractor in `point_attractor` (CF 1.11, section 9.3.3, contiguous ragged arrays).
+    attractor in `point_attractor` (CF 1.11, section 9.3.3, contiguous ragged arrays).  So do the arrays of their
+    trapping regions and invariant curves, row after row, with the shape of each, which is -1 where an attractor has
+    none.
     """
     counts = np.array([len(a.points) for a in attractors], np.int64)
     d = len(coordinates)
@@ -54,12 +62,84 @@ def attractor_group(
         "number_of_points": ("attractor", counts, {"sample_dimension": "point"}),
         "point_attractor": ("point", np.repeat(np.arange(len(counts)), counts), {"instance_dimension": "attractor"}),
         "units": ("coordinate", _texts(c.unit or "1" for c in coordinates)),
+        "grazing_distance": ("attractor", np.array([a.grazing_distance for a in attractors])),
+        "number_of_multipliers": ("attractor", np.array([len(a.multipliers) for a in attractors], np.int64)),
+        "number_of_exponents": ("attractor", np.array([len(a.exponents) for a in attractors], np.int64)),
+        **_parts(attractors),
         **{name: ("attractor", values) for name, values in columns.items()},
     }
     names = _texts(c.name for c in coordinates)
     return xarray_package().Dataset(
         variables, coords={"label": ("attractor", np.array(labels, np.int16)), "coordinate": names}
     )
+
+
+def attractors_of(group: Any, coordinates: tuple[Coordinate, ...]) -> Iterator[Attractor]:
+    """Yield the attractors of a Dataset that :func:`attractor_group` has made."""
+    found = {str(name): variable.values for name, variable in group.variables.items()}
+    ends = np.cumsum(found["number_of_points"])
+    multipliers = _complex(found["multipliers_real"], found["multipliers_imaginary"])
+    parts = {name: _records(found, name, record) for name, record in _PARTS.items()}
+    for k, end in enumerate(ends.tolist()):
+        yield Attractor(
+            kind=Kind(str(found["kind"][k])),
+            period=int(found["orbit_period"][k]),
+            points=found["points"][end - int(found["number_of_points"][k]) : end].copy(),
+            rotations=tuple(found["rotations"][k].tolist()),
+            multipliers=multipliers[k, : found["number_of_multipliers"][k]],
+            exponents=found["exponents"][k, : found["number_of_exponents"][k]].copy(),
+            coordinates=coordinates,
+            grazing_distance=float(found["grazing_distance"][k]),
+            **{name: records[k] for name, records in parts.items() if k in records},
+        )
+
+
+def _parts(attractors: Sequence[Attractor]) -> dict[str, Any]:
+    """Return the arrays of all records of attractors, those of which at least one attractor has one."""
+    found: dict[str, Any] = {}
+    for part, record in _PARTS.items():
+        for field in fields(record):
+            owners = [getattr(a, part) for a in attractors]
+            values = [None if owner is None else getattr(owner, field.name) for owner in owners]
+            arrays = [None if value is None else np.atleast_1d(value) for value in values]
+            given = [array for array in arrays if array is not None]
+            if not given:
+                continue
+            name, axes = f"{part}_{field.name}", given[0].ndim
+            shapes = np.array([[-1] * axes if array is None else array.shape for array in arrays], np.int64)
+            flat = np.concatenate([array.ravel() for array in given])
+            found[f"{name}_shape"] = (("attractor", f"{name}_axis"), shapes)
+            if flat.dtype.kind == "c":
+                found[f"{name}_imaginary"] = (f"{name}_element", flat.imag)
+                found[f"{name}_real"] = (f"{name}_element", flat.real)
+            else:
+                found[name] = (f"{name}_element", flat)
+    return found
+
+
+def _records(found: dict[str, NDArray[Any]], part: str, record: Any) -> dict[int, Any]:
+    """Return the records of one kind by the number of their attractor."""
+    values: dict[int, dict[str, Any]] = {}
+    for field in fields(record):
+        name = f"{part}_{field.name}"
+        if f"{name}_shape" not in found:
+            continue
+        flat = found[name] if name in found else _complex(found[f"{name}_real"], found[f"{name}_imaginary"])
+        start = 0
+        for k, shape in enumerate(found[f"{name}_shape"].tolist()):
+            if shape[0] >= 0:
+                size = int(np.prod(shape))
+                array = flat[start : start + size].reshape(shape).copy()
+                values.setdefault(k, {})[field.name] = array.item() if field.type == "float" else array
+                start += size
+    return {k: record(**given) for k, given in values.items()}
+
+
+def _complex(real: NDArray[np.float64], imaginary: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Put complex numbers together, with the signs of zeros."""
+    found = np.empty(real.shape, np.complex128)
+    found.real, found.imag = real, imaginary
+    return found
 
 
 def _padded(rows: Sequence[NDArray[Any]], width: int, dtype: Any) -> NDArray[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ _OWN = (
     "labels settling_time evidence forward backward initial_condition attractor attractors point coordinate multiplier "
     "counts fractions standard_errors present inaccurate label branch step direction restarted status period "
     "orbit_period chaotic rotation_numbers exponents exponent_errors exponent largest unstable boundary crossing below "
-    "above refined"
+    "above refined initial_conditions state"
 )
 """Names of variables and dimensions that are always the same."""
 
@@ -71,15 +72,21 @@ def enum_flags(kind: Any, dtype: Any) -> dict[str, Any]:
     return flags({int(member): member.name.lower() for member in kind}, dtype)
 
 
-def about(record: Any, title: str, **more: Any) -> dict[str, Any]:
+def about(record: Any, title: str, /, **more: Any) -> dict[str, Any]:
     """Return attributes of a whole file: what it holds, of which system, with which parameters and settings."""
     from .. import __version__
 
     found: dict[str, Any] = {"Conventions": CONVENTIONS, "title": title, "source": f"cellmap {__version__}"}
+    found["record"] = type(record).__name__
     system = getattr(record, "system", getattr(record, "name", None))
     if isinstance(system, str):
         found["system"] = system
-    for name in ("params", "settings"):
+    for name in ("params", "settings", "undecided"):
         if hasattr(record, name):
             found[name] = json.dumps(plain(getattr(record, name)))
+    if hasattr(record, "coordinates"):  # a name that netCDF has taken
+        found["state_variables"] = json.dumps([asdict(c) for c in record.coordinates])
+    for name in ("grid", "cost"):
+        if getattr(record, name, None) is not None:
+            found[name] = json.dumps(plain(asdict(getattr(record, name))))
     return found | more

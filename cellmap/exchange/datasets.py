@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
 
@@ -20,6 +22,7 @@ from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.equilibrium_stability import StabilityMap
+from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractor_group
@@ -46,7 +49,7 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
     xarray.DataTree or xarray.Dataset
         A tree for results with attractors, which are its group ``"attractors"``; else a Dataset.  Arrays are not
         copied.  Its method `to_netcdf` writes it to a file, which ``xarray.open_datatree`` or ``xarray.open_dataset``
-        reads.
+        reads; :func:`from_xarray` makes the result of it again.
 
     Raises
     ------
@@ -91,7 +94,14 @@ def _(result: Basins) -> Any:
 @_converted.register
 def _(result: Certificate) -> Any:
     evidence = {"long_name": "evidence for the label", **enum_flags(Evidence, np.uint8)}
-    more = {"recomputed": result.redone, "changed": result.changed, "wrong_95_percent": np.array(result.wrong)}
+    more = {
+        "record": "Certificate",
+        "recomputed": result.redone,
+        "changed": result.changed,
+        "wrong_95_percent": np.array(result.wrong),
+        "audit": json.dumps(asdict(result.audit)),
+        "cost_of_certificate": json.dumps(asdict(result.cost)),
+    }
     return _basins_tree(result.basins, {"evidence": (result.evidence, evidence)}, more)
 
 
@@ -154,8 +164,17 @@ def _(result: BasinContinuation) -> Any:
         [label for _, label, _ in found],
         result.coordinates,
         parameter_value=result.values[[k for k, _, _ in found]],
+        value_number=np.array([k for k, _, _ in found], np.int64),
     )
-    return _tree(variables, coords, about(result, f"Basin fractions of {result.system}", total=result.total), group)
+    given = result.initial_conditions
+    if isinstance(given, CellGrid):
+        more = {"grid": json.dumps(asdict(given))}
+    else:
+        more = {}
+        axes = [f"initial_condition_{j}" for j in range(given.ndim - 1)]
+        variables["initial_conditions"] = ((*axes, "state"), given, {"long_name": "initial conditions"})  # type: ignore[assignment]
+    root = about(result, f"Basin fractions of {result.system}", total=result.total, parameter=result.parameter, **more)
+    return _tree(variables, coords, root, group)
 
 
 def _tree(variables: Any, coords: Any, attributes: dict[str, Any], group: Any) -> Any:
@@ -187,8 +206,8 @@ def _(result: BifurcationDiagram) -> Any:
         "coordinate": np.array([c.name for c in result.coordinates], object),
         "initial_condition": (("branch", "coordinate"), result.initial_conditions),
     }
-    title = f"Bifurcation diagram of {result.system}"
-    return xarray_package().Dataset(variables, coords=coords, attrs=about(result, title))
+    attributes = about(result, f"Bifurcation diagram of {result.system}", parameter=result.parameter)
+    return xarray_package().Dataset(variables, coords=coords, attrs=attributes)
 
 
 @_converted.register
@@ -217,7 +236,8 @@ def _(result: StabilityMap) -> Any:
         f"boundary_{x}": ("boundary", points["x"]),
         f"boundary_{y}": ("boundary", points["y"]),
     }
-    return xarray_package().Dataset(variables, coords=coords, attrs=about(result, "Stability map"))
+    attributes = about(result, "Stability map", parameters=json.dumps(result.parameters))
+    return xarray_package().Dataset(variables, coords=coords, attrs=attributes)
 
 
 @_converted.register(Branch)
