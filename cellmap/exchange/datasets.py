@@ -172,7 +172,7 @@ def _(result: BasinContinuation) -> Any:
     else:
         more = {}
         axes = [f"initial_condition_{j}" for j in range(given.ndim - 1)]
-        variables["initial_conditions"] = ((*axes, "state"), given, {"long_name": "initial conditions"})  # type: ignore[assignment]
+        variables["initial_conditions"] = ((*axes, "state"), given, {"long_name": "initial conditions"})
     root = about(result, f"Basin fractions of {result.system}", total=result.total, parameter=result.parameter, **more)
     return _tree(variables, coords, root, group)
 

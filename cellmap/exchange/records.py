@@ -147,7 +147,7 @@ def _certificate(read: _Read) -> Certificate:
 
 def _continuation(read: _Read) -> BasinContinuation:
     parameter, coordinates, grid = str(read.attributes["parameter"]), read.coordinates, read.grid
-    values = read.array(*variable_names([parameter]))
+    values = read.array(variable_names([parameter])[0])
     labels = tuple(read.array("label", np.int16).tolist())
     group = read.tree["attractors"].to_dataset()
     attractors: tuple[dict[int, Any], ...] = tuple({} for _ in values)
