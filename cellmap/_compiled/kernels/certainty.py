@@ -84,137 +84,109 @@ def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs
             return shared
 
 
-@loop
-def claim_within(owners, table, neighbourhoods, turn):
-    """Give cells that lie in an ellipsoid as a whole its owner; other arguments as for :func:`judge`."""
-    origin, inverse, cells, _ = table
-    centres, metrics, numbers = neighbourhoods
-    d = len(cells)
-    shift = np.empty(d)
-    for c in range(len(owners)):
-        for m in range(len(numbers)):
-            inside = owners[c] == NONE
-            corner = 0
-            while inside and corner < 2**d:
-                rest = c
-                for j in range(d - 1, -1, -1):
-                    edge = rest % cells[j] + ((corner >> j) & 1)
-                    rest //= cells[j]
-                    shift[j] = origin[j] + edge / inverse[j] - centres[m, j]
+@functools.cache
+def judging(d):
+    """Return the function ``judge`` for a dimension: loops of known length vanish."""
+
+    @loop
+    def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neighbourhoods, turn, found):
+        """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
+
+        Regions are cells with an owner and ellipsoids around attractors; ``table`` is (origin, inverse, cells, circle),
+        ``neighbourhoods`` (centres, metrics, owners), metrics in units of the coordinates.
+        """
+        origin, inverse, cells, circle = table
+        centres, metrics, owners = neighbourhoods
+        first, last = np.empty(d, np.int64), np.empty(d, np.int64)
+        shift = np.empty(d)
+        for i in range(len(points)):
+            found[i] = NONE
+            finite = single = True
+            flat = 0
+            for j in range(d):
+                reach = sqrt(spread[i, j, j])
+                u = place_of(points[i, j], origin[j], inverse[j], circle[j])
+                finite = finite and abs(u) + reach < 1e15
+                if finite:
+                    first[j], last[j] = np.int64(floor(u - reach)), np.int64(floor(u + reach))
+                    # The far edge of the window belongs to it.
+                    if first[j] == cells[j] and u == cells[j] and circle[j] != cells[j]:
+                        first[j] -= 1
+                        last[j] -= 1
+                    flat = flat * cells[j] + first[j]
+                    single = single and first[j] == last[j] and 0 <= first[j] < cells[j]
+            if not finite:
+                continue
+            if single:
+                found[i] = cell_owners[flat]
+            else:
+                found[i] = owner_of_box(cell_owners, first, last, cells, circle, escapes, outside, overhangs)
+            if found[i] != NONE:
+                continue
+            for m in range(len(owners)):
+                distance = across = 0.0
+                for j in range(d):
+                    shift[j] = points[i, j] - centres[m, j]
                     if turn[j] > 0.0:
                         shift[j] -= turn[j] * floor(shift[j] / turn[j] + 0.5)
-                distance = 0.0
+                    for k in range(j + 1):
+                        distance += metrics[m, j, k] * (1.0 if k == j else 2.0) * shift[j] * shift[k]
+                if not distance <= 1.0:
+                    continue
                 for j in range(d):
-                    for k in range(d):
-                        distance += metrics[m, j, k] * shift[j] * shift[k]
-                inside = distance <= 1.0
-                corner += 1
-            if inside:
-                owners[c] = numbers[m]
-
-
-@loop
-def reach_ends(ends, fixed, first, last, cells, circle, beyond):
-    """Find for each cell the ends that some path over images of cells can reach.
-
-    ``ends`` (n,) int64 holds a bit for each end and is changed in place; cells that are ``fixed`` keep theirs.
-    ``first`` and ``last`` (n, d) int64 are the boxes of cells that hold the image of each cell, and ``beyond`` are the
-    bits of what lies outside of the grid.  Cells that reach more than one end are not looked at again, and may have too
-    few bits.
-    """
-    n, d = first.shape
-    e = d - 1  # along the last axis cells are neighbours in memory
-    here = np.empty(d, np.int64)
-    forward = again = True
-    while again:
-        again = False
-        for m in range(n):
-            c = m if forward else n - 1 - m
-            known = ends[c]
-            if fixed[c] or known & (known - 1):
-                continue
-            bits = known
-            for j in range(d):
-                here[j] = first[c, j]
-            plain = first[c, e] >= 0 and last[c, e] < cells[e]
-            while not bits & (bits - 1):
-                flat, inside = 0, True
-                for j in range(e):
-                    inside = inside and (circle[j] == cells[j] or 0 <= here[j] < cells[j])
-                    flat = (flat + here[j] % cells[j]) * cells[j + 1]
-                if not inside:
-                    bits |= beyond
-                elif plain:
-                    for k in range(flat + first[c, e], flat + last[c, e] + 1):
-                        bits |= ends[k]
-                else:
-                    for k in range(first[c, e], last[c, e] + 1):
-                        on = circle[e] == cells[e] or 0 <= k < cells[e]
-                        bits |= ends[flat + k % cells[e]] if on else beyond
-                j = e - 1
-                while j >= 0:
-                    here[j] += 1
-                    if here[j] <= last[c, j]:
-                        break
-                    here[j] = first[c, j]
-                    j -= 1
-                if j < 0:
+                    for k in range(j + 1):
+                        weight = metrics[m, j, k] * (1.0 if k == j else 2.0)
+                        across += weight * spread[i, j, k] / (inverse[j] * inverse[k])
+                if sqrt(max(distance, 0.0)) + sqrt(max(across, 0.0)) <= 1.0:
+                    found[i] = owners[m]
                     break
-            if bits != known:
-                ends[c] = bits
-                again = True
-        forward = not forward
+
+    return judge
 
 
 @loop
-def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neighbourhoods, turn, found):
-    """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
+def sort_out(found, spread, status, rows, age, patience, widest, mark, first, labels, times, evidence, kept, lost, gone):
+    """Write labels of rows that a region holds, and which of the others go on; return how many do.
 
-    Regions are cells with an owner and ellipsoids around attractors; ``table`` is (origin, inverse, cells, circle),
-    ``neighbourhoods`` (centres, metrics, owners), metrics in units of the coordinates.
+    ``rows`` are the numbers of initial conditions, for which ``patience``, ``labels``, ``times`` and ``evidence`` are
+    given; ``kept`` and ``lost`` get places among the rows, ``gone[0]`` how many are
+    lost.  An orbit does not go on that overlaps an edge, has not the
+    status OK, has an error of `widest` cells or more, or is older than its patience.  Labels from `first` on are those
+    of regions.
     """
-    origin, inverse, cells, circle = table
-    centres, metrics, owners = neighbourhoods
-    n, d = points.shape
-    first, last = np.empty(d, np.int64), np.empty(d, np.int64)
-    shift = np.empty(d)
-    for i in range(n):
-        found[i] = NONE
-        finite = single = True
-        flat = 0
+    d, going = spread.shape[1], 0
+    gone[0] = 0
+    for i in range(len(rows)):
+        r, label = rows[i], found[i]
+        if label >= first:
+            if labels[r] != label:
+                labels[r], times[r] = label, age
+            evidence[r] = mark
+            continue
+        size = 0.0
         for j in range(d):
-            reach = sqrt(spread[i, j, j])
-            u = place_of(points[i, j], origin[j], inverse[j], circle[j])
-            finite = finite and abs(u) + reach < 1e15
-            if finite:
-                first[j], last[j] = np.int64(floor(u - reach)), np.int64(floor(u + reach))
-                # The far edge of the window belongs to it.
-                if first[j] == cells[j] and u == cells[j] and circle[j] != cells[j]:
-                    first[j] -= 1
-                    last[j] -= 1
-                flat = flat * cells[j] + first[j]
-                single = single and first[j] == last[j] and 0 <= first[j] < cells[j]
-        if not finite:
-            continue
-        if single:
-            found[i] = cell_owners[flat]
+            size += spread[i, j, j]
+        if label == NONE and status[i] == 0 and size < widest * widest and age < patience[r]:
+            kept[going] = i
+            going += 1
         else:
-            found[i] = owner_of_box(cell_owners, first, last, cells, circle, escapes, outside, overhangs)
-        if found[i] != NONE:
-            continue
-        for m in range(len(owners)):
-            distance = across = 0.0
+            lost[gone[0]] = i
+            gone[0] += 1
+    return going
+
+
+@loop
+def keep_rows(kept, count, points, rotations, status, spread, rows):
+    """Move the rows that go on to the front, in their sequence."""
+    d = points.shape[1]
+    for k in range(count):
+        i = kept[k]
+        if i != k:
             for j in range(d):
-                shift[j] = points[i, j] - centres[m, j]
-                if turn[j] > 0.0:
-                    shift[j] -= turn[j] * floor(shift[j] / turn[j] + 0.5)
-                for k in range(j + 1):
-                    weight = metrics[m, j, k] * (1.0 if k == j else 2.0)
-                    distance += weight * shift[j] * shift[k]
-                    across += weight * spread[i, j, k] / (inverse[j] * inverse[k])
-            if sqrt(max(distance, 0.0)) + sqrt(max(across, 0.0)) <= 1.0:
-                found[i] = owners[m]
-                break
+                points[k, j], rotations[k, j] = points[i, j], rotations[i, j]
+                for m in range(d):
+                    spread[k, j, m] = spread[i, j, m]
+            status[k], rows[k] = status[i], rows[i]
 
 
 @inlined
@@ -256,7 +228,7 @@ def carry_rows(spread, slopes, radii):
 
 @functools.cache
 def widening(d):
-    """Return the function ``widen`` for a dimension: loops of known length vanish."""
+    """Return the function ``widen`` for a dimension."""
 
     @loop
     def widen(points, spread, table, slopes, bends, errors, unknown):

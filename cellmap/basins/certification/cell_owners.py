@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.capture import Regions
-from ..._compiled.kernels.certainty import NONE, claim_within, reach_ends
-from ..._lib.threads import slices
+from ..._compiled.kernels.cell_images import SEVERAL, boxes_of, claim_within, reach_ends, reaches_of
+from ..._compiled.kernels.certainty import NONE
+from ..._lib.threads import run_over, slices
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, settle
 from ...maps.coordinates import from_edge, wrap
@@ -25,7 +25,7 @@ from .table_errors import TableErrors, images_of
 SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
 _MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
 _FARTHEST = 1e15
-_UNKNOWN = 1 << 62  # an end of paths over cells: where they lead is not known
+_FIRST = 1 - int(Label.ESCAPED)  # ends of paths over cells are labels and this, so that they are positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,32 +103,37 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArra
     """
     _, _, cells, circle = setting.place
     held = np.full(setting.grid.size, NONE, np.int16)
-    claim_within(held, setting.place, setting.neighbourhoods, setting.catalogue.turn)
-    first, last, known = _boxes_of_images(setting, errors, held)
-    ends = np.where(held == NONE, _ends_within(setting, late), _bit(held))
-    ends[~known & (held == NONE)] |= _UNKNOWN
-    beyond = int(_bit(Label.ESCAPED)) if setting.escapes else _UNKNOWN
+
+    def claim(part: slice) -> None:
+        claim_within(held, setting.place, setting.neighbourhoods, setting.catalogue.turn, part.start, part.stop)
+
+    run_over(slices(setting.grid.size, CHUNK), claim)
+    first, last = _boxes_of_images(setting, errors, held)
+    ends = np.where(held == NONE, _ends_within(setting, late), held + _FIRST)
+    ends[(last[:, 0] < first[:, 0]) & (held == NONE)] = SEVERAL
+    beyond = Label.ESCAPED + _FIRST if setting.escapes else SEVERAL
     reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
-    owners = np.full(setting.grid.size, NONE, np.int16)
-    for number in range(Label.ESCAPED, setting.attractors):
-        if _bit(number) != _UNKNOWN:
-            owners[ends == _bit(number)] = number
-    return owners
+    return np.where(ends > 0, ends - _FIRST, NONE).astype(np.int16)
 
 
-def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int64]:
-    """Return for each cell the bits of the sets in which orbits may stay within it for ever.
+def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int16]:
+    """Return for each cell the number of the set in which orbits may stay within it for ever, from 1 on.
 
     These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never: paths
     lead out of these too, so that they are found from the initial conditions that settle late.
     """
-    ends = np.zeros(setting.grid.size, np.int64)
+    ends = np.zeros(setting.grid.size, np.int16)
+
+    def meet(here: NDArray[np.int64], number: int) -> None:
+        met = ends[here]
+        ends[here] = np.where((met == 0) | (met == number + _FIRST), number + _FIRST, SEVERAL)
+
     for number, cover, _ in setting.catalogue.covers:
-        ends[_cells_on(setting, cover)] |= _bit(number)
+        meet(_cells_on(setting, cover), number)
     for centre, number in zip(setting.catalogue.regions.centres, setting.catalogue.regions.owners, strict=True):
-        ends[setting.cells_of(centre + setting.grid.widths * _around(setting.grid.dimension, SMALLEST))] |= _bit(number)
+        meet(setting.cells_of(centre + setting.grid.widths * _around(setting.grid.dimension, SMALLEST)), number)
     for points in late:
-        ends[setting.cells_of(points)] |= _UNKNOWN
+        ends[setting.cells_of(points)] = SEVERAL
     return ends
 
 
@@ -155,31 +160,31 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
 
 def _boxes_of_images(
     setting: Setting, errors: TableErrors, held: NDArray[np.int16]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the first and the last of the cells that the image of each cell can touch, and where they are known.
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first and the last of the cells that the image of each cell can touch; none where they are not known.
 
     Cells across a kink that end on one attractor at once, as where dry friction holds the state, get it in `held`.
     """
-    bounds, circle = errors, setting.place[3]
-    reach = 0.5 * np.abs(bounds.slopes).sum(axis=2)
-    reach += (0.25 * setting.grid.dimension * bounds.bends[:, 0] + bounds.errors)[:, None]
-    middle = bounds.images.copy()
-    rough = np.flatnonzero(np.isinf(bounds.errors) & (held == NONE))
+    cells, circle = setting.place[2:]
+    middle, reach = errors.images, np.empty(errors.images.shape)
+    first, last = np.empty(middle.shape, np.int32), np.empty(middle.shape, np.int32)
+
+    def measure(part: slice) -> None:
+        reaches_of(errors.slopes, errors.bends, errors.errors, part.start, part.stop, reach)
+
+    def enclose(part: slice) -> None:
+        boxes_of(middle, reach, cells, circle, _MOST_CELLS, setting.overhangs, part.start, part.stop, first, last)
+
+    parts = slices(setting.grid.size, CHUNK)
+    run_over(parts, measure)
+    rough = np.flatnonzero(np.isinf(errors.errors) & (held == NONE))
+    if len(rough):
+        middle = middle.copy()
     for chunk in slices(len(rough), CHUNK // 3**setting.grid.dimension + 1):
         some = rough[chunk]
         middle[some], reach[some], held[some] = _sampled(setting, errors, some)
-    middle = from_edge(middle, np.zeros(len(circle)), circle)
-    known = (np.abs(middle) + reach < _FARTHEST).all(axis=1)
-    known &= np.prod(np.where(known[:, None], 2.0 * reach, 0.0) + 1.0, axis=1) < _MOST_CELLS
-    # Part of the period of an angle is outside of the window, and the window repeats behind it.
-    cells, part = setting.place[2], (circle > 0.0) & (circle != setting.place[2])
-    known &= ~(part & ((middle + reach >= circle) | (middle - reach <= cells - circle))).any(axis=1)
-    first, last = (np.where(known[:, None], middle + way * reach, 0.0) for way in (-1.0, 1.0))
-    first, last = np.floor(first).astype(np.int64), np.floor(last).astype(np.int64)
-    leaves = (((first < 0) | (last >= cells)) & ~np.array(setting.grid.wraps)).any(axis=1)
-    for begin, end in setting.overhangs:
-        known &= ~(leaves & (first <= end).all(axis=1) & (last >= begin).all(axis=1))
-    return first, last, known
+    run_over(parts, enclose)
+    return first, last
 
 
 def _sampled(
@@ -208,10 +213,3 @@ def _cells_on(setting: Setting, cover: Cover) -> NDArray[np.int64]:
     offsets = np.array(list(np.ndindex(*(parts + 1)))) / parts
     corners = cover.lower + cover.boxes * cover.widths
     return setting.cells_of((corners[:, None, :] + offsets * cover.widths).reshape(-1, grid.dimension))
-
-
-def _bit(number: Any) -> Any:
-    """Return the bit of a label among the ends of paths; labels beyond the last bit are unknown."""
-    return np.where(
-        np.asarray(number) < 60, np.left_shift(1, np.clip(np.asarray(number, np.int64) + 1, 0, 62)), _UNKNOWN
-    )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.kernels.certainty import NONE, carry_rows, judge, widening
+from ..._compiled.kernels.certainty import NONE, carry_rows, judging, keep_rows, sort_out, widening
 from ..._lib.checks import affordable_number, claim_memory, finite_number
 from ..._lib.randomness import Rng, random_numbers, random_seed
 from ..._lib.signatures import checked
@@ -18,6 +18,7 @@ from ...attractors.boxes import inside_cover
 from ...attractors.labels import Label
 from ...attractors.settling import classify, settle
 from ...maps.coordinates import wrap
+from ...maps.grid import Locator
 from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from ...maps.point_map import PointMap
 from ..initial_conditions import InitialConditions
@@ -28,6 +29,7 @@ from .certificate import Certificate, Evidence
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
 from .undecided import Search
 
+_ROWS = 8192  # initial conditions that are followed together: they stay in the cache
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
 _ESCAPED = int(Label.ESCAPED)  # loops know plain numbers at once, and others by a look at all arguments
@@ -175,7 +177,8 @@ class _Run:
         self.periods = int(basins.settings["max_periods"])
         self.slow = _slow(basins)
         times = basins.settling_time.ravel()
-        self.patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
+        patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
+        self.patience = np.where(self.slow, 0, patience)
         self.bounds = bounds
         self.owners = owners_of_cells(self.setting, self.bounds, self._late())
         self.labels, self.times = basins.labels.flatten(), basins.settling_time.flatten()
@@ -189,8 +192,9 @@ class _Run:
 
         Initial conditions that the exact map leaves undecided, also in the audit, are then in `undecided`.
         """
-        total = self.labels.size
-        self.follow(self.point_map, np.arange(total), self.bounds.errors, Evidence.ORBIT)
+        run_over(slices(self.labels.size, CHUNK), self._by_cells)
+        left = np.flatnonzero(self.evidence == Evidence.OPEN)
+        self.follow(self.point_map, left, self.bounds.errors, Evidence.ORBIT)
         redone = np.flatnonzero(self.evidence == Evidence.OPEN)
         self.redone = len(redone)
         self.follow(self.setting.exact, redone, self.bounds.tolerances, Evidence.EXACT)
@@ -208,12 +212,22 @@ class _Run:
             rows = np.flatnonzero(self.slow[part]) + part.start
             yield self.initial_conditions.wrapped(rows, self.setting.direct)
 
+    def _by_cells(self, part: slice) -> None:
+        """Label initial conditions in cells all of whose orbits converge to one attractor."""
+        setting = self.setting
+        cells = Locator.of(setting.grid, setting.direct.coordinates)(self.initial_conditions.points(part))
+        owners = np.where((cells >= 0) & ~self.slow[part], self.owners[cells], NONE)
+        held, labels, times = owners >= _ESCAPED, self.labels[part], self.times[part]
+        changed = held & (owners != labels)
+        labels[changed], times[changed] = owners[changed], 0
+        self.evidence[part][held] = Evidence.CELL
+
     def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
         """Follow orbits with bounds of their errors, and label those that are inside a region within these bounds.
 
         The others keep their label if this is the interpolated map; the exact map labels them too.
         """
-        parts = slices(len(rows), CHUNK)
+        parts = slices(len(rows), _ROWS)
         tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
 
         def work(number: int) -> None:
@@ -242,37 +256,37 @@ class _Run:
         self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
     ) -> tuple[list[_Left], Tally]:
         """Follow orbits until their label is certain; return those without certain label, and the work."""
-        setting, orbits = self.setting, Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
-        spread = np.zeros((len(rows), point_map.dimension, point_map.dimension))
+        setting, d = self.setting, point_map.dimension
         left: list[_Left] = []
-        pending, settled, patience = ~self.slow[rows], np.zeros(len(rows), bool), self.patience[rows]
-        steps = 0
+        slow = rows[self.slow[rows]]
+        if len(slow):
+            left.append(_Left(slow, Orbits.starting(self.initial_conditions.wrapped(slow, point_map)), 0))
+            rows = rows[~self.slow[rows]]
+        rows, orbits = rows.copy(), Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
+        spread, found = np.zeros((len(rows), d, d)), np.empty(len(rows), np.int64)
+        kept, lost, gone = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), np.zeros(1, np.int64)
+        judge, steps = judging(d), 0
         for k in range(self.periods + 1):
-            found = np.empty(len(rows), np.int64)
             judge(
                 orbits.points, spread, self.owners, setting.place, int(setting.escapes), _ESCAPED, setting.overhangs,
                 setting.neighbourhoods, setting.catalogue.turn, found,
             )  # fmt: skip
             self._stopped(orbits, spread, found)
-            held = np.flatnonzero(pending & (found >= Label.ESCAPED))
-            here, labels = rows[held], found[held]
-            changed = np.flatnonzero(labels != self.labels[here])
-            self.labels[here[changed]], self.times[here[changed]] = labels[changed], k
-            self.evidence[here] = Evidence.CELL if k == 0 and mark is Evidence.ORBIT else mark
-            settled[held] = True
-            reach = np.einsum("nii->n", spread)
-            pending &= (found == NONE) & (orbits.status == Status.OK) & (reach < _WIDEST**2) & (k < patience)
-            remaining = int(np.count_nonzero(pending))
-            if remaining * 4 < len(rows) * 3 or k == self.periods:
-                lost, on = np.flatnonzero(~pending & ~settled), np.flatnonzero(pending)
-                left.append(_Left(rows[lost], orbits[lost], k))
-                rows, orbits, spread, patience = rows[on], orbits[on], spread[on], patience[on]
-                pending, settled = np.ones(len(rows), bool), np.zeros(len(rows), bool)
-            if not len(rows):
+            going = sort_out(
+                found, spread, orbits.status, rows, k, self.patience, _WIDEST, int(mark), _ESCAPED, self.labels,
+                self.times, self.evidence, kept, lost, gone,
+            )  # fmt: skip
+            if gone[0] and mark is Evidence.EXACT:
+                some = lost[: gone[0]]
+                left.append(_Left(rows[some], orbits[some], k))
+            if going == 0:
                 break
+            if going < len(rows):
+                keep_rows(kept, going, orbits.points, orbits.rotations, orbits.status, spread, rows)
+                rows, orbits, spread, found = rows[:going], orbits[:going], spread[:going], found[:going]
             self._widen(orbits.points, spread, errors)
             point_map.advance(orbits, 1)
-            steps += len(rows)
+            steps += going
         return left, Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
 
     def _stopped(self, orbits: Orbits, spread: NDArray[np.float64], found: NDArray[np.int64]) -> None:
@@ -312,7 +326,7 @@ class _Run:
         setting, bar = self.setting, f"integrating {self.name}" if self.progress else None
         initial_conditions = self.initial_conditions.points(rows)
         found = classify(
-            setting.exact, setting.catalogue, initial_conditions, self.periods, size=CHUNK // 8, progress=bar
+            setting.exact, setting.catalogue, initial_conditions, self.periods, size=CHUNK // 64, progress=bar
         )
         self.tally = self.tally.plus(found.tally)
         return found.labels
