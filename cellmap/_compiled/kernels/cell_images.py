@@ -1,12 +1,11 @@
-"""Where a table sends its cells: derivatives and errors of each, the cells that its image touches, and their ends.
+"""Where a table sends its cells: the cells that the image of each can touch, and the ends of paths over such cells.
 
-Derivatives and errors are in widths of a cell, boxes in numbers of cells from the first.
+Errors are in widths of a cell, boxes in numbers of cells from the first.
 """
 
 from __future__ import annotations
 
-import functools
-from math import floor, sqrt
+from math import floor
 
 import numpy as np
 
@@ -21,115 +20,6 @@ SEVERAL = -1
 
 _FAR = 2**30  # cells from the first, outside of any table
 _TILE = 5  # cells of a tile along each axis, 2 to this: their changes are noticed together
-
-
-@loop
-def differences(images, rotations, turn, origin, inverse, step, slopes, places):
-    """Compute derivatives (n, d, d) and the places (n, d) of images of centres, in cells.
-
-    ``images`` and ``rotations`` (n (1 + 2 d), d) are those of each centre, and of points a step to both sides of it.
-    """
-    n, d = places.shape
-    for c in range(n):
-        r = c * (1 + 2 * d)
-        for i in range(d):
-            places[c, i] = (images[r, i] + turn[i] * rotations[r, i] - origin[i]) * inverse[i]
-            for j in range(d):
-                a, b = r + 1 + 2 * j, r + 2 + 2 * j
-                change = images[b, i] - images[a, i] + turn[i] * (rotations[b, i] - rotations[a, i])
-                slopes[c, i, j] = change * inverse[i] / (2.0 * step)
-
-
-@inlined
-def _beside(number, j, cells, wraps, stride):
-    """Return by how much the numbers of the cells before and behind a cell along an axis differ from its own."""
-    at = (number // stride) % cells[j]
-    before = -stride if at > 0 else ((cells[j] - 1) * stride if wraps[j] else 0)
-    behind = stride if at < cells[j] - 1 else (-(cells[j] - 1) * stride if wraps[j] else 0)
-    return before, behind
-
-
-@functools.cache
-def curving(d):
-    """Return the function ``curve`` for a dimension."""
-
-    @loop
-    def curve(slopes, cells, wraps, begin, end, curved):
-        """Write into ``curved`` (n, d, d) how far derivatives are from a straight line over the neighbours."""
-        for c in range(begin, end):
-            for i in range(d):
-                for k in range(d):
-                    curved[c, i, k] = 0.0
-            stride = 1
-            for j in range(d - 1, -1, -1):
-                before, behind = _beside(c, j, cells, wraps, stride)
-                for i in range(d):
-                    for k in range(d):
-                        bend = slopes[c + before, i, k] - 2.0 * slopes[c, i, k] + slopes[c + behind, i, k]
-                        curved[c, i, k] += abs(bend) / 8.0
-                stride *= cells[j]
-
-    return curve
-
-
-@functools.cache
-def bounding(d):
-    """Return the function ``bound`` for a dimension."""
-
-    @loop
-    def bound(table, slopes, curved, images, indicator, rough, numbers, begin, end, bends, errors, tolerances):
-        """Bound the changes of derivatives over a cell (n, 2) and errors, by the largest in the cell and around it.
-
-        ``table`` is (origin, widths, cells, wraps), ``numbers`` (safety, largest error, rtol, atol).  ``bends[:, 0]``
-        is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line: where a line
-        bends, it may bend more next to the centre.
-        """
-        origin, widths, cells, wraps = table
-        safety, unbounded, rtol, atol = numbers
-        shifts, around = np.empty((d, 3), np.int64), np.empty(3**d, np.int64)
-        most, line = np.empty((d, d)), np.empty((d, d))
-        for c in range(begin, end):
-            stride = 1
-            for j in range(d - 1, -1, -1):
-                shifts[j, 0], shifts[j, 2] = _beside(c, j, cells, wraps, stride)
-                shifts[j, 1] = 0
-                stride *= cells[j]
-            error = 0.0
-            for m in range(3**d):
-                at, rest = c, m
-                for j in range(d):
-                    at += shifts[j, rest % 3]
-                    rest //= 3
-                around[m] = at
-                here = np.float64(indicator[at])
-                here = here if here < unbounded else unbounded
-                error = here if here > error else error
-            most[:] = 0.0
-            line[:] = 0.0
-            for m in range(3**d):
-                at = around[m]
-                for i in range(d):
-                    for k in range(d):
-                        # No comparison with a NaN is true.
-                        difference, bend = abs(slopes[at, i, k] - slopes[c, i, k]), curved[at, i, k]
-                        most[i, k] = difference if difference > most[i, k] else most[i, k]
-                        line[i, k] = bend if bend > line[i, k] else line[i, k]
-            known, change, bent = True, 0.0, 0.0
-            for i in range(d):
-                for k in range(d):
-                    known = known and abs(slopes[c, i, k]) < np.inf
-                    change += most[i, k] * most[i, k]
-                    bent += line[i, k] * line[i, k]
-            tolerance = 0.0
-            for j in range(d):
-                share = (atol + rtol * abs(origin[j] + images[c, j] * widths[j])) / widths[j]
-                known = known and share < np.inf
-                tolerance = max(tolerance, share)
-            bends[c, 0], bends[c, 1] = sqrt(change), 2.0 * sqrt(bent)
-            tolerances[c] = tolerance if known else np.inf
-            errors[c] = safety * error + tolerance if known and not rough[c] else np.inf
-
-    return bound
 
 
 @loop

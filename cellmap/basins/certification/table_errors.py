@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.kernels.cell_images import bounding, curving, differences
+from ..._compiled.kernels.cell_errors import bounding, curve, differences, probes
 from ..._lib.threads import run_over, slices
 from ...maps.coordinates import turns_of
-from ...maps.grid import CellGrid, grid_points
+from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Orbits
 from ...maps.point_map import PointMap
 
 _UNBOUNDED = 1e9  # widths of a cell: an error of which nothing follows
 _ACROSS = 0.49  # step of differences over a cell, in widths of it
-_SIDES = np.array([[-1.0], [1.0]])
 _CELLS = 4096  # cells whose derivatives are measured together: their images stay in the cache
 
 
@@ -48,33 +47,38 @@ class TableErrors:
         table, exact = point_map.table, point_map.exact
         assert table is not None and exact is not None
         grid, d, n = table.grid, point_map.dimension, table.grid.size
-        axes = [grid.axis(j) for j in range(d)]
+        axes = np.concatenate([grid.axis(j) for j in range(d)])
         origin, cells, wraps = np.array(grid.lower), np.array(grid.shape, np.int64), np.array(grid.wraps)
-        around = np.concatenate([np.zeros((1, d)), *(_ACROSS * np.diag(grid.widths)[j] * _SIDES for j in range(d))])
-        slopes, curved, images = np.empty((n, d, d)), np.empty((n, d, d)), np.empty((n, d))
         turn = turns_of(point_map.coordinates)[1]
+        slopes, images = np.empty((n, d, d)), np.empty((n, d))
         bends, errors, tolerances = np.empty((n, 2)), np.empty(n), np.empty(n)
 
         def measure(part: slice) -> None:
-            found = _after_a_period(point_map, (grid_points(axes, part)[:, None, :] + around).reshape(-1, d))
+            points = np.empty(((part.stop - part.start) * (1 + 2 * d), d))
+            probes(axes, cells, _ACROSS * grid.widths, part.start, points)
+            found = _after_a_period(point_map, points)
             step = 1.0 / grid.widths, _ACROSS
             differences(found.points, found.rotations, turn, origin, *step, slopes[part], images[part])
 
-        def bend(part: slice) -> None:
-            curving(d)(slopes, cells, wraps, part.start, part.stop, curved)
-
+        run_over(slices(n, _CELLS), measure, f"derivatives of {point_map.name}" if progress else None)
+        by_rows = slopes.reshape(n // grid.shape[-1], -1)
+        curved = np.empty(by_rows.shape)
         # A table that orbits stay in despite a neighbour without image has an error that is not known to be small.
         numbers = safety, _UNBOUNDED, *map(float, exact.tolerance)
+        indicator, rough = (a.reshape(-1, grid.shape[-1]) for a in (table.indicator, table.rough))
+
+        def bend(part: slice) -> None:
+            curve(by_rows, cells, wraps, part.start, part.stop, curved)
 
         def bound(part: slice) -> None:
             bounding(d)(
-                (origin, grid.widths, cells, wraps), slopes, curved, images, table.indicator.ravel(),
-                table.rough.ravel(), numbers, part.start, part.stop, bends, errors, tolerances,
+                (origin, grid.widths, cells, wraps), by_rows, curved, images, indicator, rough, numbers,
+                part.start, part.stop, bends, errors, tolerances,
             )  # fmt: skip
 
-        run_over(slices(n, _CELLS), measure, f"derivatives of {point_map.name}" if progress else None)
-        run_over(slices(n, CHUNK), bend)
-        run_over(slices(n, CHUNK), bound)
+        parts = slices(len(by_rows), CHUNK // grid.shape[-1] + 1)
+        run_over(parts, bend)
+        run_over(parts, bound)
         return cls(slopes, bends, errors, tolerances, images)
 
 
