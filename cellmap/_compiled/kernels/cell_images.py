@@ -109,8 +109,8 @@ def reach_ends(ends, fixed, first, last, cells, circle, beyond):
     """Find for each cell the end that all paths over images of cells reach, changed in place.
 
     ``ends`` (n,) int16 holds the number of an end, 0 for none and SEVERAL for more than one or one that is not known;
-    cells that are ``fixed`` keep theirs.  ``first`` and ``last`` (n, d) int32 are the boxes of cells that hold the image
-    of each cell, and ``beyond`` is the end of what lies outside of the grid.
+    cells that are ``fixed`` keep theirs.  ``first`` and ``last`` (n, d) int32 are the boxes of cells that hold the
+    image of each cell, and ``beyond`` is the end of what lies outside of the grid.
     """
     order = np.empty(len(ends), np.int64)
     left = _by_time(ends, fixed, first, last, cells, circle, order)

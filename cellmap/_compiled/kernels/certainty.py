@@ -145,7 +145,9 @@ def judging(d):
 
 
 @loop
-def sort_out(found, spread, status, rows, age, patience, widest, mark, first, labels, times, evidence, kept, lost, gone):
+def sort_out(
+    found, spread, status, rows, age, patience, widest, mark, first, labels, times, evidence, kept, lost, gone
+):
     """Write labels of rows that a region holds, and which of the others go on; return how many do.
 
     ``rows`` are the numbers of initial conditions, for which ``patience``, ``labels``, ``times`` and ``evidence`` are
@@ -242,7 +244,7 @@ def widening(d):
         origin, inverse, cells, circle = table
         n = points.shape[0]
         work, slope = np.empty((2, d, d)), np.empty((d, d))
-        place, lower = np.empty(d), np.empty(d, np.int64)
+        place, lower = np.empty(d), np.empty((d, 2), np.int64)
         for i in range(n):
             flat, inside = 0, True
             for j in range(d):
@@ -257,15 +259,19 @@ def widening(d):
                 low = floor(place[j])
                 if circle[j] != cells[j]:
                     low = min(max(low, 0.0), max(cells[j] - 2.0, 0.0))
-                lower[j] = np.int64(low)
                 place[j] -= low
+                lower[j, 0], lower[j, 1] = np.int64(low), np.int64(low) + 1
+                if lower[j, 0] < 0:
+                    lower[j, 0] += cells[j]
+                if lower[j, 1] >= cells[j]:
+                    lower[j, 1] -= cells[j]
             slope[:] = 0.0
             for corner in range(2**d):
                 weight, number = 1.0, 0
                 for j in range(d):
                     side = (corner >> j) & 1
                     weight *= place[j] if side else 1.0 - place[j]
-                    number = number * cells[j] + (lower[j] + side) % cells[j]
+                    number = number * cells[j] + lower[j, side]
                 for j in range(d):
                     for k in range(d):
                         slope[j, k] += weight * slopes[number, j, k]

@@ -19,7 +19,7 @@ from ...attractors.labels import Label
 from ...attractors.settling import classify, settle
 from ...maps.coordinates import wrap
 from ...maps.grid import Locator
-from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
+from ...maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Tally
 from ...maps.point_map import PointMap
 from ..initial_conditions import InitialConditions
 from ..record import Basins
@@ -29,7 +29,7 @@ from .certificate import Certificate, Evidence
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
 from .undecided import Search
 
-_ROWS = 8192  # initial conditions that are followed together: they stay in the cache
+_ROWS = 4096  # initial conditions that are followed together: they stay in the cache
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
 _ESCAPED = int(Label.ESCAPED)  # loops know plain numbers at once, and others by a look at all arguments
