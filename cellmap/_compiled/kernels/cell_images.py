@@ -212,7 +212,7 @@ def _end_of_box(c, ends, first, last, cells, circle, beyond, here):
         here[j] = first[c, j]
     low, high = np.int64(first[c, e]), np.int64(last[c, e])
     plain = low >= 0 and high < cells[e]
-    more = low <= high
+    more = True
     while more and (some == every or some == 0):
         flat, inside = 0, True
         for j in range(e):

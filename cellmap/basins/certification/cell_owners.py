@@ -160,7 +160,7 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
 
 def _boxes_of_images(
     setting: Setting, errors: TableErrors, held: NDArray[np.int16]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the first and the last of the cells that the image of each cell can touch; none where they are not known.
 
     Cells across a kink that end on one attractor at once, as where dry friction holds the state, get it in `held`.
