@@ -149,7 +149,7 @@ def reach_ends(ends, fixed, first, last, cells, circle, beyond):
 def _by_time(ends, fixed, first, last, cells, circle, order):
     """Write the cells whose ends are to be found, each behind the one that holds the middle of its image; count them.
 
-    Ends travel against the map: in this sequence most have arrived after one round.
+    Ends travel against the map: in this sequence most have arrived after one pass.
     """
     n, d = first.shape
     seen, path = np.zeros(n, np.uint8), np.empty(n, np.int64)
