@@ -16,7 +16,7 @@ from ..attractors.settling import Settled
 from ..maps.orbit_batch import NOTHING
 from .initial_conditions import BLOCK, Rows
 from .progress import Progress
-from .record import Basins
+from .record import Basins, label_counts
 
 
 class LabelStore(ABC):
@@ -81,12 +81,7 @@ class LabelStore(ABC):
 
     def used(self, number: int) -> NDArray[np.int64]:
         """Return which of the attractors have an initial condition."""
-        used = np.zeros(number, bool)
-        for part in slices(self.total, BLOCK):
-            labels = self.labels[part]
-            used |= np.bincount(labels[labels >= 0], minlength=number).astype(bool)
-            self.release()
-        return np.flatnonzero(used)
+        return np.flatnonzero(label_counts(self.labels, number, self.release)[-min(LABEL_NAMES) :])
 
 
 class InMemory(LabelStore):
@@ -128,7 +123,8 @@ class InMemory(LabelStore):
 
     def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
         """Return basins with labels of their final numbers."""
-        for part in slices(self.total, BLOCK):
-            self.labels[part] = numbers[self.labels[part] - min(LABEL_NAMES)]
+        if (numbers != np.arange(len(numbers)) + min(LABEL_NAMES)).any():
+            for part in slices(self.total, BLOCK):
+                self.labels[part] = numbers[self.labels[part] - min(LABEL_NAMES)]
         labels, times = self.labels.reshape(self.shape), self.times.reshape(self.shape)
         return replace(basins, labels=labels, settling_time=times)

@@ -32,7 +32,8 @@ from .record import HELD, Basins
 from .strides import StridedTile
 
 _SAMPLE = 1024  # initial conditions of the first search for attractors
-_IN_A_TILE = 8192  # small, to keep all threads busy to the end, where a tile has neither to travel nor to be sealed
+_IN_A_TILE = 8192, 65536  # least and most, where a tile has neither to travel nor to be sealed
+_TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
 _LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
@@ -138,7 +139,7 @@ class Run:
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
-            size, time_limit = _IN_A_TILE if small else CHUNK, min(_PATIENCE, self.max_periods)
+            size, time_limit = _tile_size(total) if small else CHUNK, min(_PATIENCE, self.max_periods)
             now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
@@ -264,6 +265,12 @@ class Run:
         batches = [Batch(rows[part]) for rows in left.spread(count) for part in slices(len(rows), CHUNK)]
         found = {k: settled.orbits for k, settled in self._settled(range(len(batches)), batches.__getitem__, now)}
         return Orbits.joined([found[number] for number in range(len(batches))])
+
+
+def _tile_size(total: int) -> int:
+    """Return how many initial conditions are labelled together where labels are in memory."""
+    least, most = _IN_A_TILE
+    return min(max(least, total // _TILES), most)
 
 
 def new_numbers(used: Sequence[int], attractors: int) -> NDArray[np.int16]:

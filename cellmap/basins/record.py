@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.kernels.counting import count_labels
 from .._lib.checks import affordable_number, one_of
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray, ShownAsHtml
 from .._lib.randomness import Rng
@@ -154,12 +155,24 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         )
 
 
+def label_counts(
+    labels: NDArray[np.int16], n_attractors: int, release: Callable[[], None] = lambda: None
+) -> NDArray[np.int64]:
+    """Count each label (n,), from the lowest :class:`Label` to the last attractor, a block at a time.
+
+    ``release`` is called after each block, to give memory back whose contents are kept in a file.
+    """
+    counts = np.zeros(n_attractors - min(LABEL_NAMES), np.int64)
+    for part in slices(len(labels), BLOCK):
+        count_labels(labels[part], min(LABEL_NAMES), counts)
+        release()
+    return counts
+
+
 def fractions_of(
     labels: NDArray[np.int16], n_attractors: int, release: Callable[[], None] = lambda: None
 ) -> dict[int, Fraction]:
-    """Return the fraction of each label; labels are counted a block at a time, for they may be more than memory holds.
-
-    ``release`` is called after each block, to give memory back whose contents are kept in a file.
+    """Return the fraction of each label; ``release`` as for :func:`label_counts`.
 
     Examples
     --------
@@ -167,11 +180,7 @@ def fractions_of(
     Fraction(fraction=0.5, standard_error=0.25, count=2)
     """
     lowest, total = min(LABEL_NAMES), labels.size
-    numbers = np.zeros(n_attractors - lowest, np.int64)
-    flat = labels.reshape(-1)
-    for part in slices(total, BLOCK):
-        numbers += np.bincount(flat[part].astype(np.int64) - lowest, minlength=len(numbers))[: len(numbers)]
-        release()
+    numbers = label_counts(labels.reshape(-1), n_attractors, release)
     counts = {lowest + k: int(count) for k, count in enumerate(numbers)}
     result = {}
     for label in [*range(n_attractors), *(label for label in LABEL_NAMES if counts[label])]:
