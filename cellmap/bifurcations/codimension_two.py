@@ -178,8 +178,7 @@ class _Tests:
         q, p = inverse[:-1, -1], inverse[-1, :-1]
         others = _without(multipliers_of(matrix), self._critical)
         found = {} if len(others) < 2 else {_with_pair(kind): float(pairs_beside_one(others))}
-        tensors = (forms.linear[0, number], forms.quadratic[0, number], forms.cubic[0, number])
-        reduced = coefficient(kind, self._critical, tensors, q, p)[0].real
+        reduced = coefficient(kind, self._critical, forms.at(0, number), q, p).real
         if kind is BifurcationKind.PITCHFORK:
             return {CodimensionTwoKind.DEGENERATE_PITCHFORK: reduced}
         if kind is _FOLD:
@@ -212,8 +211,7 @@ class _Tests:
             found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = float(np.prod(others - 1.0).real)
             found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = float(np.prod(others + 1.0).real)
         sizes = self.problem.orbits.scale[: len(matrix)]
-        tensors = (forms.linear[0, number], forms.quadratic[0, number], forms.cubic[0, number])
-        reduced = Reduction.of(self.problem.kind, *tensors, sizes)
+        reduced = Reduction.of(self.problem.kind, forms.at(0, number), sizes)
         factor = _without_pole(matrix)
         if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR:
             found[CodimensionTwoKind.CHENCINER] = reduced.coefficient.real * factor

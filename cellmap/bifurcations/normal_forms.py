@@ -11,15 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
-from ..maps.multilinear import multilinear_forms
 from ..maps.point_map import PointMap
 from .centre_manifold import coefficient
+from .located_forms import CERTAIN, LocatedForms
 from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem, natural_sizes
 
-_TOLERANCE, _OF_DIFFERENCES = 1e-12, 1e-8  # of the derivatives
 _LARGEST = 1e6  # derivative of a map that is known well enough
-_CERTAIN = 3.0  # errors that a coefficient is away from zero
 _SINGULAR = 1e-7  # product of the unit eigenvectors of a multiplier that is not simple
 _FORMS = {
     BifurcationKind.FOLD: "quadratic",
@@ -58,7 +56,7 @@ class NormalForm:
     imaginary : float
         Imaginary part of d, the change of the rotation with abs(w)^2; 0 for the other kinds.
     error : float
-        Estimate of the error of the coefficient.
+        Estimate of the error of the coefficient, from the errors of the derivatives and of the place.
     criticality : Criticality
         "supercritical", "subcritical", "generic" or "degenerate".
     eigenvector, adjoint : ndarray, shape (dimension,)
@@ -127,7 +125,7 @@ def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, pe
         raise ValueError(f"kind={kind!r}: choose one of {', '.join(map(repr, _FORMS))}")
     exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
     place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
-    found = forms_at(exact, place[None], rounds, natural_sizes(exact, place, rounds), kind)[0]
+    found = _form(LocatedForms.at(exact, place, rounds, natural_sizes(exact, place, rounds)), kind)
     if found is None:
         raise ValueError(f"kind={kind!r}: the orbit has no complex pair of multipliers")
     return found
@@ -135,56 +133,34 @@ def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, pe
 
 def form_at(problem: OrbitProblem, unknowns: NDArray[np.float64], kind: BifurcationKind) -> NormalForm | None:
     """Return the normal form at unknowns (d + m,) of an orbit problem; None for a kind that has none."""
-    if kind not in _FORMS:
-        return None
-    d, state = problem.dimension, unknowns * problem.scale
-    point = np.append(state[:d], state[problem.states :])
-    return forms_at(problem.swept, point[None], problem.period, problem.scale[:d], kind)[0]
+    return _form(LocatedForms.of(problem, unknowns), kind) if kind in _FORMS else None
 
 
-def forms_at(
-    point_map: PointMap, points: NDArray[np.float64], period: int, sizes: NDArray[np.float64], kind: BifurcationKind
-) -> list[NormalForm | None]:
-    """Return the normal forms at points (n, D) of orbits in the first d state variables, of sizes (d,)."""
-    forms = multilinear_forms(point_map, points, period, sizes)
-    found: list[NormalForm | None] = []
-    for k in range(len(points)):
-        if not float(np.abs(forms.linear[:, k]).max()) < _LARGEST:
-            found.append(None)
-            continue
-        first, second = (
-            Reduction.of(kind, forms.linear[w, k], forms.quadratic[w, k], forms.cubic[w, k], sizes) for w in (0, 1)
-        )
-        found.append(None if first is None or second is None else first.finished(second, sizes, forms.exact))
-    return found
+def _form(located: LocatedForms, kind: BifurcationKind) -> NormalForm | None:
+    known = float(np.abs(located.tensors[0]).max()) < _LARGEST
+    reduced = Reduction.of(kind, located.tensors, located.sizes) if known else None
+    return None if reduced is None else reduced.finished(located)
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
     """Coefficient of a normal form, and the eigenvectors, in natural sizes.
 
-    The critical multiplier is `off` the value that it should have; relative errors of derivatives change the
-    coefficient by as much times `sensitivity`.
+    The critical multiplier is `off` the value that it should have.
     """
 
     kind: BifurcationKind
     coefficient: complex
     off: float
-    sensitivity: float
     right: NDArray[np.complex128]
     left: NDArray[np.complex128]
 
     @classmethod
     def of(
-        cls,
-        kind: BifurcationKind,
-        a: NDArray[np.float64],
-        b: NDArray[np.float64],
-        c: NDArray[np.float64],
-        sizes: NDArray[np.float64],
+        cls, kind: BifurcationKind, forms: tuple[NDArray[np.float64], ...], sizes: NDArray[np.float64]
     ) -> Reduction | None:
         """Reduce a map with the derivatives A, B, C to the centre manifold; None without a complex pair."""
-        unit = np.eye(len(a))
+        a = forms[0]
         critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
         multipliers = np.linalg.eigvals(a).astype(complex)
         if kind is BifurcationKind.NEIMARK_SACKER:
@@ -193,26 +169,27 @@ class Reduction:
                 return None
             nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
             critical = nearest / abs(nearest)
-        left, singular, right = np.linalg.svd(a - critical * unit)
+        left, _, right = np.linalg.svd(a - critical * np.eye(len(a)))
         q, p = right[-1].conj(), left[:, -1].conj()
         across = abs(p @ q)
         largest = np.argmax(np.abs(q * sizes))
         q = q * abs(q[largest]) / q[largest] / np.linalg.norm(q * sizes)
         off = float(np.abs(multipliers - critical).min())
         if across < _SINGULAR:
-            return cls(kind, complex(np.nan), off, np.inf, q, p)
+            return cls(kind, complex(np.nan), off, q, p)
         p = p / (p @ q)
-        value, size, gap = coefficient(kind, critical, (a, b, c), q, p)
-        gap = min(gap, float(singular[-2]) if len(a) > 1 else 1.0)
-        condition = (1.0 + float(np.abs(a).max())) / gap if gap else np.inf
-        return cls(kind, value, off, condition * size, q, p)
+        return cls(kind, coefficient(kind, critical, forms, q, p), off, q, p)
 
-    def finished(self, other: Reduction, sizes: NDArray[np.float64], exact: bool) -> NormalForm:
-        """Return the normal form, with an error from another evaluation."""
+    def finished(self, located: LocatedForms) -> NormalForm:
+        """Return the normal form, with the error that follows from those of the derivatives of the map."""
+
+        def again(disturbed: tuple[NDArray[np.float64], ...]) -> complex:
+            found = Reduction.of(self.kind, disturbed, located.sizes)
+            return complex(np.nan) if found is None else found.coefficient
+
         value = self.coefficient
-        tolerance = _TOLERANCE if exact else _OF_DIFFERENCES
-        error = max((tolerance + self.off) * self.sensitivity, abs(value - other.coefficient))
-        known = bool(abs(value.real) > _CERTAIN * error)
+        error = located.error_of(value, again, self.off)
+        known = bool(abs(value.real) > CERTAIN * error)
         positive = value.real > 0.0
         if not known:
             criticality = Criticality.DEGENERATE
@@ -228,7 +205,7 @@ class Reduction:
             imaginary=value.imag if self.kind is BifurcationKind.NEIMARK_SACKER else 0.0,
             error=error,
             criticality=criticality,
-            eigenvector=self.right * sizes,
-            adjoint=self.left / sizes,
-            exact=exact,
+            eigenvector=self.right * located.sizes,
+            adjoint=self.left / located.sizes,
+            exact=located.forms.exact,
         )

@@ -27,6 +27,7 @@ from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _RUNGS_PER_OCTAVE = 4
+_FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 
@@ -111,15 +112,19 @@ def tangent_flow(
 
 
 def jet_flow(
-    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, order: int, method: str
+    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, order: int, method: str, finer: bool
 ) -> Flow | None:
-    """Return the motion of states with their derivatives along a curve; None where these are not known."""
+    """Return the motion of states with their derivatives along a curve; None where these are not known.
+
+    With `finer` the steps are those of a tenth of the tolerance.
+    """
     names, known = tuple(system.params), formulas(system)
     if known.has_events or known.unknown:
         return None
     kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, method)
     if kernel is None:
         return None
+    tolerance *= _FINER if finer else 1.0
     largest = np.full((order + 1) * system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
     return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)

@@ -1,9 +1,10 @@
-"""Derivatives of point maps up to the third: the multilinear forms of their Taylor series."""
+"""Higher derivatives of point maps: the multilinear forms of their Taylor series."""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, pairwise, permutations
+from itertools import combinations_with_replacement, pairwise, permutations, product
 from math import factorial, prod
 
 import numpy as np
@@ -15,28 +16,40 @@ from .point_map import PointMap
 from .side_by_side import advance_on_threads
 from .tangent import tangent
 
-_ORDER = 3
 _LONGER = 1.7  # factor between the curves of two evaluations
-_DISTANCES = 0.04, 0.02, 0.01  # of Jacobian matrices whose differences are taken, in natural sizes
+_SIGNS = 3  # components of directions with either sign
+_DISTANCES = 0.04, 0.034  # the longest between Jacobian matrices whose differences are taken, in natural sizes
 
 
 @dataclass(frozen=True, eq=False)
 class MultilinearForms:
-    """Taylor series x + h -> P(x) + A h + B(h, h)/2 + C(h, h, h)/6 of a map, in units of natural sizes.
+    """Taylor series x + h -> P(x) + A h + B(h, h)/2 + C(h, h, h)/6 + ... of a map, in units of natural sizes.
 
-    ``linear`` (n, d, d), ``quadratic`` (n, d, d, d) and ``cubic`` (n, d, d, d, d) are computed in two ways of equal
-    right, along the first axis of all three, (2, n, ...), so that their difference shows the error.  With `exact` they
-    come from integrated higher variational equations, else from differences of Jacobian matrices.
+    ``tensors[k - 1]`` (2, n, d, d, ...) has the derivatives of order k, computed in two ways of equal right along the
+    first axis, so that their difference shows the error.  With `exact` they come from integrated higher variational
+    equations, else from differences of Jacobian matrices, and are known to the third order.
     """
 
-    linear: NDArray[np.float64]
-    quadratic: NDArray[np.float64]
-    cubic: NDArray[np.float64]
+    tensors: tuple[NDArray[np.float64], ...]
     exact: bool
+
+    @property
+    def linear(self) -> NDArray[np.float64]:
+        """First derivatives A (2, n, d, d)."""
+        return self.tensors[0]
+
+    def at(self, way: int, number: int) -> tuple[NDArray[np.float64], ...]:
+        """Return the derivatives A, B, C, ... at one of the points, computed in one of the ways."""
+        return tuple(t[way, number] for t in self.tensors)
 
 
 def multilinear_forms(
-    point_map: PointMap, points: NDArray[np.float64], periods: int, sizes: NDArray[np.float64], once: bool = False
+    point_map: PointMap,
+    points: NDArray[np.float64],
+    periods: int,
+    sizes: NDArray[np.float64],
+    once: bool = False,
+    order: int = 3,
 ) -> MultilinearForms:
     """Return the derivatives of P^periods at points (n, D) by the first d state variables, of sizes (d,), with d <= D.
 
@@ -44,50 +57,60 @@ def multilinear_forms(
     there is no second evaluation of them.  A form follows from its values in as many directions as it has coefficients.
     """
     exact = point_map.without_table
-    step = None if exact.spec is None else exact.spec.curve_step(_ORDER)
-    if step is None:
+    ways = (False,) if once else (False, True)
+    steps = [] if exact.spec is None else [exact.spec.curve_step(order, finer) for finer in ways]
+    if not steps or None in steps:
         return _from_differences(exact, points, periods, sizes)
     d, (n, states) = len(sizes), points.shape
-    indices = list(combinations_with_replacement(range(d), _ORDER))
-    directions = np.array([_direction(index, d) for index in indices])
-    linear, quadratic, cubic = found = tuple[list[NDArray[np.float64]], ...]([[], [], []])
+    directions = _directions(d, order)
+    found = tuple[list[NDArray[np.float64]], ...]([] for _ in range(order))
     # Curves so long that derivatives are no smaller than the absolute tolerance asks for.
     least = max(1.0, 1.0 / float(sizes.min()))
-    for length in (least,) if once else (least, _LONGER * least):
-        curves = np.zeros((n, len(indices), _ORDER + 1, states))
+    for step, length in zip(filter(None, steps), (least, _LONGER * least), strict=False):
+        curves = np.zeros((n, len(directions), order + 1, states))
         curves[:, :, 0] = points[:, None]
         curves[:, :, 1, :d] = length * directions * sizes
-        orbits = Orbits.starting(curves.reshape(-1, (_ORDER + 1) * states))
+        orbits = Orbits.starting(curves.reshape(-1, (order + 1) * states))
         for _ in range(periods):
             orbits.points[:, :states] = wrap(orbits.points[:, :states], exact.coordinates)
-            advance_on_threads(lambda some, _: step(some), orbits, 1)
+            advance_on_threads(lambda some, _, step=step: step(some), orbits, 1)  # type: ignore[misc]
         images = orbits.points.reshape(curves.shape)[..., :d] / sizes
         for k, tensors in enumerate(found, 1):
             tensors.append(_tensors(images[:, :, k] / length**k, directions, k))
-    return MultilinearForms(np.stack(linear), np.stack(quadratic), np.stack(cubic), exact=True)
+    return MultilinearForms(tuple(map(np.stack, found)), exact=True)
 
 
-def _direction(index: tuple[int, ...], d: int) -> NDArray[np.float64]:
-    """Return e_i for (i, i, i), e_i + e_j and e_i - e_j for (i, i, j) and (i, j, j), and e_i + e_j + e_k."""
-    direction = np.zeros(d)
-    direction[list(index)] = 1.0
-    if len(set(index)) == 2 and index[1] == index[2]:
-        direction[index[1]] = -1.0
-    return direction
+@functools.cache
+def _directions(d: int, order: int) -> NDArray[np.float64]:
+    """Return directions (m, d), as many as a form of an order has coefficients, which its values there determine."""
+    from scipy.linalg import qr
+
+    indices = list(combinations_with_replacement(range(d), order))
+    # Of lattice vectors with some signs those at which the values of a form are best conditioned, by pivoting.
+    signs = [np.append(1.0, np.resize(some, d - 1)) for some in product((1.0, -1.0), repeat=min(d - 1, _SIGNS))]
+    lattice = np.array([[index.count(i) for i in range(d)] for index in indices])
+    some = np.concatenate([lattice * sign for sign in signs])
+    some /= np.linalg.norm(some, axis=1)[:, None]
+    chosen = qr(_design(some, order).T, mode="r", pivoting=True)[1][: len(indices)]
+    return np.asarray(some[np.sort(chosen)])
 
 
 def _tensors(values: NDArray[np.float64], directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
     """Return the symmetric tensors (n, d, d, ...) of forms from their values (n, m, d) in directions (m, d)."""
     d = directions.shape[1]
-    indices = list(combinations_with_replacement(range(d), order))
-    weights = [factorial(order) // prod(factorial(index.count(i)) for i in set(index)) for index in indices]
-    design = np.prod(directions[:, indices], axis=-1) * weights
-    coefficients = np.einsum("cm,nmi->nic", np.linalg.pinv(design), values)
+    coefficients = np.einsum("cm,nmi->nic", np.linalg.pinv(_design(directions, order)), values)
     tensor = np.empty((*(d,) * order, *values.shape[::2]))
-    for c, index in enumerate(indices):
+    for c, index in enumerate(combinations_with_replacement(range(d), order)):
         for place in permutations(index):
             tensor[place] = coefficients[..., c]
     return np.moveaxis(tensor, (-2, -1), (0, 1))
+
+
+def _design(directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Return the matrix (m, c) from the c coefficients of a form of an order to its values in directions (m, d)."""
+    indices = list(combinations_with_replacement(range(directions.shape[1]), order))
+    weights = [factorial(order) // prod(factorial(index.count(i)) for i in set(index)) for index in indices]
+    return np.asarray(np.prod(directions[:, indices], axis=-1) * weights)
 
 
 def _from_differences(
@@ -105,23 +128,26 @@ def _from_differences(
         return np.asarray(found * sizes / sizes[:, None])
 
     middle = matrices(points)
-    slopes, curvatures = [], []
-    for distance in _DISTANCES:
-        ahead, back = (matrices(points[:, None] + sign * distance * offsets) for sign in (1.0, -1.0))
-        slopes.append((ahead - back) / (2.0 * distance))
-        curvatures.append((ahead - 2.0 * middle[:, None] + back) / distance**2)
-    quadratic, cubic = np.empty((2, n, d, d, d)), np.empty((2, n, d, d, d, d))
-    for which, (slope, curvature) in enumerate(zip(_extrapolated(slopes), _extrapolated(curvatures), strict=True)):
-        single = [pairs.index((i, i)) for i in range(d)]
+    linear, quadratic, cubic = np.empty((2, n, d, d)), np.empty((2, n, d, d, d)), np.empty((2, n, d, d, d, d))
+    single = [pairs.index((i, i)) for i in range(d)]
+    for which, longest in enumerate(_DISTANCES):
+        means, slopes, curvatures = [], [], []
+        for distance in (longest, longest / 2.0, longest / 4.0):
+            ahead, back = (matrices(points[:, None] + sign * distance * offsets) for sign in (1.0, -1.0))
+            means.append((ahead + back) / 2.0)
+            slopes.append((ahead - back) / (2.0 * distance))
+            curvatures.append((ahead - 2.0 * middle[:, None] + back) / distance**2)
+        slope, curvature = _extrapolated(slopes), _extrapolated(curvatures)
+        linear[which] = _extrapolated(means).mean(axis=1) if which else middle
         for k, (i, j) in enumerate(pairs):
             if i == j:
                 quadratic[which, ..., i] = slope[:, k]
             mixed = curvature[:, k] if i == j else curvature[:, k] - curvature[:, single[i]] - curvature[:, single[j]]
             cubic[which, ..., i, j] = cubic[which, ..., j, i] = mixed if i == j else 0.5 * mixed
-    return MultilinearForms(np.stack([middle, middle]), quadratic, cubic, exact=False)
+    return MultilinearForms((linear, quadratic, cubic), exact=False)
 
 
-def _extrapolated(ladder: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """Return limits of differences at three distances, each half the one before: from all, and from the last two."""
+def _extrapolated(ladder: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the limit of differences at three distances, each half the one before."""
     first, second = ((4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(ladder))
-    return [(16.0 * second - first) / 15.0, second]
+    return np.asarray((16.0 * second - first) / 15.0)

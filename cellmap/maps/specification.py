@@ -92,8 +92,11 @@ class MapSpec(ABC, Generic[M]):
         """Return the specification with some parameters appended to the state; None if `with_params` must serve."""
         return None
 
-    def curve_step(self, order: int) -> Callable[[Any], None] | None:
-        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
+    def curve_step(self, order: int, finer: bool = False) -> Callable[[Any], None] | None:
+        """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown.
+
+        With `finer` the tolerance is a tenth, for an estimate of the error.
+        """
         return None
 
     def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:

@@ -152,11 +152,11 @@ class Stroboscopic(MapSpec[PointMap]):
         further = with_states(self.system, names)
         return None if further is None else replace(self, system=further)
 
-    def curve_step(self, order: int) -> Callable[[Orbits], None] | None:
+    def curve_step(self, order: int, finer: bool = False) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
         tolerance = min(self.rtol, _TANGENT_TOLERANCE)
-        return jet_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, order, method)
+        return jet_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, order, method, finer)
 
     def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
