@@ -112,7 +112,14 @@ def tangent_flow(
 
 
 def jet_flow(
-    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, order: int, method: str, finer: bool
+    system: ForcedSystem,
+    begin: float,
+    length: float,
+    tolerance: float,
+    max_steps: int,
+    order: int,
+    method: str,
+    finer: bool,
 ) -> Flow | None:
     """Return the motion of states with their derivatives along a curve; None where these are not known.
 

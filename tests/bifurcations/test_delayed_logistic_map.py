@@ -61,8 +61,8 @@ def test_immigration_and_period_doublings() -> None:
     assert_points(found, {POINT.FOLD_FLIP: (-1.0, 1.0, 1.0), POINT.RESONANCE_1_2: (-1.0, -3.0, -1.0)})
 
 
-# With the delay in a part c only, (x, y) -> (r x (1 - (1 - c) x - c y), x): at x = 1 - 1/r, with s = r - 1, the trace is
-# 1 - (1 - c) s and the determinant c s.
+# With the delay in a part c only, (x, y) -> (r x (1 - (1 - c) x - c y), x): at x = 1 - 1/r, with s = r - 1, the
+# trace is 1 - (1 - c) s and the determinant c s.
 
 
 def test_resonances_of_a_partial_delay() -> None:
