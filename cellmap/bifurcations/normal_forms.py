@@ -13,8 +13,8 @@ from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
 from .centre_manifold import coefficient
-from .located_forms import CERTAIN, LocatedForms
 from .kinds import BifurcationKind
+from .located_forms import CERTAIN, LocatedForms
 from .orbit_equations import OrbitProblem, natural_sizes
 
 _LARGEST = 1e6  # derivative of a map that is known well enough
