@@ -42,17 +42,17 @@ def coefficient(
         match kind:
             case BifurcationKind.PERIOD_DOUBLING:
                 bent = solved(unit - a, two(q, q))
-                value = p @ (three + 3.0 * two(q, bent)) / 6.0
+                value = complex(p @ (three + 3.0 * two(q, bent)) / 6.0)
             case BifurcationKind.NEIMARK_SACKER:
                 mean = solved(unit - a, two(q, q.conj()))
                 double = solved(critical**2 * unit - a, two(q, q))
-                value = p @ (three + 2.0 * two(q, mean) + two(q.conj(), double)) / (2.0 * critical)
+                value = complex(p @ (three + 2.0 * two(q, mean) + two(q.conj(), double)) / (2.0 * critical))
             case BifurcationKind.PITCHFORK:
                 bordered = np.block([[unit - a, q[:, None]], [p[None], np.zeros((1, 1))]])
                 bent = solved(bordered, np.append(two(q, q), 0.0))[:-1]
-                value = p @ (three + 3.0 * two(q, bent)) / 6.0
+                value = complex(p @ (three + 3.0 * two(q, bent)) / 6.0)
             case _:
-                value = 0.5 * p @ two(q, q)
+                value = complex(0.5 * p @ two(q, q))
     except np.linalg.LinAlgError:
-        value = complex(np.nan)
-    return complex(value)
+        return complex(np.nan)
+    return value
