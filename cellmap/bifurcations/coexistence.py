@@ -12,14 +12,15 @@ from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import tangent
 from ..orbits.lyapunov_qr import exponents_along
-from .lane_orbits import along, least_periods, monodromy_of, near_returns, refined
+from .lane_orbits import along, least_periods, monodromy_of, near_returns, refined, state_tangent
 from .lane_regions import Regions, regions_around
 
-_FIRST_LOOK = 16  # periods before attractors are searched for,
-_STRIDES = (7, 6)  # in turn between tests of convergence, so that cycles are met at all of their phases,
+_PILOTS = 8  # one of so many orbits goes ahead, so that regions are known in which the others converge,
+_AHEAD = 48  # by so many periods
+_FIRST_LOOKS = (16, 32)  # periods before attractors are searched for, by those ahead and by the others,
 _RARER = 1.25  # and factor of age between searches, at least
+_STRIDES = (4, 3, 4)  # periods in turn between tests of convergence, so that cycles are met at all of their phases
 SAME_MEAN = 1e-4
 """Distance of means over orbits, in extents or radians, within which two attractors are one."""
 
@@ -115,6 +116,7 @@ class _Search:
     place: NDArray[np.int64] = field(init=False)
     found: Attractors = field(init=False)
     regions: Regions = field(init=False)
+    looks: int = 0
 
     def __post_init__(self) -> None:
         n, d = self.job.initial_conditions.shape
@@ -129,20 +131,41 @@ class _Search:
         return self.job.initial_conditions.shape[1]
 
     def run(self) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
-        age, tests, look, due = 0, 0, 0, 0.0
-        while len(self.place) and age < self.job.max_periods:
+        """Iterate the orbits until they have converged, some of each parameter point ahead of the others."""
+        number = np.arange(len(self.place)) % len(self.job.initial_conditions)
+        ahead = (number + number // _PILOTS) % _PILOTS == 0  # across the rows and columns of a grid
+        others = self.orbits[~ahead], self.place[~ahead]
+        self._keep(ahead)
+        middle, end = min(_AHEAD, self.job.max_periods), self.job.max_periods
+        self._iterate(0, middle, _FIRST_LOOKS[0])
+        pilots, (self.orbits, self.place) = (self.orbits, self.place), others
+        self._iterate(0, middle, _FIRST_LOOKS[1])
+        self._join(*pilots)
+        self._iterate(middle, end, middle)
+        undecided = self._rest() if len(self.place) else np.zeros(len(self.values), np.int64)
+        return self.found, self.escaped, undecided
+
+    def _iterate(self, age: int, end: int, due: float) -> None:
+        """Iterate orbits from one age to another one, unless all converge, and look for attractors from an age on."""
+        tests = 0
+        while len(self.place) and age < end:
             check_stop()
-            step = min(_FIRST_LOOK if age == 0 else _STRIDES[tests % len(_STRIDES)], self.job.max_periods - age)
+            step = min(_STRIDES[tests % len(_STRIDES)], end - age)
             self.job.swept.advance(self.orbits, step)
             age, tests = age + step, tests + 1
             self._end_escaped()
             self._capture()
             if age >= due and len(self.place):
-                if self._look(look):
+                if self._look():
                     self._capture()
-                look, due = look + 1, _RARER * age
-        undecided = self._rest() if len(self.place) else np.zeros(len(self.values), np.int64)
-        return self.found, self.escaped, undecided
+                due = _RARER * age
+
+    def _join(self, orbits: Orbits, place: NDArray[np.int64]) -> None:
+        """Put orbits to the others, sorted by parameter point."""
+        both = Orbits.joined([self.orbits, orbits])
+        place = np.concatenate([self.place, place])
+        order = np.argsort(place, kind="stable")
+        self.orbits, self.place = both[order], place[order]
 
     def _keep(self, rows: NDArray[np.bool_]) -> None:
         self.orbits, self.place = self.orbits[rows], self.place[rows]
@@ -159,11 +182,12 @@ class _Search:
         np.add.at(self.found.count, owner[owner >= 0], 1)
         self._keep(owner < 0)
 
-    def _look(self, look: int) -> bool:
+    def _look(self) -> bool:
         """Refine one orbit of each parameter point that has any; tell whether that has led to attractors."""
         first = np.flatnonzero(np.diff(self.place, prepend=-1))
         number = np.diff(np.append(first, len(self.place)))
-        chosen = first + look * 7 % number
+        chosen = first + self.looks * 7 % number
+        self.looks += 1
         fresh, regions = self._attractors(self.orbits.points[chosen], self.place[chosen])
         if not len(fresh):
             return False
@@ -210,8 +234,7 @@ class _Search:
         states, matrices = self.orbits.points[first], np.empty((len(first), _EXPONENT_PERIODS, d, d))
         for k in range(_EXPONENT_PERIODS):
             check_stop()
-            images, slopes = tangent(self.job.swept, states)
-            matrices[:, k] = slopes[:, :d, :d]
+            images, matrices[:, k] = state_tangent(self.job.swept, states, d)
             states = wrap(images, self.job.swept.coordinates)
         exponents, errors = exponents_along(matrices)
         largest, error = exponents[:, 0], errors[:, 0]

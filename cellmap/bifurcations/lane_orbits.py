@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import tangent
+from ..maps.tangent import tangent, tangent_by_lanes
 
 _NEAR = 0.05  # distance from its image, in extents, from which a point is refined
 _ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
@@ -16,6 +20,31 @@ _REACH = 0.25  # distance in extents that refinement may move a point
 _ITERATIONS = 8
 _CONVERGED = 1e-6  # last step of refinement, in extents; it leaves an error of the order of its square
 _SAME = 1e-6  # distance, in extents, within which points are equal
+
+
+def state_tangent(
+    swept: PointMap, points: NDArray[np.float64], d: int, periods: int | NDArray[np.int64] = 1
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unwrapped images (n, d + 2) and their derivatives (n, d, d) by the states, without those by parameters."""
+    step, place = _tangent_step(swept), points.copy()
+    total = np.broadcast_to(np.eye(d), (len(points), d, d)).copy()
+    rounds = np.broadcast_to(periods, len(points))
+    for k in range(int(rounds.max(initial=0))):
+        check_stop()
+        rows = np.flatnonzero(rounds > k)
+        wrapped = wrap(place[rows], swept.coordinates)
+        images, matrices = (
+            tangent(swept, wrapped) if step is None else tangent_by_lanes(step, wrapped, swept.dimension, d)
+        )
+        place[rows] += images - wrapped
+        total[rows] = matrices[:, :d, :d] @ total[rows]
+    return place, total
+
+
+@functools.lru_cache(maxsize=8)
+def _tangent_step(swept: PointMap) -> Callable[[Orbits], None] | None:
+    """Return a step of states with one tangent vector each; None where the formulas are unknown."""
+    return None if swept.spec is None else swept.spec.curve_step(1)
 
 
 def near_returns(
@@ -44,9 +73,9 @@ def refined(
     for _ in range(_ITERATIONS):
         if not len(active):
             break
-        images, matrices = tangent(swept, points[active], period[active])
+        images, matrices = state_tangent(swept, points[active], d, period[active])
         residual = difference(images, points[active], swept.coordinates)[:, :d]
-        slopes = np.eye(d) - matrices[:, :d, :d]
+        slopes = np.eye(d) - matrices
         finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
         solvable = np.flatnonzero(finite)
         solvable = solvable[np.abs(np.linalg.det(slopes[solvable])) > 1e-12]
@@ -72,8 +101,7 @@ def along(
     here = points
     for k in range(most):
         orbit[:, k] = here
-        images, slopes = tangent(swept, here)
-        matrices[:, k] = slopes[:, :d, :d]
+        images, matrices[:, k] = state_tangent(swept, here, d)
         moved += (images - here)[:, :d]
         rounds = np.where(turn > 0.0, moved / np.where(turn > 0.0, turn, 1.0), 0.0)
         rotations[:, k] = np.round(np.where(np.isfinite(rounds), rounds, 0.0))

@@ -162,11 +162,10 @@ class Stroboscopic(MapSpec[PointMap]):
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
         s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
         tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / count
-        begins = (self.phase * s.length + k * length for k in range(count))
-        found = [tangent_flow(s, begin, length, tolerance, self.max_steps, method) for begin in begins]
-        flows = [f for f in found if f is not None]
-        if len(flows) < count:
+        first = tangent_flow(s, self.phase * s.length, length, tolerance, self.max_steps, method)
+        if first is None:
             return None
+        flows = [replace(first, begin=self.phase * s.length + k * length) for k in range(count)]
         return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension) for f in flows)
 
     @property

@@ -31,19 +31,22 @@ def derivatives_of(name: str, compiled: R | None) -> R:
 
 
 def tangent_by_lanes(
-    tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int
+    tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int, directions: int | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return images (..., d) and derivative matrices (..., d, d) from a step of (x, v): a lane for each direction v."""
-    d = dimension
+    """Return images (..., d) and derivatives (..., d, k) from a step of (x, v): a lane for each direction v.
+
+    The directions are those of the first k coordinates, by default of all d.
+    """
+    d, k = dimension, dimension if directions is None else directions
     flat = points.reshape(-1, d)
-    states = np.zeros((len(flat), d, 2 * d))
+    states = np.zeros((len(flat), k, 2 * d))
     states[:, :, :d] = flat[:, None, :]
-    states[:, :, d:] = np.eye(d)
+    states[:, :, d:] = np.eye(k, d)
     orbits = Orbits.starting(states.reshape(-1, 2 * d))
     advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
-    result = orbits.points.reshape(len(flat), d, 2 * d)
+    result = orbits.points.reshape(len(flat), k, 2 * d)
     images = result[:, 0, :d].reshape(points.shape)
-    return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, d)
+    return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, k)
 
 
 def tangent(

@@ -12,6 +12,9 @@ import pytest
 from cellmap import PointMap, discrete_map, find_basins, set_threads, stroboscopic_map
 from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, attractor_atlas
 from cellmap.bifurcations.coexistence import Explorer
+from cellmap.bifurcations.lane_orbits import state_tangent
+from cellmap.maps import swept_map
+from cellmap.maps.tangent import tangent
 from systems import driven_pendulum, henon_map
 
 SIDE = (np.arange(6) + 0.5) / 6.0
@@ -50,6 +53,31 @@ def test_fixed_points_and_cycles_of_henon() -> None:
         assert min(errors) < 1e-10
         assert curve.kind is kinds[int(np.argmin(errors))]
     assert len(atlas.curves) == 3
+
+
+@pytest.mark.parametrize(("max_periods", "count"), [(12, 1), (20, 9), (48, 17), (60, 70)])
+def test_orbits_that_go_ahead_are_counted_once(max_periods: int, count: int) -> None:
+    states = np.linspace(0.05, 0.95, count)[:, None]
+    axes = ("r", np.array([1.5, 2.5, 3.3, 3.9, 4.5])), ("s", [0.5, 1.0])
+    atlas = attractor_atlas(scaled_logistic(), *axes, states, max_periods, curves=0)
+    total = atlas.escaped + atlas.undecided
+    np.add.at(total, (atlas.rows, atlas.columns), atlas.counts)
+    np.testing.assert_array_equal(total, count)
+    assert (atlas.escaped[:, 4] == count).all() or max_periods == 12
+    if max_periods > 20:
+        for k, period in enumerate((1, 1, 2)):
+            assert (atlas.period[atlas.columns == k] == period).all()
+            assert not atlas.undecided[:, k].any()
+
+
+def test_derivatives_by_states_alone() -> None:
+    swept = swept_map(stroboscopic_map(driven_pendulum(), rtol=1e-6, atol=1e-6), "frequency", "amplitude")
+    points = np.array([[1.0, 40.0, 50.0, 2e-3], [3.0, 5.0, 40.0, 5e-3], [-2.0, -300.0, 50.0, 3e-3]])
+    periods = np.array([1, 2, 3])
+    images, slopes = state_tangent(swept, points, 2, periods)
+    expected, whole = tangent(swept, points, periods)
+    np.testing.assert_array_equal(images, expected)
+    np.testing.assert_allclose(slopes, whole[:, :2, :2], rtol=1e-14)
 
 
 def test_kinds() -> None:
