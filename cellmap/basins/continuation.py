@@ -128,9 +128,9 @@ def continue_basins(
         "max_period": longest_period(max_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
     }
-    exact = point_map.without_table
+    specified = point_map.without_table.specified
     for value in axis:
-        exact.with_params(**{parameter: float(value)})
+        specified.with_params({**point_map.params, parameter: float(value)})
     kept = 8 * _KEPT * point_map.dimension * axis.size
     claim_memory(
         f"basins of {total:,} initial conditions at {axis.size:,} values",

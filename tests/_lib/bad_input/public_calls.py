@@ -159,6 +159,7 @@ GIVEN: dict[str, Callable[[], Any]] = {
     "x": lambda: (0.1, 0.2),
     "y": lambda: (0.1, 0.2),
     "axis": lambda: 0,
+    "tree": lambda: sample("Basins").to_xarray(),
     "cells": lambda: (0.5, 1.5),
     "keys": lambda: np.array([1, 2]),
     "mask": lambda: np.arange(32) % 2 == 0,
