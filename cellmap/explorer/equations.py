@@ -11,18 +11,17 @@ Each line is one of these; a `#` begins a comment::
     period = 2*pi/w                    the period of the forcing
     angle theta                        a coordinate of period 2 pi
 
-With ``x -> formula`` in the place of derivatives the system is a discrete map.
+With ``x -> formula`` in the place of derivatives the system is a discrete map.  Programs in Python are read by
+:mod:`cellmap.explorer.python_notation`.
 """
 
 from __future__ import annotations
 
 import ast
-import math
 import os
 import re
 from collections.abc import Container
 from dataclasses import dataclass, field
-from math import isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -30,31 +29,21 @@ from .._lib.checks import parameter_values
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from .explored import Explored
+from .formulas import (
+    BUILT_IN,
+    COMPARISONS,
+    FUNCTIONS,
+    LONGEST_TEXT,
+    OPERATORS,
+    EquationError,
+    PlainNumbers,
+    is_number,
+    value_of,
+)
+from .python_notation import Translation, is_python, translated
 
-LONGEST_TEXT = 10_000
-
-_FUNCTIONS = "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt fabs hypot floor".split()
-_BUILT_IN = ("abs", "min", "max")
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.Mod, ast.USub, ast.UAdd)
-_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _LINE = re.compile(r"\s*(?:(angle)\s+(\w+)|(\w+)\s*(='|'\s*=|->|=)\s*(.*?))\s*$")
-_RESERVED = {"t", "pi", *_FUNCTIONS, *_BUILT_IN}
-
-
-class EquationError(ValueError):
-    """Text that is no system.
-
-    Parameters
-    ----------
-    message : str
-        What to write in its place.
-    line, column : int
-        Place in the text, counted from 1.
-    """
-
-    def __init__(self, message: str, line: int, column: int = 1) -> None:
-        super().__init__(f"line {line}, column {column}: {message}")
-        self.line, self.column = line, column
+_RESERVED = {"t", "pi", *FUNCTIONS, *BUILT_IN}
 
 
 @dataclass(eq=False)
@@ -69,7 +58,7 @@ class _Text:
 
 
 def typed_system(text: str, title: str = "typed") -> Explored:
-    """Return the system that a text describes, as it is described above, under a name.
+    """Return the system that a text describes, as equations or as a program, under a name.
 
     Raises
     ------
@@ -82,15 +71,15 @@ def typed_system(text: str, title: str = "typed") -> Explored:
     >>> oscillator.system.derivative(0.0, (0.0, 1.0))
     (1.0, 0.5)
     """
-    source = python_source(text, title)
+    found = translated(text, title) if is_python(text) else _translated(text, title)
     names: dict[str, Any] = {}
     try:
-        exec(compile(source, "<equations>", "exec"), names)
+        exec(compile(found.source, "<equations>", "exec"), names)
     except (ValueError, TypeError, ArithmeticError) as error:
-        lines = [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith("period")]
-        raise EquationError(str(error), lines[0] if lines and "period" in str(error) else 1) from error
+        part = next((part for part in ("period", "coordinates") if str(error).startswith(part)), "rhs")
+        raise EquationError(str(error), found.lines.get(part, 1)) from error
     system: ForcedSystem | PointMap = names["system"]
-    return Explored(title, lambda: system, source=source)
+    return Explored(title, lambda: system, source=found.source)
 
 
 def typed_file(path: str | os.PathLike[str]) -> Explored:
@@ -107,8 +96,8 @@ def typed_file(path: str | os.PathLike[str]) -> Explored:
     return typed_system(file.read_text(encoding="utf-8"), file.stem)
 
 
-def python_source(text: str, title: str = "typed") -> str:
-    """Return Python statements after which ``system`` is the system of a text."""
+def _translated(text: str, title: str) -> Translation:
+    """Return the program of lines of equations."""
     found = _parsed(text)
     states, sorted_names = list(found.states), _in_order(found)
     constants = [name for name in found.others if name != "period" and name not in sorted_names]
@@ -140,7 +129,8 @@ def python_source(text: str, title: str = "typed") -> str:
         _known_names(found.others["period"], set(constants), found.lines["period"])
         lines += ["def period(p):", f"    return {ast.unparse(rename.visit(found.others['period']))}", "", ""]
         lines.append(f"system = ForcedSystem(rhs, {values!r}, period, ({coordinates.strip()}), name={title!r})")
-    return "\n".join(lines) + "\n"
+    places = {"period": found.lines["period"]} if "period" in found.lines else {}
+    return Translation("\n".join(lines) + "\n", places)
 
 
 def _parsed(text: str) -> _Text:
@@ -206,37 +196,30 @@ def _refuse(node: ast.AST, line: int, offset: int) -> None:
     """Raise an error for a node that is no part of a formula."""
     column = offset + getattr(node, "col_offset", 0) + 1
     if isinstance(node, ast.Call):
-        if not isinstance(node.func, ast.Name) or node.func.id not in (*_FUNCTIONS, *_BUILT_IN) or node.keywords:
-            raise EquationError(f"unknown function: use one of {', '.join((*_FUNCTIONS, *_BUILT_IN))}", line, column)
+        if not isinstance(node.func, ast.Name) or node.func.id not in (*FUNCTIONS, *BUILT_IN) or node.keywords:
+            raise EquationError(f"unknown function: use one of {', '.join((*FUNCTIONS, *BUILT_IN))}", line, column)
     elif isinstance(node, ast.Name):
-        if node.id in (*_FUNCTIONS, *_BUILT_IN):
+        if node.id in (*FUNCTIONS, *BUILT_IN):
             raise EquationError(f"{node.id} is a function: write {node.id}(...)", line, column)
     elif isinstance(node, ast.Constant):
-        if isinstance(node.value, bool) or not isinstance(node.value, int | float) or not _is_finite(node.value):
+        if not is_number(node.value):
             raise EquationError(f"{node.value!r} is no number", line, column)
     elif isinstance(node, ast.operator | ast.unaryop):
-        if not isinstance(node, _OPERATORS):
+        if not isinstance(node, OPERATORS):
             raise EquationError(f"{type(node).__name__} is no operation on numbers: use + - * / ** %", line, column)
     elif isinstance(node, ast.Compare):
-        if len(node.ops) > 1 or not isinstance(node.ops[0], _COMPARISONS):
+        if len(node.ops) > 1 or not isinstance(node.ops[0], COMPARISONS):
             raise EquationError("compare two numbers, with < <= > >=", line, column)
     elif not isinstance(node, ast.BinOp | ast.UnaryOp | ast.IfExp | ast.expr_context | ast.cmpop):
         raise EquationError(f"{type(node).__name__} does not belong in a formula", line, column)
 
 
-def _is_finite(value: float) -> bool:
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False
-
-
 def _math_in(tree: ast.expr) -> set[str]:
-    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in (*_FUNCTIONS, "pi")}
+    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in (*FUNCTIONS, "pi")}
 
 
 def _names(tree: ast.expr) -> list[ast.Name]:
-    return [n for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id not in (*_FUNCTIONS, *_BUILT_IN, "pi")]
+    return [n for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id not in (*FUNCTIONS, *BUILT_IN, "pi")]
 
 
 def _known_names(tree: ast.expr, scope: set[str], line: int) -> None:
@@ -267,16 +250,14 @@ def _number(found: _Text, name: str) -> float:
     line = found.lines[name]
     if names := _names(found.others[name]):
         raise EquationError(f"{name} is a parameter, and contains {names[0].id}: write a number", line)
-    tree = ast.fix_missing_locations(ast.Expression(_Translated({}).visit(found.others[name])))
     try:
-        scope = {n: getattr(math, n) for n in _FUNCTIONS} | {"pi": pi, "abs": abs, "min": min, "max": max}
-        return float(eval(compile(tree, "<equations>", "eval"), {"__builtins__": {}}, scope))
+        return value_of(_Translated({}).visit(found.others[name]))
     except (ValueError, TypeError, ArithmeticError) as error:
         raise EquationError(f"{name} has no value ({error})", line) from error
 
 
-class _Translated(ast.NodeTransformer):
-    """Formulas as right-hand sides read them: parameters are attributes of p, and whole numbers are no long ones."""
+class _Translated(PlainNumbers):
+    """Formulas as right-hand sides read them: parameters are attributes of p."""
 
     def __init__(self, params: Container[str]) -> None:
         self._params = params
@@ -285,11 +266,3 @@ class _Translated(ast.NodeTransformer):
         if node.id in self._params:
             return ast.Attribute(ast.Name("p", ast.Load()), node.id, ast.Load())
         return node
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, power = self.visit(node.left), node.right
-        small = isinstance(power, ast.Constant) and isinstance(power.value, int) and abs(power.value) <= 64
-        return ast.BinOp(left, node.op, power if isinstance(node.op, ast.Pow) and small else self.visit(power))
-
-    def visit_Constant(self, node: ast.Constant) -> ast.expr:
-        return ast.Constant(float(node.value))  # type: ignore[arg-type]

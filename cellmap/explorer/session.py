@@ -18,9 +18,10 @@ from .._lib.checks import shown, text, whole_number
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveFrame
 from . import downloads
-from .equations import EquationError, typed_system
+from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
 from .films import Film, sweep
+from .formulas import EquationError
 from .images import Images, basin_image, described, orbit, quality, verification
 from .measures import certificate, measures
 from .protocol import LOWEST, MessageError, decoded, encoded, packed

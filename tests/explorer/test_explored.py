@@ -18,8 +18,9 @@ from matplotlib.colors import to_rgb
 import systems
 from cellmap import ForcedSystem, PointMap
 from cellmap.explorer import Explored, ExploredScene
-from cellmap.explorer.equations import EquationError, python_source, typed_file, typed_system
+from cellmap.explorer.equations import typed_file, typed_system
 from cellmap.explorer.explored import load_gallery
+from cellmap.explorer.formulas import EquationError
 from cellmap.explorer.protocol import LOWEST, pixels
 from cellmap.explorer.server import PAGE
 from cellmap.explorer.view import SCHEMA, View
@@ -201,4 +202,4 @@ def test_mistakes_are_shown_where_they_are(text: str, line: int, column: int | N
 )
 def test_nothing_but_formulas_is_executed(formula: str) -> None:
     with pytest.raises(EquationError):
-        python_source(f"x' = {formula}\nperiod = 1")
+        typed_system(f"x' = {formula}\nperiod = 1")

@@ -1,0 +1,68 @@
+"""What formulas may consist of, in both notations in which the explorer reads equations."""
+
+from __future__ import annotations
+
+import ast
+import math
+from math import isfinite, pi
+
+LONGEST_TEXT = 10_000
+"""Characters of a text of equations."""
+
+FUNCTIONS = "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt fabs hypot floor".split()
+"""Functions of :mod:`math` that formulas may call."""
+
+BUILT_IN = ("abs", "min", "max")
+OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.Mod, ast.USub, ast.UAdd)
+COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+
+
+class EquationError(ValueError):
+    """Text that is no system.
+
+    Parameters
+    ----------
+    message : str
+        What to write in its place.
+    line, column : int
+        Place in the text, counted from 1.
+    """
+
+    def __init__(self, message: str, line: int, column: int = 1) -> None:
+        super().__init__(f"line {line}, column {column}: {message}")
+        self.line, self.column = line, column
+
+
+def is_number(value: object) -> bool:
+    """Whether the value of a constant is a finite real number."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
+
+
+def value_of(formula: ast.expr) -> float:
+    """Return the value of a formula that has been checked, and whose numbers are all of type float.
+
+    Raises
+    ------
+    ValueError, TypeError, ArithmeticError
+        Where it has none.
+    """
+    tree = ast.fix_missing_locations(ast.Expression(formula))
+    scope = {n: getattr(math, n) for n in FUNCTIONS} | {"pi": pi, "abs": abs, "min": min, "max": max}
+    return float(eval(compile(tree, "<equations>", "eval"), {"__builtins__": {}}, scope))
+
+
+class PlainNumbers(ast.NodeTransformer):
+    """Turn whole numbers into floats, but for small powers and places in tuples, so that they cannot become long."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        """Leave small powers."""
+        left, power = self.visit(node.left), node.right
+        small = isinstance(power, ast.Constant) and isinstance(power.value, int) and abs(power.value) <= 64
+        return ast.BinOp(left, node.op, power if isinstance(node.op, ast.Pow) and small else self.visit(power))
+
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
+        """Turn a number into a float."""
+        return ast.Constant(float(node.value))  # type: ignore[arg-type]
