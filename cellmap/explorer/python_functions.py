@@ -1,4 +1,4 @@
-"""Functions of programs that the explorer reads: what they take and return, and how they are written anew.
+"""Functions of programs that the explorer reads: what they take and return, and how they are rebuilt.
 
 A function is looked at with the kinds of its arguments, as it is called: numbers, the state, the parameters.  So each
 name in it stands for one kind of value, each call leads to a function that is known and does not call itself, and the
@@ -265,7 +265,7 @@ class Functions:
             raise self.places.error("compare two numbers, with < <= > >=", node)
 
     def source(self) -> str:
-        """Return all functions that have been checked, written anew."""
+        """Return all functions that have been checked, rebuilt."""
         used = {name for name, _ in self._found}
         parts = []
         for name, function in self.known.items():

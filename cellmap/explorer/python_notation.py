@@ -1,4 +1,4 @@
-"""Systems as Python programs: functions, numbers and one system are parsed and written anew; nothing else is taken.
+"""Systems as Python programs: functions, numbers and one system are parsed and rebuilt; nothing else is taken.
 
 A program has imports, functions of numbers, numbers, and a system::
 
@@ -51,7 +51,7 @@ class Translation:
 
 
 def translated(text: str, title: str) -> Translation:
-    """Return the program of a text, written anew from what has been checked.
+    """Return the program of a text, rebuilt from what has been checked.
 
     Raises
     ------
