@@ -44,8 +44,11 @@ def _displacements(
     moved = np.empty((int(np.prod(shape)), len(axes)))
 
     bar = f"interpolation grid of {exact.name}" if progress else None
-    for part, images, arrays in (tiles or TableTiles()).images(exact, axes, {"displacement": moved}, bar):
-        arrays["displacement"][part] = images - grid_points(axes, part)
+
+    def displacements(part: slice, images: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        return [images - grid_points(axes, part)]
+
+    (tiles or TableTiles()).fill(exact, axes, {"displacement": moved}, displacements, bar)
     return moved.reshape(*shape, len(axes))
 
 
@@ -83,19 +86,18 @@ def errors_in_cells(
     leading = leading_errors(table.coefficients, table.order, grid.wraps)
     sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
 
-    bar, results = (
-        f"interpolation errors of {exact.name}" if progress else None,
-        {"indicator": indicator, "rough": rough},
-    )
-    for part, images, arrays in (tiles or TableTiles()).images(exact, axes, results, bar):
+    @np.errstate(invalid="ignore", over="ignore")
+    def errors(part: slice, images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         orbits = Orbits.starting(grid_points(axes, part))
         interpolated(orbits, 1)
-        with np.errstate(invalid="ignore", over="ignore"):
-            error = np.abs(images - (orbits.points + orbits.rotations * turn) - sums[part])
-            error += 0.5 * (absolute[part] + np.abs(sums[part]))
-            worst = (error / grid.widths).max(axis=-1)
-            arrays["indicator"][part] = np.where(np.isfinite(worst), worst, np.inf)
-            arrays["rough"][part] = ~(error <= allowed).all(axis=-1)
+        error = np.abs(images - (orbits.points + orbits.rotations * turn) - sums[part])
+        error += 0.5 * (absolute[part] + np.abs(sums[part]))
+        worst = (error / grid.widths).max(axis=-1)
+        rough = np.asarray(~(error <= allowed).all(axis=-1))
+        return np.where(np.isfinite(worst), worst, np.inf), rough
+
+    bar, results = f"interpolation errors of {exact.name}", {"indicator": indicator, "rough": rough}
+    (tiles or TableTiles()).fill(exact, axes, results, errors, bar if progress else None)
     return indicator.reshape(grid.shape), rough.reshape(grid.shape)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,17 +49,17 @@ class TableTiles:
     file: Checkpoint | None = None
     work: Work = field(default_factory=Work)
 
-    def images(
+    def fill(
         self,
         exact: PointMap,
         axes: Axes,
         results: Mapping[str, NDArray[Any]],
+        values: Callable[[slice, NDArray[np.float64]], Iterable[NDArray[Any]]],
         progress: str | None,
-    ) -> Iterator[tuple[slice, NDArray[np.float64], Mapping[str, NDArray[Any]]]]:
-        """Yield the images of the points of a product of axes, tile by tile, to fill arrays by.
+    ) -> None:
+        """Fill arrays that have a number or row for each point of a product of axes, tile by tile.
 
-        What is yielded, ``part, images, arrays``, asks for that slice of arrays of the names in `results`, which have a
-        number or row for each point.
+        ``values(part, images)`` returns a slice of each of them, from the unwrapped images of these points.
         """
         size = _IN_A_TILE if self.client is None and self.file is None else CHUNK
         parts = slices(int(np.prod([len(axis) for axis in axes])), size)
@@ -70,15 +70,28 @@ class TableTiles:
         def contents(number: int) -> list[NDArray[Any]]:
             return [array[parts[number]] for array in arrays.values()]
 
-        evaluations = np.zeros(len(parts), np.int64)
+        def put(number: int, images: NDArray[np.float64]) -> None:
+            for mine, value in zip(contents(number), values(parts[number], images), strict=True):
+                mine[...] = value
 
+        evaluations = np.zeros(len(parts), np.int64)
         missing = [k for k in range(len(parts)) if file is None or not file.is_done(tiles, k, contents(k))]
-        work = Images(exact, axes)
-        for number, (images, taken) in completed(missing, parts.__getitem__, work, self.client, progress):
-            evaluations[number] = taken
-            yield parts[number], images, arrays
-            if file is not None:
-                file.finish(tiles, number, Tally(evaluations=taken), contents(number))
+        images_of = Images(exact, axes)
+
+        def done(number: int) -> int:
+            images, taken = images_of(parts[number])
+            put(number, images)
+            return taken
+
+        if self.client is None and file is None:
+            for number, taken in completed(missing, lambda number: number, done, progress=progress):
+                evaluations[number] = taken
+        else:
+            for number, (images, taken) in completed(missing, parts.__getitem__, images_of, self.client, progress):
+                evaluations[number] = taken
+                put(number, images)
+                if file is not None:
+                    file.finish(tiles, number, Tally(evaluations=taken), contents(number))
         if file is not None:
             for name, array in results.items():
                 array[...] = file[name]
