@@ -21,7 +21,7 @@ from ..maps.point_map import PointMap
 from ..orbits.invariant_circle import InvariantCircle, fitted_circle, recorded_orbit
 
 _SAMPLED = 512  # points of an orbit that tell the extent of an attractor
-_NOISE = 1e-13  # Fourier coefficients below this part of the largest are rounding
+_NOISE = 1e-13  # Fourier coefficients below this part of the largest are rounding, and below the invariance error
 
 
 class CircleStatus(StrEnum):
@@ -223,7 +223,7 @@ def decay_of(circle: InvariantCircle) -> float:
     middle = len(sizes) // 2
     both = np.maximum(sizes[middle + 1 :], sizes[:middle][::-1])
     envelope = np.maximum.accumulate(both[::-1])[::-1]
-    used = np.flatnonzero(envelope > _NOISE * envelope[0])
+    used = np.flatnonzero(envelope > max(_NOISE, 10.0 * circle.invariance_error) * envelope[0])
     last = int(used[-1]) + 1 if len(used) else 0
     if last < 3:
         return np.inf

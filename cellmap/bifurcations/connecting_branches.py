@@ -14,7 +14,7 @@ from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
-from .arclength import Problem, SolutionPoint, continuation_steps, corrected
+from .arclength import SolutionPoint, continuation_steps, corrected
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
 
@@ -283,7 +283,7 @@ def continue_tangency(
 
 
 def _traced(
-    problem: Problem,
+    problem: ConnectingProblem | TangencyProblem,
     begin: SolutionPoint,
     limits: NDArray[np.float64],
     longest: float,
@@ -300,6 +300,8 @@ def _traced(
             there = part.end.unknowns[first:]
             cut = None if (there >= low).all() and (there <= high).all() else part.cut(first, low, high)
             whole = part if cut is None else cut
+            if not problem.has_saddles(whole.end.unknowns):
+                return places, zeros, "a saddle changes its stability"
             if test is not None and test(whole.begin) * test(whole.end) < 0.0:
                 zero = whole.located(test)
                 zeros += [] if zero is None else [zero]

@@ -18,9 +18,9 @@ _DIFFERENCE = 1e-5  # of derivatives, in scaled unknowns
 class ConnectingProblem:
     """Equations for unknowns (p, q, x_0, ..., x_N, parameters) in units of `scale`.
 
-    p and q are points of two saddles of a planar map, fixed under `steps` steps of it: x_0 - p lies in the unstable
-    eigenspace of p, and x_N - q in the stable one of q.  The others are x_(k+1) = P^steps(x_k), up to full rotations of
-    angles.
+    p and q are points of two saddles with one unstable multiplier each, fixed under `steps` steps of the map: x_0 - p
+    lies in the unstable eigenspace of p, and x_N - q in the stable one of q, which has one dimension less than the
+    state.  The others are x_(k+1) = P^steps(x_k), up to full rotations of angles.
     """
 
     swept: PointMap
@@ -85,14 +85,24 @@ class ConnectingProblem:
         return residual, jacobian, slopes
 
     def _left(self, matrix: NDArray[np.float64], unstable: bool) -> NDArray[np.float64]:
-        """Return a basis of rows (k, d) that vanish on the other eigenspace, in units of the scale."""
+        """Return a basis of rows (k, d) that vanish on the other eigenspace, in units of the scale.
+
+        That of the unstable eigenspace is one row; the others are normal to the unstable eigenvector.
+        """
         unit = self.scale[: self.dimension]
-        values, vectors = np.linalg.eig((matrix * unit / unit[:, None]).T)
-        chosen = vectors[:, (np.abs(values) > 1.0) == unstable]
-        rows = np.real(chosen / np.linalg.norm(chosen, axis=0)).T
+        scaled = matrix * unit / unit[:, None]
+        values, vectors = np.linalg.eig(scaled.T if unstable else scaled)
+        lead = np.real(vectors[:, np.argmax(np.abs(values))])
+        rows = lead[None] / np.linalg.norm(lead) if unstable else np.linalg.svd(lead[None])[2][1:]
         # Signs that do not depend on the library of linear algebra.
         largest = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)
-        return rows * np.sign(largest)
+        return np.asarray(rows * np.sign(largest))
+
+    def has_saddles(self, unknowns: NDArray[np.float64]) -> bool:
+        """Return whether both ends are saddles with one unstable multiplier."""
+        d = self.dimension
+        slopes = tangent(self.swept, self.states(unknowns)[:2], self.steps)[1][:, :d, :d]
+        return bool((np.count_nonzero(np.abs(np.linalg.eigvals(slopes)) > 1.0, axis=-1) == 1).all())
 
     def angle(self, unknowns: NDArray[np.float64]) -> float:
         """Return the angle in radians, in scaled coordinates, between both manifolds at the middle of the orbit.
@@ -153,3 +163,7 @@ class TangencyProblem:
         ahead, behind = self.orbits(unknowns + shift)[1], self.orbits(unknowns - shift)[1]
         gradient = -across[:n] @ (ahead - behind) / (2.0 * step)
         return np.append(residual, along[-1]), np.vstack([slopes, gradient])
+
+    def has_saddles(self, unknowns: NDArray[np.float64]) -> bool:
+        """Return whether both ends are saddles with one unstable multiplier."""
+        return self.orbits.has_saddles(unknowns)

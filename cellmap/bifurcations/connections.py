@@ -79,7 +79,7 @@ def connecting_orbits(
     Points of a fundamental segment of the unstable manifold of `source`, which covers a whole branch under iteration,
     are iterated.  Where neighbouring ones come close to `target` on different sides of its stable manifold, the point
     between is refined by bisection, and the whole chain of images by Newton's method, with its ends in the eigenspaces
-    of the saddles at a distance of 1e-6 (projection boundary conditions).
+    of the saddles at a distance of 1e-6 (projection boundary conditions).  The map may have any dimension from 2 on.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def connecting_orbits(
     Raises
     ------
     ValueError
-        For orbits that are no saddles of the map, and for a map that is not planar or has no parameter.
+        For orbits that are no saddles with one unstable multiplier, and for a map that has no parameter.
 
     References
     ----------
@@ -128,20 +128,17 @@ def connecting_orbits(
     samples = whole_number("n_samples", n_samples, at_least=16)
     reach = finite_number("radius", radius, above=0.0, at_most=0.5)
     p, q = np.array(source.points[0]), np.array(end.points[0])
-    turn = turns_of(exact.coordinates)[1]
-    unstable, factor = _eigenvector(exact, p, steps, 0)
-    stable, contraction = _eigenvector(exact, q, steps, 1)
-    left = np.linalg.inv(np.column_stack([_eigenvector(exact, q, steps, 0)[0], stable]))
-    size = _visited(exact, p, unstable, factor, steps, most, turn)
+    begin, near = _Splitting.at(exact, p, steps), _Splitting.at(exact, q, steps)
+    size = _visited(exact, p, begin.unstable, begin.factor, steps, most, turns_of(exact.coordinates)[1])
     found = []
-    for side in (1.0, -1.0) if factor > 0.0 else (1.0,):
-        direction = side * unstable / np.linalg.norm(unstable / size)
-        segment = _Segment(exact, p, direction, abs(factor) ** (1 if factor > 0.0 else 2), steps)
-        crossings = segment.crossings(q, left, size, reach, most, samples)
-        found += [(number, *segment.chain(place, number)) for place, number in crossings]
+    for side in (1.0, -1.0) if begin.factor > 0.0 else (1.0,):
+        direction = side * begin.unstable / np.linalg.norm(begin.unstable / size)
+        segment = _Segment(exact, p, direction, abs(begin.factor) ** (1 if begin.factor > 0.0 else 2), steps)
+        crossings = segment.crossings(near, size, reach, most, samples)
+        found += [(number, segment.chain(place, number)) for place, number in crossings]
     orbits: list[ConnectingOrbit] = []
-    for _, chain, last in sorted(found, key=lambda f: f[0]):
-        guess = _to_target(chain, q, left @ difference(last, q, exact.coordinates), stable, contraction, size)
+    for _, chain in sorted(found, key=lambda f: f[0]):
+        guess = _to_target(chain, near, size)
         orbit = None if guess is None else connection(exact, steps, size, p, q, guess)
         if orbit is not None and not any(_equal(orbit, other) for other in orbits):
             orbits.append(orbit)
@@ -152,19 +149,39 @@ def _saddle(name: str, orbit: PeriodicOrbit, exact: PointMap) -> int:
     """Return the period of a saddle; refuse other orbits."""
     if orbit.coordinates != exact.coordinates:
         raise ValueError(f"{name}={orbit!r}: its coordinates are not those of {exact!r}")
-    if exact.dimension != 2 or orbit.unstable != 1:
-        raise ValueError(f"{name}={orbit!r}: give a saddle of a planar map, with one unstable multiplier")
+    if exact.dimension < 2 or orbit.unstable != 1:
+        raise ValueError(f"{name}={orbit!r}: give a saddle with one unstable multiplier")
     return orbit.period
 
 
-def _eigenvector(
-    exact: PointMap, point: NDArray[np.float64], steps: int, which: int
-) -> tuple[NDArray[np.float64], float]:
-    """Return the eigenvector and the multiplier of a saddle, the unstable (0) or the stable one (1)."""
-    values, vectors = np.linalg.eig(tangent(exact, point, steps)[1])
-    k = int(np.argsort(-np.abs(values))[which])
-    vector = np.real(vectors[:, k])
-    return vector * np.sign(vector[np.argmax(np.abs(vector))]), float(np.real(values[k]))
+@dataclass(frozen=True, eq=False)
+class _Splitting:
+    """A saddle with its unstable eigenvector and multiplier; `left` times a shift is its component along the former."""
+
+    exact: PointMap
+    point: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    unstable: NDArray[np.float64]
+    factor: float
+    left: NDArray[np.float64]
+
+    @classmethod
+    def at(cls, exact: PointMap, point: NDArray[np.float64], steps: int) -> _Splitting:
+        """Return the eigenspaces of a saddle that is fixed under some steps."""
+        matrix = tangent(exact, point, steps)[1]
+        values, vectors = np.linalg.eig(matrix)
+        k = int(np.argmax(np.abs(values)))
+        vector = np.real(vectors[:, k])
+        vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+        numbers, rows = np.linalg.eig(matrix.T)
+        row = np.real(rows[:, np.argmax(np.abs(numbers))])
+        return cls(exact, point, matrix, vector, float(np.real(values[k])), row / (row @ vector))
+
+    def parts(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the unstable component (n,) and the stable part (n, d) of the shifts of points from the saddle."""
+        shift = difference(points, self.point, self.exact.coordinates)
+        along = shift @ self.left
+        return along, shift - along[..., None] * self.unstable
 
 
 def _visited(
@@ -187,7 +204,7 @@ def _visited(
         near = orbits.alive & (np.abs(orbits.points - p) <= 10.0 * unit).all(axis=1)
         seen.append(orbits.points[near].copy())
     span = np.ptp(np.concatenate(seen), axis=0)
-    return np.where(turn > 0.0, turn / (2.0 * np.pi), np.maximum(span, 1e-9))
+    return np.where(turn > 0.0, turn / (2.0 * np.pi), np.where(span > 1e-9 * unit, span, unit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,56 +222,35 @@ class _Segment:
         return np.asarray(self.saddle + _BEGINNING * np.power(self.factor, places)[:, None] * self.direction)
 
     def crossings(
-        self,
-        q: NDArray[np.float64],
-        left: NDArray[np.float64],
-        size: NDArray[np.float64],
-        radius: float,
-        most: int,
-        samples: int,
+        self, target: _Splitting, size: NDArray[np.float64], radius: float, most: int, samples: int
     ) -> list[tuple[float, int]]:
-        """Return places, and numbers of steps after which their images are close to q and on its stable manifold."""
+        """Return places, and the steps after which their images are near a saddle and on its stable manifold."""
         places = np.linspace(0.0, 1.0, samples + 1)
         orbits = Orbits.starting(self.begin(places))
         found: list[tuple[float, int]] = []
         for number in range(1, most + 1):
             self.exact.advance(orbits, self.steps)
-            parts, near = self._parts(orbits.points, q, left, size, radius)
-            rows = np.flatnonzero(near[:-1] & near[1:] & (parts[:-1, 0] * parts[1:, 0] <= 0.0))
-            rows = rows[np.abs(parts[rows + 1, 1] - parts[rows, 1]) <= np.abs(parts[rows, 1])]
+            with np.errstate(invalid="ignore"):
+                shift = difference(orbits.points, target.point, self.exact.coordinates)
+                near = (np.abs(shift / size) <= radius).all(axis=1)
+            along, rest = target.parts(orbits.points)
+            away = np.linalg.norm(rest / size, axis=1)
+            rows = np.flatnonzero(near[:-1] & near[1:] & (along[:-1] * along[1:] <= 0.0))
+            rows = rows[np.linalg.norm((rest[rows + 1] - rest[rows]) / size, axis=1) <= away[rows]]
             # The way out to the saddle's own neighbourhood is no way back to it.
-            rows = rows[np.abs(parts[rows, 1]) > 1e-3 * np.abs(parts[:, 1][near]).max(initial=0.0)]
-            for place in self._bisected(places[rows], places[rows + 1], number, q, left):
+            rows = rows[away[rows] > 1e-3 * away[near].max(initial=0.0)]
+            for place in self._bisected(places[rows], places[rows + 1], number, target):
                 if not any(abs(place - other) <= _SAME for other, _ in found):
                     found.append((place, number))
         return found
 
-    def _parts(
-        self,
-        points: NDArray[np.float64],
-        q: NDArray[np.float64],
-        left: NDArray[np.float64],
-        size: NDArray[np.float64],
-        radius: float,
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the components (n, 2) from q along its unstable and its stable direction, and what is near."""
-        shift = difference(points, q, self.exact.coordinates)
-        with np.errstate(invalid="ignore"):
-            near = (np.abs(shift / size) <= radius).all(axis=1)
-        return shift @ left.T, np.asarray(near)
-
     def _bisected(
-        self,
-        low: NDArray[np.float64],
-        high: NDArray[np.float64],
-        number: int,
-        q: NDArray[np.float64],
-        left: NDArray[np.float64],
+        self, low: NDArray[np.float64], high: NDArray[np.float64], number: int, target: _Splitting
     ) -> list[float]:
         def side(places: NDArray[np.float64]) -> NDArray[np.float64]:
             orbits = Orbits.starting(self.begin(places))
             self.exact.advance(orbits, self.steps * number)
-            return np.asarray(np.sign(difference(orbits.points, q, self.exact.coordinates) @ left[0]))
+            return np.asarray(np.sign(target.parts(orbits.points)[0]))
 
         if not len(low):
             return []
@@ -265,31 +261,29 @@ class _Segment:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return [float(place) for place in 0.5 * (low + high)]
 
-    def chain(self, place: float, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the images (number + 1, d) of a place, and the last one of them."""
+    def chain(self, place: float, number: int) -> NDArray[np.float64]:
+        """Return the images (number + 1, d) of a place."""
         orbits = Orbits.starting(self.begin(np.array([place])))
         points = [orbits.points[0].copy()]
         for _ in range(number):
             self.exact.advance(orbits, self.steps)
             points.append(orbits.points[0].copy())
-        return np.array(points), points[-1]
+        return np.array(points)
 
 
-def _to_target(
-    chain: NDArray[np.float64],
-    q: NDArray[np.float64],
-    parts: NDArray[np.float64],
-    stable: NDArray[np.float64],
-    contraction: float,
-    size: NDArray[np.float64],
-) -> NDArray[np.float64] | None:
-    """Return a chain continued along the stable direction of q until it is close; None where that takes too long."""
-    distance = abs(parts[1]) * float(np.linalg.norm(stable / size))
-    further = max(0, ceil(log(max(distance, 1e-300) / _BEGINNING) / -log(max(abs(contraction), 1e-12))))
-    if len(chain) + further > _MOST_POINTS or not np.isfinite(chain).all():
+def _to_target(chain: NDArray[np.float64], target: _Splitting, size: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return a chain continued in the stable eigenspace of a saddle until it is close; None where that takes long."""
+    if not np.isfinite(chain).all():
         return None
-    powers = contraction ** np.arange(1, further + 1)
-    return np.concatenate([chain[:-1], [q + parts[1] * stable], q + parts[1] * powers[:, None] * stable])
+    rest = target.parts(chain[-1])[1]
+    further = [rest]
+    while np.linalg.norm(rest / size) > _BEGINNING:
+        if len(chain) + len(further) > _MOST_POINTS:
+            return None
+        image = target.matrix @ rest
+        rest = image - (target.left @ image) * target.unstable
+        further.append(rest)
+    return np.concatenate([chain[:-1], target.point + np.array(further)])
 
 
 def connection(

@@ -19,7 +19,7 @@ from ..orbits.invariant_circle import bump
 from ..orbits.newton import closed_orbit
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
-from .branch import Bifurcation
+from .branch import Bifurcation, Branch
 from .kinds import BifurcationKind
 from .lane_orbits import refined
 from .orbit_continuation import continue_orbit
@@ -27,7 +27,8 @@ from .orbit_continuation import continue_orbit
 _PARTS = 64  # values between two others at which rotation numbers are compared
 _ROUNDS = 12
 _LOCKED = 1e-9  # difference of rotation numbers that counts as none
-_WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for
+_WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for,
+_FURTHER = 16.0  # and factor by which it is left further where they are not there, as when orbits settle slowly
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,27 +154,32 @@ def arnold_tongue(
     inside, width = numbers.enclosed(p / q, low, high)
     here = exact.with_params(**{one: inside})
     orbit = _locked(here, numbers.end(inside), q, one)
-    branch = continue_orbit(
-        here,
-        orbit,
-        one,
-        max(low, inside - _WIDER * width),
-        min(high, inside + _WIDER * width),
-        step=0.02,
-        max_points=2000,
-    )
-    folds = branch.of_kind(BifurcationKind.FOLD)
-    sides = [f for f in folds if f.value <= inside], [f for f in folds if f.value >= inside]
-    if not all(sides):
-        raise ValueError(
-            f"first={first!r}: the borders of {p}/{q} near {one}={inside:.12g} are not both folds within the interval"
-        )
-    ends = max(sides[0], key=lambda f: f.value), min(sides[1], key=lambda f: f.value)
+    branch, ends = _borders(here, orbit, one, (low, high), _WIDER * width)
 
     def curve(fold: Bifurcation) -> BifurcationCurve:
         return continue_bifurcation(branch, fold, two, (low, high), second, step, max_points)
 
     return ArnoldTongue(p, q, orbit, (ends[0].value, ends[1].value), curve(ends[0]), curve(ends[1]))
+
+
+def _borders(
+    here: PointMap, orbit: PeriodicOrbit, name: str, interval: tuple[float, float], reach: float
+) -> tuple[Branch, tuple[Bifurcation, Bifurcation]]:
+    """Return the branch of a locked orbit and its folds on either side, looked for ever further away."""
+    inside = here.params[name]
+    while True:
+        low, high = max(interval[0], inside - reach), min(interval[1], inside + reach)
+        branch = continue_orbit(here, orbit, name, low, high, step=0.02, max_points=2000)
+        folds = branch.of_kind(BifurcationKind.FOLD)
+        left, right = [f for f in folds if f.value <= inside], [f for f in folds if f.value >= inside]
+        if left and right:
+            return branch, (max(left, key=lambda f: f.value), min(right, key=lambda f: f.value))
+        if (low, high) == interval:
+            raise ValueError(
+                f"first={interval!r}: the locked orbit of period {orbit.period} at {name}={inside:.12g} does not end "
+                "in folds on both sides within the interval"
+            )
+        reach *= _FURTHER
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ _OWN = (
 """Names of variables and dimensions that are always the same."""
 
 
-def variable_names(names: Iterable[str]) -> list[str]:
+def variable_names(names: Iterable[str], fixed: str = _OWN) -> list[str]:
     """Return names for variables: letters, digits and underscores, all different and none of those that are fixed.
 
     Examples
@@ -32,7 +32,7 @@ def variable_names(names: Iterable[str]) -> list[str]:
     >>> variable_names(["theta", "theta'", "labels", "m/s"])
     ['theta', 'theta_', 'labels_', 'm_s']
     """
-    taken, found = set(_OWN.split()), []
+    taken, found = set(fixed.split()), []
     for name in names:
         candidate = re.sub(r"\W", "_", name)
         while candidate in taken:
@@ -82,8 +82,9 @@ def about(record: Any, title: str, /, **more: Any) -> dict[str, Any]:
     if isinstance(system, str):
         found["system"] = system
     for name in ("params", "settings", "undecided"):
-        if hasattr(record, name):
-            found[name] = json.dumps(plain(getattr(record, name)))
+        value = getattr(record, name, None)
+        if value is not None and not isinstance(value, np.ndarray):
+            found[name] = json.dumps(plain(value))
     if hasattr(record, "coordinates"):  # a name that netCDF has taken
         found["state_variables"] = json.dumps([asdict(c) for c in record.coordinates])
     for name in ("grid", "cost"):

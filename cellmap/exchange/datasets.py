@@ -30,6 +30,8 @@ from .conventions import about, coordinate_attributes, enum_flags, flags, variab
 from .optional import xarray_package
 from .tables import columns_of
 
+_ROWS = "point"  # dimension of the rows of tables
+
 
 def to_xarray(result: Any) -> Any:
     """Return a result as labelled arrays of xarray, which can be written to netCDF.
@@ -247,9 +249,9 @@ def _(result: StabilityMap) -> Any:
 @_converted.register(TangencyCurve)
 def _(result: Branch | BifurcationCurve | CircleBranch | ConnectionBranch | TangencyCurve) -> Any:
     columns = columns_of(result)
-    names = variable_names(columns)
+    names = variable_names(columns, fixed=_ROWS)
     variables = {
-        name: ("point", np.asarray(values, object if isinstance(values, list) else None))
+        name: (_ROWS, np.asarray(values, object if isinstance(values, list) else None))
         for name, values in zip(names, columns.values(), strict=True)
     }
     ends = {} if isinstance(result, CircleBranch) else {"ends": ", ".join(result.ends)}

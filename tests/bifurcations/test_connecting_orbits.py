@@ -109,11 +109,51 @@ def test_melnikov(
     assert deviations[0] / deviations[1] == pytest.approx(4.0, abs=0.02)  # order 2 in epsilon
 
 
+def in_three_dimensions(x: Any, p: Any) -> Any:
+    """The Hénon map beside a contraction, in coordinates in which the plane of its orbits is curved."""
+    image = p.a - x[0] ** 2 + p.b * x[1], x[0]
+    return *image, 0.3 * image[0] * image[1] + 0.4 * (x[2] - 0.3 * x[0] * x[1])
+
+
+def in_four_dimensions(x: Any, p: Any) -> Any:
+    """The same beside a spiral."""
+    image, u, v = (p.a - x[0] ** 2 + p.b * x[1], x[0]), x[2] - 0.3 * x[0] * x[1], x[3] - 0.2 * sin(x[0])
+    first = 0.3 * image[0] * image[1] + 0.5 * u - 0.6 * v + 0.1 * u * v
+    return *image, first, 0.2 * sin(image[0]) + 0.6 * u + 0.5 * v
+
+
+@pytest.mark.parametrize("function", [in_three_dimensions, in_four_dimensions])
+def test_more_dimensions(function: Any, outer: ConnectingOrbit) -> None:
+    names = ("x", "y", "z", "w")[: 3 if function is in_three_dimensions else 4]
+    exact = discrete_map(function, {"a": 1.4, "b": -0.3}, names)
+    saddle = periodic_orbit(exact, [-2.0, -2.0, 1.2, 0.2 * sin(-2.0)][: len(names)])
+    orbit = connecting_orbits(exact, saddle, max_steps=20, n_samples=4096)[0]
+    x, y, z = orbit.points.T[:3]
+    np.testing.assert_allclose(z, 0.3 * x * y, atol=1e-9)
+    np.testing.assert_allclose(x[1:], 1.4 - x[:-1] ** 2 - 0.3 * y[:-1], atol=1e-9)
+    branch = continue_connection(orbit, "a", 1.2, 1.5)
+    assert [t.value for t in branch.tangencies] == pytest.approx([1.3145271093265], abs=1e-10)
+    curve = continue_tangency(branch.tangencies[0], ("a", "b"), (1.2, 1.6), (-0.4, -0.2), step=0.2)
+    (touching,) = continue_connection(outer, "a", 1.25, 1.45).tangencies
+    expected = continue_tangency(touching, ("a", "b"), (1.2, 1.6), (-0.4, -0.2), step=0.2)
+    np.testing.assert_allclose(curve.values[[0, -1]], expected.values[[0, -1]], rtol=1e-8)
+
+
+def test_a_branch_ends_where_a_saddle_changes_its_stability() -> None:
+    exact = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.2, "b": 0.3}, ("x", "y"))
+    one, two = periodic_orbit(exact, [0.6, 0.2]), periodic_orbit(exact, [-0.5, 0.3], 2)
+    orbit = connecting_orbits(exact, one, two, max_steps=16, n_samples=2048)[0]
+    branch = continue_connection(orbit, "a", 0.7, 1.3)
+    assert branch.ends == ("a saddle changes its stability", "left the intervals")
+    # The period-2 orbit doubles its period there, in closed form.
+    assert 0.0 < branch.values[0] - (0.7**2 + 0.25 * 1.3**2) < 0.05
+
+
 def test_bad_arguments(outer: ConnectingOrbit) -> None:
     exact = henon(1.4, -0.3)
     node = periodic_orbit(henon(0.1, -0.3), [0.1, 0.1])
     saddle = periodic_orbit(exact, [-2.0, -2.0])
-    with pytest.raises(ValueError, match="give a saddle of a planar map"):
+    with pytest.raises(ValueError, match="give a saddle with one unstable multiplier"):
         connecting_orbits(exact, node)
     with pytest.raises(ValueError, match=r"radius=0\.9"):
         connecting_orbits(exact, saddle, radius=0.9)

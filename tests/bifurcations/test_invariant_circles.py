@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi, sin
+from math import cos, pi, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,6 +111,31 @@ def test_the_locking_of_the_delayed_logistic_map() -> None:
     assert branch.status[0] is CircleStatus.SMOOTH
     assert branch.rotation[0] > 1.0 / 7.0
     assert branch.period[1:].tolist() == [7, 7]
+
+
+def test_a_narrow_tongue_is_found_from_orbits_that_have_not_settled() -> None:
+    axes = (1 / 3 - 0.05, 1 / 3 + 0.05), (0.2, 0.9)
+    tongue = arnold_tongue(circle_map(0.3), 1, 3, ("omega", "k"), *axes, [0.1], transient=50, periods=500, step=0.1)
+    np.testing.assert_allclose(tongue.values, borders(1, 3, 0.3), atol=1e-12)
+
+
+@pytest.mark.parametrize("c", [0.3, 0.6])
+def test_the_decay_of_a_circle_in_closed_form(c: float) -> None:
+    """The unit circle in the coordinate z = w / (1 - c w), whose Fourier series is geometric."""
+
+    def quotient(x: Any, y: Any, u: Any, v: Any) -> Any:
+        return (x * u + y * v) / (u * u + v * v), (y * u - x * v) / (u * u + v * v)
+
+    def mapped(x: Any, p: Any) -> Any:
+        u, v = quotient(x[0], x[1], 1 + p.c * x[0], p.c * x[1])
+        size = 1 + p.q * (1 - u * u - v * v)
+        u, v = size * (u * cos(1) - v * sin(1)), size * (u * sin(1) + v * cos(1))
+        return quotient(u, v, 1 - p.c * u, -p.c * v)
+
+    exact = discrete_map(mapped, {"c": c, "q": 0.2}, ("x", "y"))
+    branch = continue_circle(exact, "q", [0.1, 0.2, 0.3], [1.0, 0.1])
+    np.testing.assert_allclose(branch.decay, -np.log(c), rtol=0.02)
+    np.testing.assert_allclose(branch.rotation, 1.0 / (2.0 * pi), atol=1e-12)
 
 
 def test_bad_arguments() -> None:

@@ -57,6 +57,7 @@ def test_the_same_as_labelled_arrays() -> None:
     branch = continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -0.2, 0.6, step=0.05)
     curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (0.0, 1.4), (-0.5, 0.5), step=0.05)
     np.testing.assert_array_equal(branch.to_xarray()["a"], branch.values)
+    assert list(branch.to_xarray().data_vars) == list(branch.to_dataframe().columns)
     labelled = curve.to_xarray()
     np.testing.assert_array_equal(np.column_stack([labelled["a"], labelled["b"]]), curve.values)
     assert labelled.attrs["ends"] == ", ".join(curve.ends)

@@ -15,6 +15,7 @@ from cellmap import CellGrid, bifurcation_diagram, certify, discrete_map, find_b
 from cellmap.attractors.labels import LABEL_NAMES, Label
 from cellmap.basins import continue_basins
 from cellmap.basins.certification.certificate import Evidence
+from cellmap.bifurcations import attractor_atlas
 from cellmap.exchange import to_xarray
 from cellmap.exchange.conventions import flags, variable_names
 from cellmap.maps import angle
@@ -42,6 +43,9 @@ CASES = {
     "certificate": lambda: certify(interpolated()),
     "continuation": lambda: continue_basins(wells(), "r", [1.2, 1.5, 1.8], WINDOW),
     "diagram": lambda: bifurcation_diagram(wells(), "r", [1.2, 1.5, 2.8], [[0.4, 0.1], [-0.3, 0.2]], periods=64),
+    "atlas": lambda: attractor_atlas(
+        systems.henon_map(0.2, 0.3), ("a", [0.1, 0.2, 0.5]), ("b", [0.2, 0.3]), [[0.0, 0.0]], curves=0
+    ),
     "exponents": lambda: finite_time_exponents(wells(), WINDOW, 4),
 }
 
