@@ -232,7 +232,7 @@ class _Segment:
             self.exact.advance(orbits, self.steps)
             with np.errstate(invalid="ignore"):
                 shift = difference(orbits.points, target.point, self.exact.coordinates)
-                near = (np.abs(shift / size) <= radius).all(axis=1)
+                near = np.asarray((np.abs(shift / size) <= radius).all(axis=1))
             along, rest = target.parts(orbits.points)
             away = np.linalg.norm(rest / size, axis=1)
             rows = np.flatnonzero(near[:-1] & near[1:] & (along[:-1] * along[1:] <= 0.0))
