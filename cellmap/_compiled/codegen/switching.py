@@ -24,6 +24,7 @@ from ..kernels import switching_period
 from ..kernels.blocks import LANES
 from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
 from ..machine_code import machine_code, vector_width
+from .defects import elsewhere, hides
 from .emit import assignment, input_name
 from .expression import Expression, in_order
 from .filippov import SwitchingTrace
@@ -124,12 +125,16 @@ def _place(out: Instructions, lane: str, base: str, row: int) -> str:
 
 
 def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) -> None:
-    """Write the function of one lane that stores all that decides about its mode in arrays."""
+    """Write the function of one lane that stores all that decides about its mode in arrays.
+
+    The value of a switch that counts is its distance from the middle of the interval that it is in.
+    """
 
     def flat(rows: Sequence[Sequence[Expression]]) -> list[Expression]:
         return [e for row in rows for e in row]
 
-    outputs = (traced.surfaces, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
+    values = [e if counts else h for h, e, counts in zip(traced.surfaces, traced.free_events, traced.counts, strict=True)]
+    outputs = (values, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
     lines, names = _evaluated(flat(outputs))
     scope = {**parameter_scope(out, parameters), "t": Value("%t")}
     scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(len(traced.normals[0]))}
@@ -212,7 +217,7 @@ def _write_step(
         for e in range(count):
             for k in range(length):
                 store("%series", (size + e) * length + k, f"event{e}_{k}")
-        for row, name in enumerate(("h", "t0", "flag"), local + size):
+        for row, name in enumerate(("h", "t0", "flag", *(f"gap{e}" for e in range(count))), local + size):
             store("%series", row, name)
 
 
@@ -228,10 +233,13 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[st
         yield from series.at_order(STATEFUL, k)
         yield from series.next_of_states(k)
     yield from series.at_order(STATEFUL, order, only=series.extra)
+    hidden = [e for e, event in enumerate(series.extra) if hides(series, event)]
+    yield from elsewhere(series)
     for j in range(size):
         yield f"y{j} = s{j}_0 + {series.change(j)}"
         yield f"e{j} = {series.local_error(j)}"
-        yield f"sum{j} = sum{j} + e{j}"
+        if hides(series, series.trace.outputs[j]):
+            yield f"e{j} = defect{j} if defect{j} > e{j} and defect{j} < 1e300 else e{j}"
     yield "t1 = t0 + h if left > 1.0 else end"
     for e, event in enumerate(series.extra):
         yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
@@ -242,11 +250,17 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[st
             yield f"ends{e} = simd_math.fmax(abs(a{e}), abs(a{e} + b{e} + c{e}))"
             turning = f"b{e} * c{e} < 0.0 and abs(b{e}) < 2.0 * abs(c{e})"
             yield f"top{e} = abs(a{e} - 0.25 * b{e} * b{e} / c{e}) if {turning} else 0.0"
-            yield f"quiet{e} = 0.5 - simd_math.fmax(ends{e}, top{e}) - rest{e}"
+            yield f"quiet{e} = 0.5 - simd_math.fmax(ends{e}, top{e}) - rest{e} - gap{e}"
             continue
         yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"
         yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
-        yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e}"
+        yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e} - gap{e}"
+    # Where an event may lie that its series does not show, what is not seen of it counts as an error of the states.
+    for e in hidden:
+        size_of = f"abs(a{e}) + abs(b{e}) + abs(c{e}) + rest{e}"
+        yield f"unseen{e} = gap{e} / ({size_of}) if quiet{e} <= 0.0 and gap{e} > 0.0 else 0.0"
+        yield from (f"e{j} = e{j} + unseen{e} * (abs(s{j}_1) + abs(s{j}_2))" for j in range(size))
+    yield from (f"sum{j} = sum{j} + e{j}" for j in range(size))
     yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
     # A lane whose mode has just begun is looked at in any case, which ends its beginning.
     begun = " + ".join(f"begun{e}" for e in range(count))

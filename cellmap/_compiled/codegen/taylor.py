@@ -16,7 +16,7 @@ from .expression import ANALYTIC, Expression, in_order
 from .lanes import StepCode
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
-_MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
+MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
@@ -68,7 +68,7 @@ class Series:
         self.numbers = {n: i for i, n in enumerate(self.nodes)}
         self.modal: set[Expression] = set()
         for node in ordered:
-            if node.operation in _MODES or not self.modal.isdisjoint(node.arguments):
+            if node.operation in MODES or not self.modal.isdisjoint(node.arguments):
                 self.modal.add(node)
 
     def name(self, node: Expression, k: int) -> str:
@@ -77,7 +77,7 @@ class Series:
             return ("t0", "h")[k] if k < 2 else ""
         if k and self.levels.get(node, CONSTANT) == CONSTANT:
             return ""
-        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}", **_MODES}
+        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}", **MODES}
         return input_name(node, inputs) or f"v{self.numbers[node]}_{k}"
 
     def at_order(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..loops import inlined
 from .calls import call_impacts, call_surfaces
 
@@ -51,7 +53,12 @@ def turn_sides(e, bound, kinds, values, signs, slides, leaving):
     changed, count = 0, signs.size
     for k in range(count):
         side = 1.0 if values[k] > 0.0 else -1.0
-        if k == e or kinds[k] == COUNTS:
+        if k == e:
+            continue
+        if kinds[k] == COUNTS:
+            if abs(values[k]) > 0.5:
+                signs[k] += np.floor(values[k] + 0.5)
+                changed += 1
             continue
         if abs(values[k]) <= CLOSE:
             if not leaving or bound[e * count + k] == 0:

@@ -7,6 +7,7 @@ import numpy as np
 from ..loops import inlined
 from .events import TIE
 
+_DIGITS = 1e-12  # of a state and of its size, by which it may be moved onto a surface
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
@@ -98,14 +99,23 @@ def begin_on_surface(
 
 
 @inlined
-def project(state, surfaces, normals, hits, slides, active, shifts):
-    """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them."""
+def project(state, errors, surfaces, normals, hits, slides, counts, active, shifts):
+    """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them.
+
+    Surfaces that are farther away than its errors allow, as those that all but depend on time alone, are left.
+    """
     count, dimension = normals.shape
+    reach = _DIGITS
+    for j in range(dimension):
+        reach += abs(errors[j]) + _DIGITS * abs(state[j])
+    for e in range(count):
+        if counts[e] == 1:
+            surfaces[e] -= 0.5 if surfaces[e] > 0.0 else -0.5
     if count == 1:
         square = 0.0
         for j in range(dimension):
             square += normals[0, j] * normals[0, j]
-        if hits[0] + slides[0] > 0.0 and square > 0.0:
+        if hits[0] + slides[0] > 0.0 and abs(surfaces[0]) < reach * np.sqrt(square):
             for j in range(dimension):
                 state[j] -= normals[0, j] * (surfaces[0] / square)
         return
@@ -115,7 +125,8 @@ def project(state, surfaces, normals, hits, slides, active, shifts):
             products[e, k] = 0.0
             for j in range(dimension):
                 products[e, k] += normals[e, j] * normals[k, j]
-        active[e] = 1.0 if hits[e] + slides[e] > 0.0 and products[e, e] > 0.0 else 0.0
+        near = abs(surfaces[e]) < reach * np.sqrt(products[e, e])
+        active[e] = 1.0 if hits[e] + slides[e] > 0.0 and near else 0.0
         alone += abs(surfaces[e]) / products[e, e] if active[e] else 0.0
         shifts[e] = 0.0
     equivalent_control(surfaces, products, active, shifts, shifts)
@@ -171,16 +182,22 @@ def follow(surfaces, slides, hits, counts, signs, after):
     """Put switches on the side where the change of another has left them; return how many there were."""
     changed = 0
     for e in range(signs.size):
-        if not (hits[e] or slides[e] or counts[e]) and signs[e] * surfaces[e] < 0.0:
+        if hits[e] or slides[e]:
+            continue
+        if counts[e] == 1 and abs(surfaces[e]) > 0.5:
+            signs[e] = after[e] = signs[e] + np.floor(surfaces[e] + 0.5)
+            changed += 1
+        elif not counts[e] and signs[e] * surfaces[e] < 0.0:
             signs[e] = after[e] = -signs[e]
             changed += 1
     return changed
 
 
 @inlined
-def pass_event(entered, rates, gains, jumps, normals, state, errors, before, after):
+def pass_event(entered, gap, rates, gains, jumps, normals, state, errors, before, after):
     """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
 
+    Its function is known up to a gap.
     It is the saltation matrix I + (f_after - f_before) grad h / (dh/dt before).
     """
     count, dimension = normals.shape
@@ -191,7 +208,7 @@ def pass_event(entered, rates, gains, jumps, normals, state, errors, before, aft
         return
     for first in range(0, state.size, dimension):
         # The state's own errors first, then each tangent vector.
-        shift = 0.0
+        shift = gap if first == 0 else 0.0
         for j in range(dimension):
             shift += abs(normals[entered, j]) * errors[j] if first == 0 else normals[entered, j] * state[first + j]
         for j in range(dimension):

@@ -144,7 +144,7 @@ def period(single):
         errors_row = size + 1 + 2 * count
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
-        rows = ((size + count) * length + size + 3) * LANES
+        rows = ((size + count) * length + size + 3 + count) * LANES
         whole = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + 4 * count * dimension)
         gains, jumps, normals = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
         place = 0
@@ -221,7 +221,7 @@ def period(single):
                         if landed > NO_EVENT:
                             t = landed
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                            project(state, values, normals, hits, slides, on_surface, held)
+                            project(state, errors, values, normals, hits, slides, counts, on_surface, held)
                             if impacts != 0:
                                 t = collide(
                                     impacts, addresses[SURFACES], t, end - 1e-12 * period, end, state, p, counts, bound,
@@ -235,7 +235,8 @@ def period(single):
                                     slides, hits, counts, after,
                                 )  # fmt: skip
                             if entered >= 0:
-                                pass_event(entered, rates, gains, jumps, normals, state, errors, held, after)
+                                gap = series[flag + (1 + entered) * LANES + i]
+                                pass_event(entered, gap, rates, gains, jumps, normals, state, errors, held, after)
                         _store(lanes, i, t, state, signs, slides, errors, fresh)
                     moving += lanes[size * LANES + i] < end
             if project_at_end:
@@ -248,7 +249,7 @@ def period(single):
                     if sliding > 0.0:
                         hits[:] = 0.0
                         call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                        project(state, values, normals, hits, slides, on_surface, held)
+                        project(state, errors, values, normals, hits, slides, counts, on_surface, held)
                         for j in range(size):
                             lanes[j * LANES + i] = state[j]
             for j in range(size):
