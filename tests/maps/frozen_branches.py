@@ -23,6 +23,7 @@ _A = np.ascontiguousarray(dop853.A[:12, :12])
 _B, _C = np.ascontiguousarray(dop853.B), np.ascontiguousarray(dop853.C[:12])
 _NO_SLIDE = -1
 _EVENTS = 400
+_FAR = 1e3  # growth by which errors of the beginning are no longer those at the end
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,15 @@ class Program:
         self, period: float, place: NDArray[np.float64], step: float = 0.02
     ) -> tuple[NDArray[np.float64], int, int]:
         """Return where a period leads, what became of the orbit, and the number of events."""
-        return _image(  # type: ignore[no-any-return]
-            self.operations, self.operands, self.ends, self.levels, self.dimension, period, place.copy(), step
-        )
+        program = (self.operations, self.operands, self.ends, self.levels, self.dimension)
+        return _image(program, period, place.copy(), step)  # type: ignore[no-any-return]
 
 
-@njit(cache=True)
-def _value(ops, args, begin, end, t, x, f, sides, stack):
+@njit(cache=True, error_model="numpy")
+def _value(program, part, t, x, f, sides, stack):
     """Return the value of a part of the program, and its derivative along (1, f)."""
-    n = 0
+    ops, args, ends = program[:3]
+    begin, end, n = ends[part], ends[part + 1], 0
     for i in range(begin, end):
         op, a = ops[i], args[i]
         if op == STATE:
@@ -76,7 +77,7 @@ def _value(ops, args, begin, end, t, x, f, sides, stack):
         elif op == CONST:
             stack[n, 0], stack[n, 1] = a, 0.0
             n += 1
-        elif op == SIDE or op == CELL:
+        elif op in (SIDE, CELL):
             stack[n, 0], stack[n, 1] = sides[int(a)], 0.0
             n += 1
         elif op == ADD:
@@ -113,122 +114,142 @@ def _value(ops, args, begin, end, t, x, f, sides, stack):
     return stack[0, 0], stack[0, 1]
 
 
-@njit(cache=True)
-def _rates(ops, args, ends, d, t, x, sides, stack, out):
-    for i in range(d):
-        out[i] = _value(ops, args, ends[i], ends[i + 1], t, x, x, sides, stack)[0]
+@njit(cache=True, error_model="numpy")
+def _rates(program, t, x, sides, stack, out):
+    for i in range(len(x)):
+        out[i] = _value(program, i, t, x, x, sides, stack)[0]
 
 
-@njit(cache=True)
-def _pushes(ops, args, ends, d, t, x, sides, stack, k, low, high, f_low, f_high):
-    """Rates on both sides of a surface, and the derivatives of its function along them."""
+@njit(cache=True, error_model="numpy")
+def _pushes(program, t, x, sides, room, k, low, high):
+    """Rates on both sides of a surface, into the room for them; return the derivatives of its function along them."""
+    stack, f_low, f_high, _ = room
     kept = sides[k]
     sides[k] = low
-    _rates(ops, args, ends, d, t, x, sides, stack, f_low)
+    _rates(program, t, x, sides, stack, f_low)
     sides[k] = high
-    _rates(ops, args, ends, d, t, x, sides, stack, f_high)
+    _rates(program, t, x, sides, stack, f_high)
     sides[k] = kept
-    g_low = _value(ops, args, ends[d + k], ends[d + k + 1], t, x, f_low, sides, stack)[1]
-    g_high = _value(ops, args, ends[d + k], ends[d + k + 1], t, x, f_high, sides, stack)[1]
-    return g_low, g_high
+    part = len(x) + k
+    return (
+        _value(program, part, t, x, f_low, sides, stack)[1],
+        _value(program, part, t, x, f_high, sides, stack)[1],
+    )
 
 
-@njit(cache=True)
-def _field(ops, args, ends, d, t, x, sides, stack, slide, low, high, f_low, f_high, out):
+@njit(cache=True, error_model="numpy")
+def _field(program, t, x, sides, room, mode, out):
     """Rates, Filippov's on a surface; return how much of the higher side is in them."""
+    slide, low, high = mode
     if slide == _NO_SLIDE:
-        _rates(ops, args, ends, d, t, x, sides, stack, out)
+        _rates(program, t, x, sides, room[0], out)
         return 0.5
-    g_low, g_high = _pushes(ops, args, ends, d, t, x, sides, stack, slide, low, high, f_low, f_high)
+    g_low, g_high = _pushes(program, t, x, sides, room, slide, low, high)
     part = g_low / (g_low - g_high)
-    for i in range(d):
-        out[i] = f_low[i] + part * (f_high[i] - f_low[i])
+    for i in range(len(x)):
+        out[i] = room[1][i] + part * (room[2][i] - room[1][i])
     return part
 
 
-@njit(cache=True)
-def _step(ops, args, ends, d, t, x, h, sides, stack, slide, low, high, f_low, f_high, k, out):
+@njit(cache=True, error_model="numpy")
+def _step(program, t, x, h, sides, room, mode, out):
+    k = room[3]
     for s in range(12):
-        for i in range(d):
+        for i in range(len(x)):
             out[i] = x[i]
             for j in range(s):
                 out[i] += h * _A[s, j] * k[j, i]
-        _field(ops, args, ends, d, t + _C[s] * h, out, sides, stack, slide, low, high, f_low, f_high, k[s])
-    for i in range(d):
+        _field(program, t + _C[s] * h, out, sides, room, mode, k[s])
+    for i in range(len(x)):
         out[i] = x[i]
         for j in range(12):
             out[i] += h * _B[j] * k[j, i]
 
 
-@njit(cache=True)
-def _margins(ops, args, ends, levels, d, t, x, sides, stack, slide, low, high, f_low, f_high, f, margin, slope):
+@njit(cache=True, error_model="numpy")
+def _margins(program, t, x, sides, room, mode, f, margin, slope):
     """How far each surface is from a change of side, and how fast that changes; the last entry is of sliding."""
-    part = _field(ops, args, ends, d, t, x, sides, stack, slide, low, high, f_low, f_high, f)
+    part, levels = _field(program, t, x, sides, room, mode, f), program[3]
     n = len(levels)
     for k in range(n):
-        g, rate = _value(ops, args, ends[d + k], ends[d + k + 1], t, x, f, sides, stack)
+        g, rate = _value(program, len(x) + k, t, x, f, sides, room[0])
         if levels[k]:
             below = g - sides[k] < 0.5
             margin[k] = g - sides[k] if below else sides[k] + 1.0 - g
             slope[k] = rate if below else -rate
         else:
             margin[k], slope[k] = sides[k] * g, sides[k] * rate
-        if k == slide:
+        if k == mode[0]:
             margin[k], slope[k] = 1.0, 0.0
     margin[n], slope[n] = min(part, 1.0 - part), 0.0
     return part
 
 
-@njit(cache=True)
-def _image(ops, args, ends, levels, d, period, x, step):
+@njit(cache=True, error_model="numpy")
+def _follow(program, t, x, sides, stack, slide, entered):
+    """Put surfaces whose functions jump with the side of another where they are then."""
+    levels = program[3]
+    for _ in range(len(levels)):
+        for k in range(len(levels)):
+            g = _value(program, len(x) + k, t, x, x, sides, stack)[0]
+            if k != slide and k != entered:
+                if levels[k] and not -1e-9 < g - sides[k] < 1.0 + 1e-9:
+                    sides[k] = np.floor(g)
+                elif not levels[k] and g * sides[k] < -1e-9:
+                    sides[k] = -sides[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _visit(program, t, x, h, sides, room, mode, f, before, margin, end):
+    """Return a time within a step at which some margin is negative that is positive at both ends, -1 for none.
+
+    It falls at the begin and rises at the end, so steeply that it may vanish between.
+    """
+    here, slope = margin[0].copy(), margin[1].copy()
+    for k in range(len(program[3])):
+        fall, rise = before[1][k], slope[k]
+        depth = 0.5 * (before[0][k] + here[k] + 0.5 * h * (fall - rise)) - 0.25 * h * (rise - fall)
+        if fall < 0.0 < rise and depth < 0.0:
+            first, last = 0.0, h
+            for _ in range(40):
+                middle = 0.5 * (first + last)
+                _step(program, t, x, middle, sides, room, mode, end)
+                _margins(program, t + middle, end, sides, room, mode, f, margin[0], margin[1])
+                if margin[0][k] < 0.0:
+                    return middle
+                if margin[1][k] < 0.0:
+                    first = middle
+                else:
+                    last = middle
+    return -1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _image(program, period, x, step):
+    levels, d = program[3], program[4]
     n = len(levels)
-    stack = np.zeros((64, 2))
-    sides = np.zeros(n)
-    f, f_low, f_high, end = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
-    k_stages = np.zeros((12, d))
-    before, before_slope = np.zeros(n + 1), np.zeros(n + 1)
-    margin, slope = np.zeros(n + 1), np.zeros(n + 1)
+    sides, f, end = np.zeros(n), np.zeros(d), np.zeros(d)
+    room = (np.zeros((64, 2)), np.zeros(d), np.zeros(d), np.zeros((12, d)))
+    before, margin = np.zeros((2, n + 1)), np.zeros((2, n + 1))
     for k in range(n):
-        g = _value(ops, args, ends[d + k], ends[d + k + 1], 0.0, x, x, sides, stack)[0]
+        g = _value(program, d + k, 0.0, x, x, sides, room[0])[0]
         sides[k] = np.floor(g) if levels[k] else (1.0 if g > 0.0 else -1.0)
-    t, slide, low, high, events = 0.0, _NO_SLIDE, 0.0, 0.0, 0
+    t, mode, events = 0.0, (_NO_SLIDE, 0.0, 0.0), 0
     while t < period:
         h = min(step, period - t)
-        _margins(ops, args, ends, levels, d, t, x, sides, stack, slide, low, high, f_low, f_high, f, before, before_slope)
-        _step(ops, args, ends, d, t, x, h, sides, stack, slide, low, high, f_low, f_high, k_stages, end)
-        _margins(ops, args, ends, levels, d, t + h, end, sides, stack, slide, low, high, f_low, f_high, f, margin, slope)
-        for i in range(d):
-            if not np.abs(end[i]) < 1e6:
-                return x, LOST, events
-        reached = -1.0
-        for k in range(n + 1):
-            if margin[k] < 0.0:
-                reached = h
+        _margins(program, t, x, sides, room, mode, f, before[0], before[1])
+        _step(program, t, x, h, sides, room, mode, end)
+        _margins(program, t + h, end, sides, room, mode, f, margin[0], margin[1])
+        if not np.abs(end).max() < _FAR:
+            return x, LOST, events
+        reached = h
+        if not margin[0].min() < 0.0:
+            reached = _visit(program, t, x, h, sides, room, mode, f, before, margin, end)
         if reached < 0.0:
-            # A margin that falls at the begin and rises at the end, so steeply that it may vanish between.
-            for k in range(n):
-                a, b, c, e = before[k], before_slope[k], margin[k], slope[k]
-                if b < 0.0 < e and 0.5 * (a + c + 0.5 * h * (b - e)) - 0.25 * h * (e - b) < 0.0:
-                    first, last = 0.0, h
-                    for _ in range(40):
-                        middle = 0.5 * (first + last)
-                        _step(ops, args, ends, d, t, x, middle, sides, stack, slide, low, high, f_low, f_high, k_stages, end)  # fmt: skip
-                        _margins(ops, args, ends, levels, d, t + middle, end, sides, stack, slide, low, high, f_low, f_high, f, margin, slope)  # fmt: skip
-                        if margin[k] < 0.0:
-                            reached = middle
-                            break
-                        if slope[k] < 0.0:
-                            first = middle
-                        else:
-                            last = middle
-                if reached > 0.0:
-                    break
-            if reached < 0.0:
-                if margin.min() >= 0.0:
-                    _step(ops, args, ends, d, t, x, h, sides, stack, slide, low, high, f_low, f_high, k_stages, end)
-                x[:] = end
-                t = period if h < step else t + h
-                continue
+            _step(program, t, x, h, sides, room, mode, end)
+            x[:] = end
+            t = period if h < step else t + h
+            continue
         events += 1
         if events > _EVENTS:
             return x, TOO_MANY, events
@@ -237,42 +258,44 @@ def _image(ops, args, ends, levels, d, period, x, step):
             middle = 0.5 * (first + last)
             if middle <= first or middle >= last:
                 break
-            _step(ops, args, ends, d, t, x, middle, sides, stack, slide, low, high, f_low, f_high, k_stages, end)
-            _margins(ops, args, ends, levels, d, t + middle, end, sides, stack, slide, low, high, f_low, f_high, f, margin, slope)  # fmt: skip
-            if margin.min() < 0.0:
+            _step(program, t, x, middle, sides, room, mode, end)
+            _margins(program, t + middle, end, sides, room, mode, f, margin[0], margin[1])
+            if margin[0].min() < 0.0:
                 last = middle
             else:
                 first = middle
-        _step(ops, args, ends, d, t, x, last, sides, stack, slide, low, high, f_low, f_high, k_stages, end)
-        part = _margins(ops, args, ends, levels, d, t + last, end, sides, stack, slide, low, high, f_low, f_high, f, margin, slope)  # fmt: skip
+        _step(program, t, x, last, sides, room, mode, end)
+        part = _margins(program, t + last, end, sides, room, mode, f, margin[0], margin[1])
         x[:] = end
         t = min(t + last, period)
-        k = int(margin.argmin())
+        k, slide = int(margin[0].argmin()), mode[0]
         if k == n:  # sliding ends
-            sides[slide] = high if part > 0.5 else low
-            slide = _NO_SLIDE
+            sides[slide] = mode[2] if part > 0.5 else mode[1]
+            mode = (_NO_SLIDE, 0.0, 0.0)
             continue
-        g = _value(ops, args, ends[d + k], ends[d + k + 1], t, x, f, sides, stack)[0]
+        g = _value(program, d + k, t, x, f, sides, room[0])[0]
         old = sides[k]
         new = np.floor(g) if levels[k] else -old
         if new == old:
             new = old + 1.0 if g - old > 0.5 else old - 1.0
-        a, b = min(old, new), max(old, new)
         if slide == _NO_SLIDE:
-            g_low, g_high = _pushes(ops, args, ends, d, t, x, sides, stack, k, a, b, f_low, f_high)
+            low, high = min(old, new), max(old, new)
+            g_low, g_high = _pushes(program, t, x, sides, room, k, low, high)
             if g_low > 0.0 > g_high:
-                slide, low, high = k, a, b
+                mode = (k, low, high)
             sides[k] = new
+            _follow(program, t, x, sides, room[0], mode[0], k)
             continue
         sides[k] = new
-        g_low, g_high = _pushes(ops, args, ends, d, t, x, sides, stack, slide, low, high, f_low, f_high)
+        _follow(program, t, x, sides, room[0], slide, k)
+        g_low, g_high = _pushes(program, t, x, sides, room, slide, mode[1], mode[2])
         if not g_low > 0.0 > g_high:
             if g_low < 0.0 < g_high:
                 return x, TWO_SURFACES, events
-            sides[slide] = high if g_high > 0.0 else low
-            slide = _NO_SLIDE
-        _field(ops, args, ends, d, t, x, sides, stack, slide, low, high, f_low, f_high, f)
-        rate = _value(ops, args, ends[d + k], ends[d + k + 1], t, x, f, sides, stack)[1]
+            sides[slide] = mode[2] if g_high > 0.0 else mode[1]
+            mode = (_NO_SLIDE, 0.0, 0.0)
+        _field(program, t, x, sides, room, mode, f)
+        rate = _value(program, d + k, t, x, f, sides, room[0])[1]
         if rate * (new - old) <= 0.0:
             return x, TWO_SURFACES, events
     return x, DONE, events

@@ -7,7 +7,7 @@ An expression is a tuple: an operation and its operands.  Python decides all bra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,10 +22,15 @@ _UNARY = {"sin": SIN, "cos": COS, "tanh": TANH}
 
 @dataclass(frozen=True)
 class RightHandSide:
-    """Rates of change, one expression for each coordinate, with a period."""
+    """Rates of change, one expression for each coordinate, with a period and parameters between bounds."""
 
     rates: tuple[Expression, ...]
     period: float
+    bounds: tuple[tuple[float, float], ...] = ()
+
+    def parameters(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw values of all parameters: each draw is another right-hand side, and one compilation serves all."""
+        return {f"c{i}": float(np.round(rng.uniform(*pair), 3)) for i, pair in enumerate(self.bounds)}
 
     @property
     def source(self) -> str:
@@ -39,9 +44,9 @@ class RightHandSide:
         exec(self.source, names)
         return names["rhs"]  # type: ignore[no-any-return]
 
-    def program(self) -> Program:
+    def program(self, parameters: Mapping[str, float]) -> Program:
         """Return the same for the integrator that is given the sides of all surfaces."""
-        writer = _Writer()
+        writer = _Writer(parameters)
         rates = [writer.code(rate) for rate in self.rates]
         return Program.of(rates, writer.surfaces, writer.levels)
 
@@ -55,6 +60,8 @@ def text(e: Expression) -> str:
             return "t"
         case ("c", value):
             return f"({value!r})"
+        case ("p", i):
+            return f"p.c{i}"
         case ("+" | "-" | "*" as sign, a, b):
             return f"({text(a)} {sign} {text(b)})"
         case ("sin" | "cos" | "tanh" | "abs" | "floor" as name, a):
@@ -78,6 +85,7 @@ def text(e: Expression) -> str:
 class _Writer:
     """Writes programs; surfaces and whether they are levels at whole numbers, each after those inside it."""
 
+    parameters: Mapping[str, float]
     surfaces: list[list[tuple[int, float]]] = field(default_factory=list)
     levels: list[bool] = field(default_factory=list)
     known: dict[tuple[bool, Expression], int] = field(default_factory=dict)
@@ -98,6 +106,8 @@ class _Writer:
                 return [(TIME, 0)]
             case ("c", value):
                 return [(CONST, value)]
+            case ("p", i):
+                return [(CONST, self.parameters[f"c{i}"])]
             case ("+" | "-" | "*" as sign, a, b):
                 return [*code(a), *code(b), (_BINARY[sign], 0)]
             case ("sin" | "cos" | "tanh" as name, a):
@@ -128,7 +138,7 @@ class _Writer:
 def drawn(rng: np.random.Generator) -> RightHandSide:
     """Draw a system of one to four dimensions, oscillators or of first order, with up to three branches."""
     maker = _Maker(rng, float(np.round(rng.uniform(0.5, 3.0), 3)))
-    return RightHandSide(maker.rates(), 2.0 * math.pi / maker.omega)
+    return RightHandSide(maker.rates(), 2.0 * math.pi / maker.omega, tuple(maker.bounds))
 
 
 @dataclass
@@ -136,9 +146,11 @@ class _Maker:
     rng: np.random.Generator
     omega: float
     dimension: int = 1
+    bounds: list[tuple[float, float]] = field(default_factory=list)
 
     def number(self, low: float, high: float) -> Expression:
-        return ("c", float(np.round(self.rng.uniform(low, high), 3)))
+        self.bounds.append((low, high))
+        return ("p", len(self.bounds) - 1)
 
     def of_time(self) -> Expression:
         multiple = float(self.rng.integers(1, 4)) * self.omega

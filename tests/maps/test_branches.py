@@ -256,11 +256,3 @@ def test_discrete_maps_with_branches_are_what_python_computes(function: Callable
     for x in (0.0, 0.25, 0.3, 0.5, 0.7499, 0.75, 1.0, 0.123):
         expected = float(function((x,), parameters)[0])
         assert point_map([x])[0] == pytest.approx(expected, rel=1e-15, abs=1e-16), x
-
-
-@pytest.mark.slow  # 10,000 images against the restarting integrator: 20 minutes
-def test_no_image_that_is_said_to_be_good_is_wrong() -> None:
-    rng = np.random.default_rng(7)
-    for _ in range(500):
-        worst, _ = check(drawn(rng, int(rng.integers(1, 4))), rng, 20)
-        assert worst < 10.0

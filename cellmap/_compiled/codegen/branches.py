@@ -143,20 +143,34 @@ class BranchingGraph(Graph):
         joined = self._joined(runs, 0)
         for i in range(known, len(self.switches)):
             own = self.switches[i]
-            where = [((own.function if any(n == i for n, _ in met) else _at_rest(self, own),), met) for _, met in runs]
-            self.switches[i] = replace(own, function=self._joined(where, 0)[0])
+            rest = _at_rest(self, own)
+            where = [((own.function if any(n == i for n, _ in met) else rest,), met) for _, met in runs]
+            self.switches[i] = replace(own, function=self._joined(where, 0, rest)[0])
         return joined
 
-    def _joined(self, runs: Sequence[tuple[tuple[Expression, ...], list[Met]]], place: int) -> tuple[Expression, ...]:
-        """Join the results of runs that have met the same switches up to a place."""
+    def _joined(
+        self,
+        runs: Sequence[tuple[tuple[Expression, ...], list[Met]]],
+        place: int,
+        rest: Expression | None = None,
+    ) -> tuple[Expression, ...]:
+        """Join the results of runs that have met the same switches up to a place.
+
+        Where a switch slides, both of its sides matter: then a result is not the one at `rest`.
+        """
         results, met = runs[0]
         while len(runs) > 1 and met[place][1] is None:
             place += 1
         if len(runs) == 1:
             return results
         sides = [[run for run in runs if run[1][place][1] is yes] for yes in (True, False)]
-        pairs = zip(*(self._joined(side, place + 1) for side in sides), strict=True)
-        return tuple(self.selection(self.switches[met[place][0]].sign, a, b) for a, b in pairs)
+        pairs = zip(*(self._joined(side, place + 1, rest) for side in sides), strict=True)
+        sign = self.switches[met[place][0]].sign
+        below = self.plain("neg", sign)
+        return tuple(
+            self.plain("select", below, b, a) if b is rest and a is not b else self.selection(sign, a, b)
+            for a, b in pairs
+        )
 
     def _switch(self, function: Expression, counts: bool) -> tuple[int, int]:
         """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be."""

@@ -40,7 +40,11 @@ def is_affine(series: Series, expression: Expression) -> bool:
         if not node.arguments or not moving:
             return True
         single = node.operation == "mul" and len(moving) == 1
-        return node.operation in {"add", "sub", "neg"} or single or (node.operation == "div" and moving == [node.arguments[0]])
+        return (
+            node.operation in {"add", "sub", "neg"}
+            or single
+            or (node.operation == "div" and moving == [node.arguments[0]])
+        )
 
     return all(fine(node) for node in in_order([expression]))
 

@@ -133,7 +133,9 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
     def flat(rows: Sequence[Sequence[Expression]]) -> list[Expression]:
         return [e for row in rows for e in row]
 
-    values = [e if counts else h for h, e, counts in zip(traced.surfaces, traced.free_events, traced.counts, strict=True)]
+    values = [
+        e if counts else h for h, e, counts in zip(traced.surfaces, traced.free_events, traced.counts, strict=True)
+    ]
     outputs = (values, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
     lines, names = _evaluated(flat(outputs))
     scope = {**parameter_scope(out, parameters), "t": Value("%t")}

@@ -7,7 +7,8 @@ import numpy as np
 from ..loops import inlined
 from .events import TIE
 
-_DIGITS = 1e-12  # of a state and of its size, by which it may be moved onto a surface
+_DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
+_SLIDING = 1e-8  # may slide there
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
@@ -99,15 +100,17 @@ def begin_on_surface(
 
 
 @inlined
-def project(state, errors, surfaces, normals, hits, slides, counts, active, shifts):
+def project(state, errors, surfaces, normals, gains, hits, slides, counts, active, shifts):
     """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them.
 
-    Surfaces that are farther away than its errors allow, as those that all but depend on time alone, are left.
+    Surfaces that are farther away than its errors allow, as those that all but depend on time alone, are left.  Where
+    a state may slide it has to be on its surface, which the time of an event that all but touches leaves less exactly.
     """
     count, dimension = normals.shape
-    reach = _DIGITS
+    error, length = 0.0, 1.0
     for j in range(dimension):
-        reach += abs(errors[j]) + _DIGITS * abs(state[j])
+        error += abs(errors[j])
+        length += abs(state[j])
     for e in range(count):
         if counts[e] == 1:
             surfaces[e] -= 0.5 if surfaces[e] > 0.0 else -0.5
@@ -115,6 +118,7 @@ def project(state, errors, surfaces, normals, hits, slides, counts, active, shif
         square = 0.0
         for j in range(dimension):
             square += normals[0, j] * normals[0, j]
+        reach = error + length * (_DIGITS if gains[0, 0] == 0.0 else _SLIDING)
         if hits[0] + slides[0] > 0.0 and abs(surfaces[0]) < reach * np.sqrt(square):
             for j in range(dimension):
                 state[j] -= normals[0, j] * (surfaces[0] / square)
@@ -125,6 +129,7 @@ def project(state, errors, surfaces, normals, hits, slides, counts, active, shif
             products[e, k] = 0.0
             for j in range(dimension):
                 products[e, k] += normals[e, j] * normals[k, j]
+        reach = error + length * (_DIGITS if gains[e, e] == 0.0 else _SLIDING)
         near = abs(surfaces[e]) < reach * np.sqrt(products[e, e])
         active[e] = 1.0 if hits[e] + slides[e] > 0.0 and near else 0.0
         alone += abs(surfaces[e]) / products[e, e] if active[e] else 0.0
@@ -178,17 +183,15 @@ def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before,
 
 
 @inlined
-def follow(surfaces, slides, hits, counts, signs, after):
-    """Put switches on the side where the change of another has left them; return how many there were."""
+def follow(surfaces, free, counts, signs):
+    """Put switches that are free on the side where the change of another has left them; return how many there were."""
     changed = 0
     for e in range(signs.size):
-        if hits[e] or slides[e]:
-            continue
-        if counts[e] == 1 and abs(surfaces[e]) > 0.5:
-            signs[e] = after[e] = signs[e] + np.floor(surfaces[e] + 0.5)
+        if free[e] and counts[e] == 1 and abs(surfaces[e]) > 0.5:
+            signs[e] += np.floor(surfaces[e] + 0.5)
             changed += 1
-        elif not counts[e] and signs[e] * surfaces[e] < 0.0:
-            signs[e] = after[e] = -signs[e]
+        elif free[e] and not counts[e] and signs[e] * surfaces[e] < 0.0:
+            signs[e] = -signs[e]
             changed += 1
     return changed
 

@@ -104,13 +104,38 @@ def _is_lost(state, errors):
 
 @inlined
 def _settle(
-    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, after
+    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, free, after
 ):  # fmt: skip
     """Let switches follow whose surfaces depend on the sides of others, until each is on its own side."""
+    for e in range(signs.size):
+        free[e] = 0.0 if hits[e] or slides[e] else 1.0
     for _ in range(signs.size):
         call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-        if not follow(values, slides, hits, counts, signs, after):
+        if not follow(values, free, counts, signs):
             break
+    for e in range(signs.size):
+        after[e] = signs[e] if free[e] else after[e]
+
+
+@inlined
+def _wake(
+    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, asleep
+):  # fmt: skip
+    """Put switches that only matter behind surfaces which are hit where they are then, before a mode is chosen."""
+    count = signs.size
+    for e in range(count):
+        asleep[e] = 1.0 if values[e] == (0.0 if counts[e] == 1 else signs[e]) and not slides[e] else 0.0
+        for j in range(normals.shape[1]):
+            asleep[e] = 0.0 if normals[e, j] != 0.0 else asleep[e]
+    for e in range(count):
+        if hits[e] and not counts[e] and not slides[e]:
+            side = signs[e]
+            signs[e] = -side
+            for _ in range(count):
+                call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
+                if not follow(values, asleep, counts, signs):
+                    break
+            signs[e] = side
 
 
 @functools.cache
@@ -221,18 +246,26 @@ def period(single):
                         if landed > NO_EVENT:
                             t = landed
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                            project(state, errors, values, normals, hits, slides, counts, on_surface, held)
+                            project(state, errors, values, normals, gains, hits, slides, counts, on_surface, held)
                             if impacts != 0:
                                 t = collide(
                                     impacts, addresses[SURFACES], t, end - 1e-12 * period, end, state, p, counts, bound,
                                     hits, signs, slides, fresh, errors, values, rates, gains, jumps, normals,
                                     jumped, turned, stuck, bent,
                                 )  # fmt: skip
+                            if coupled:
+                                _wake(
+                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                    slides, hits, counts, after,
+                                )  # fmt: skip
+                                call_surfaces(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals
+                                )
                             entered = switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after)
                             if coupled:
                                 _settle(
                                     addresses, t, state, p, signs, values, rates, gains, jumps, normals,
-                                    slides, hits, counts, after,
+                                    slides, hits, counts, on_surface, after,
                                 )  # fmt: skip
                             if entered >= 0:
                                 gap = series[flag + (1 + entered) * LANES + i]
@@ -249,7 +282,7 @@ def period(single):
                     if sliding > 0.0:
                         hits[:] = 0.0
                         call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                        project(state, errors, values, normals, hits, slides, counts, on_surface, held)
+                        project(state, errors, values, normals, gains, hits, slides, counts, on_surface, held)
                         for j in range(size):
                             lanes[j * LANES + i] = state[j]
             for j in range(size):

@@ -1,0 +1,134 @@
+"""Branches inside branches, and series that do not see what lies ahead: closed forms, and SciPy in short steps."""
+
+from __future__ import annotations
+
+from math import cos, exp, floor, log, pi, sin, tanh
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap.maps import jacobian
+
+
+def image(rhs, period, place, tolerance=1e-9):
+    names = ("x", "v")[: len(place)]
+    orbits = stroboscopic_map(ForcedSystem(rhs, {}, period, names), rtol=tolerance, atol=tolerance).iterate(place, 1)
+    assert orbits.status == Status.OK
+    return orbits.points
+
+
+def by_scipy(rhs, period, place):
+    """Integrate what is smooth or has kinks in 4,000 steps."""
+    kept = {"rtol": 1e-12, "atol": 1e-13, "max_step": period / 4000}
+    return solve_ivp(lambda t, x: rhs(t, x, None), (0, period), place, "DOP853", **kept).y[:, -1]
+
+
+def test_a_ramp_that_only_one_side_uses():
+    """It falls at t = 1 while x < 2, where it does not count; from x = 2 at t = 1.25 on it is t - 1."""
+    found = image(lambda t, x, p: ((t % 1.0) if x[0] > 2.0 else 1.6,), 2.0, [0.0])
+    assert found == pytest.approx(2.0 + 0.5 * (1.0 - 0.25**2), abs=1e-9)
+
+
+def test_a_staircase_that_only_one_side_uses():
+    """x grows by 1 up to x = 2.5; from there on x' = floor(x), which is 2 up to x = 3 and then 3."""
+    found = image(lambda t, x, p: (float(floor(x[0])) if x[0] > 2.5 else 1.0,), 3.0, [0.0])
+    assert found == pytest.approx(3.0 + 3.0 * (3.0 - 2.5 - 0.25), abs=1e-9)
+
+
+def test_an_inner_branch_is_where_it_is_when_the_outer_one_is_entered():
+    """v' = 1 below v = -1, and above -clip(-1.1 v, -0.5, 0.75) - v: 1/4 there, and no sliding motion."""
+
+    def rhs(t, x, p):
+        return (-x[0] - (np.clip(-1.1 * x[0], -0.5, 0.75) if x[0] > -1.0 else 0.0),)
+
+    # v' = -v from -1.7 to -1; then v' = -v - 0.75 grows from 1/4 at -1, up to v = -0.75/1.1; then v' = 0.1 v.
+    first = log(1.7)
+    second = log(0.25 / (0.75 / 1.1 - 0.75)) if 0.75 / 1.1 > 0.75 else log(0.25 / (0.75 - 0.75 / 1.1))
+    assert image(rhs, first, [-1.7]) == pytest.approx(-1.0, abs=1e-9)
+    found = image(rhs, first + 0.5, [-1.7])
+    assert second > 0.5
+    assert found == pytest.approx(-0.75 - 0.25 * exp(-0.5), abs=1e-9)
+
+
+def test_a_branch_within_the_smaller_of_two_numbers():
+    """x falls by 0.8 down to the root -5 of x + x^2/5, and by 0.809 below it."""
+
+    def rhs(t, x, p):
+        return (-0.8 + min(-x[0], -0.009 if x[0] + 0.2 * x[0] ** 2 > 0 else 0.0),)
+
+    time = (5.0 - 1.5) / 0.8
+    assert image(rhs, 8.0, [-1.5]) == pytest.approx(-5.0 - 0.809 * (8.0 - time), abs=1e-8)
+
+
+def bell(t, x, p):
+    """A short push where x passes zero, beside a kink far away."""
+    return x[1], -x[0] + 3.0 * exp(-400.0 * x[0] ** 2) - 0.3 * abs(x[0] - 0.9) + 0.2 * cos(t)
+
+
+def step(t, x, p):
+    """A force that changes its sign within a tenth."""
+    return x[1], -tanh(40.0 * x[0]) - 0.1 * max(x[1], -0.2) + 0.3 * cos(t)
+
+
+def hidden_in_the_condition(t, x, p):
+    """A kink at x = tanh(30 v), whose series are those of a constant where v is far from zero."""
+    return x[1], -x[0] - 0.4 * abs(x[0] - 0.9 * tanh(30.0 * x[1])) + 0.5 * cos(t)
+
+
+@pytest.mark.parametrize("rhs", [bell, step, hidden_in_the_condition])
+def test_what_a_series_does_not_see(rhs):
+    for place in ([-1.7, 1.3], [1.2, -0.9], [0.4, 2.0]):
+        assert image(rhs, 2 * pi, place) == pytest.approx(by_scipy(rhs, 2 * pi, place), abs=2e-8)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-11])
+def test_a_surface_that_all_but_depends_on_time(tolerance):
+    """sin(w t) + tanh(x) touches zero where tanh'(x) is 1e-13: no displacement brings the state onto it."""
+
+    def rhs(t, x, p):
+        return x[1], abs(sin(4.233 * t) + tanh(x[0]))
+
+    place, period = [1.5820062840014977, 1.1642603715907947], 2 * pi / 4.233 * 3
+    assert image(rhs, period, place, tolerance) == pytest.approx(
+        by_scipy(rhs, period, place), abs=30 * tolerance + 1e-10
+    )
+
+
+def test_a_sliding_motion_with_a_branch_on_one_side():
+    """x' = -1 above zero; below, 2 or 1/2 as y passes 1; Filippov's y' = a y-rate of either side, weighted.
+
+    Both sides push back onto x = 0: with the part p of the upper side, -p + (1 - p) r = 0, p = r/(1 + r).  y' is 1
+    above and 0 below, so y grows by p: by 2/3 up to y = 1, and by 1/3 from there on.
+    """
+
+    def rhs(t, x, p):
+        return (-1.0, 1.0) if x[0] > 0.0 else ((2.0 if x[1] < 1.0 else 0.5), 0.0)
+
+    found = image(rhs, 3.0, [0.5, 0.0])
+    # On the surface from t = 1/2, y = 1/2; at y = 1 after another 3/4.
+    assert found == pytest.approx([0.0, 1.0 + (3.0 - 1.25) / 3.0], abs=1e-9)
+
+
+def test_a_sliding_motion_with_a_branch_on_the_other_side():
+    """The mirror image."""
+
+    def rhs(t, x, p):
+        return ((-2.0 if x[1] < 1.0 else -0.5), 0.0) if x[0] > 0.0 else (1.0, 1.0)
+
+    found = image(rhs, 3.0, [-0.5, 0.0])
+    assert found == pytest.approx([0.0, 1.0 + (3.0 - 1.25) / 3.0], abs=1e-9)
+
+
+def test_derivatives_where_an_inner_branch_wakes():
+    """Against differences of images."""
+
+    def rhs(t, x, p):
+        return x[1], -x[0] + ((0.8 if x[1] < 0.5 else -0.3 * x[0]) if x[0] > 0.2 else 0.1) + 0.4 * sin(t)
+
+    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("x", "v")), rtol=1e-12, atol=1e-12)
+    points = np.array([[-0.7, 1.4], [0.9, -0.8], [-1.2, 0.3]])
+    step = 1e-6
+    columns = [(strobe(points + step * e) - strobe(points - step * e)) / (2.0 * step) for e in np.eye(2)]
+    np.testing.assert_allclose(jacobian(strobe, points), np.stack(columns, axis=-1), rtol=1e-4, atol=1e-4)

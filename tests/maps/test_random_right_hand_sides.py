@@ -1,0 +1,52 @@
+"""Random forced right-hand sides with branches: no image that is said to be good is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from frozen_branches import DONE
+from random_right_hand_sides import RightHandSide, drawn
+
+from cellmap import ForcedSystem, Status, stroboscopic_map
+
+TOLERANCE = 1e-9
+STEPS = (0.02, 0.01, 0.002, 0.0004)  # of the reference: shorter ones where both differ
+
+
+def errors(right_hand_side: RightHandSide, rng: np.random.Generator, draws: int, orbits: int) -> list[float]:
+    """Return the errors of good images, in tolerances, with several draws of the parameters."""
+    system = ForcedSystem(
+        right_hand_side.function(),
+        right_hand_side.parameters(rng),
+        right_hand_side.period,
+        tuple("abcd"[: len(right_hand_side.rates)]),
+    )
+    strobe, found = stroboscopic_map(system, rtol=TOLERANCE, atol=TOLERANCE), []
+    for _ in range(draws):
+        parameters = right_hand_side.parameters(rng)
+        program = right_hand_side.program(parameters)
+        places = rng.uniform(-2.0, 2.0, (orbits, len(right_hand_side.rates)))
+        images = strobe.with_params(**parameters).iterate(places, 1)
+        for place, image in zip(
+            places[images.status == Status.OK], images.points[images.status == Status.OK], strict=True
+        ):
+            for step in STEPS:
+                exact, outcome, _ = program.image(right_hand_side.period, place, step)
+                error = float(np.max(np.abs(image - exact) / (TOLERANCE * (1.0 + np.abs(exact)))))
+                if outcome != DONE or error < 1.0:
+                    break
+            if outcome == DONE:
+                found.append(error)
+    return found
+
+
+@pytest.mark.slow  # 10,000 right-hand sides, of which 1,250 are compiled: ten minutes
+@pytest.mark.parametrize("part", range(25))
+def test_ten_thousand_right_hand_sides(part: int) -> None:
+    found = []
+    for seed in range(50 * part, 50 * (part + 1)):
+        rng = np.random.default_rng(seed)
+        found += errors(drawn(rng), rng, 8, 3)
+    print(f"{len(found)} images, largest error {max(found):.3g} tolerances")
+    assert len(found) > 0.9 * 50 * 8 * 3
+    assert max(found) < 10.0
