@@ -17,6 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 MADE_BY = {
     "Attractor": "find_attractors",
     "Axes": "matplotlib.pyplot.subplots",
+    "ArnoldTongue": "arnold_tongue",
     "AttractorAtlas": "attractor_atlas",
     "Ball": "largest_ball",
     "BasinContinuation": "continue_basins",
@@ -34,8 +35,10 @@ MADE_BY = {
     "Certificate": "certify",
     "ChaosTest": "exponent_test, zero_one_test or alignment_test",
     "ChaoticSaddle": "chaotic_saddle",
+    "CircleBranch": "continue_circle",
     "CodimensionTwo": "continue_bifurcation, among the points codimension_two of a BifurcationCurve",
     "ConnectingOrbit": "connecting_orbits",
+    "ConnectionBranch": "continue_connection",
     "CovariantVectors": "covariant_vectors",
     "EdgeOrbit": "edge_orbit",
     "ExponentField": "finite_time_exponents",

@@ -23,6 +23,9 @@ from ._fields import covariant_vectors as covariant_vectors
 from ._fields import exponent_field as exponent_field
 from ._fields import lyapunov_spectrum as lyapunov_spectrum
 from ._fits import fit as fit
+from ._global_bifurcations import arnold_tongues as arnold_tongues
+from ._global_bifurcations import connections as connections
+from ._global_bifurcations import invariant_circles as invariant_circles
 from ._global_continuation import basin_continuation as basin_continuation
 from ._motion import phase_portrait as phase_portrait
 from ._motion import time_series as time_series

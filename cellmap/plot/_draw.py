@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from .._lib.checks import shown
 
 FIGURES = {
+    "ArnoldTongue": "arnold_tongues",
     "AttractorAtlas": "attractor_atlas",
     "Basins": "basins",
     "BasinContinuation": "basin_continuation",
@@ -26,6 +27,8 @@ FIGURES = {
     "Certificate": "certificate",
     "ChaosTest": "chaos_test",
     "ChaoticSaddle": "chaotic_saddle",
+    "CircleBranch": "invariant_circles",
+    "ConnectionBranch": "connections",
     "CorrelationSum": "fit",
     "CovariantVectors": "covariant_vectors",
     "EdgeOrbit": "edge_orbit",

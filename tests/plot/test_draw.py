@@ -119,7 +119,7 @@ def test_what_is_drawn_on_basins_asks_for_them(results, record):
 def test_what_has_no_figure_is_refused(result):
     with pytest.raises(
         TypeError,
-        match=r"result=.*: there is no figure of it; give one of AttractorAtlas, Ball, .*Wada",
+        match=r"result=.*: there is no figure of it; give one of ArnoldTongue, AttractorAtlas, Ball, .*Wada",
     ):
         plot.draw(result)
     assert plt.get_fignums() == []

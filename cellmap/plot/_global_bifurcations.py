@@ -1,0 +1,236 @@
+"""Figures of connecting orbits, invariant circles and Arnold tongues over parameters, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+
+from .._lib.checks import one_of
+from .._lib.signatures import checked
+from ..bifurcations.circle_branches import CircleBranch, CircleStatus
+from ..bifurcations.connecting_branches import ConnectionBranch
+from ..bifurcations.tongues import ArnoldTongue
+from ..maps.coordinates import difference
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
+from ._colours import colour_of
+
+_STATUS_STYLES: dict[CircleStatus, Any] = {
+    CircleStatus.SMOOTH: {"marker": "o", "color": "#0072B2", "markersize": 3.0},
+    CircleStatus.LOCKED: {"marker": "s", "color": "#E69F00", "markersize": 4.0},
+    CircleStatus.BROKEN: {"marker": "x", "color": "#990A00", "markersize": 4.0},
+}
+_PHASES = 512  # of a curve that are drawn
+
+
+@checked
+def connections(
+    branches: ConnectionBranch | Sequence[ConnectionBranch],
+    *,
+    ax: Axes | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw branches of connecting orbits: the angle at which the manifolds cross against the parameter.
+
+    Parameters
+    ----------
+    branches : ConnectionBranch or sequence of ConnectionBranch
+        One or several over the same parameter, as :func:`continue_connection` returns them.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+    legend : bool, optional
+        Name the marks of tangencies, if there are any.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.  A branch turns back at a tangency, where the angle is 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is not such a branch, or branches over different parameters.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map, periodic_orbit, plot
+    >>> from cellmap.bifurcations import connecting_orbits, continue_connection
+    >>> henon = discrete_map(lambda x, p: (p.a - x[0]**2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
+    >>> orbit = connecting_orbits(henon, periodic_orbit(henon, [-2.0, -2.0]), max_steps=20)[0]
+    >>> ax = plot.connections(continue_connection(orbit, "a", 1.2, 1.5))
+    >>> ax.get_ylabel()
+    'angle between the manifolds (rad)'
+    """
+    several = tuple(branches) if isinstance(branches, Sequence) else (branches,)
+    if not several or not all(isinstance(b, ConnectionBranch) for b in several):
+        raise TypeError(
+            f"branches={branches!r}: give a ConnectionBranch, or several, as continue_connection returns them"
+        )
+    if any(b.parameter != several[0].parameter for b in several):
+        raise ValueError(f"branches={branches!r}: give branches over one parameter")
+    ax = axes_or_new(ax)
+    ax.axhline(0.0, color="0.7", linewidth=0.8)
+    for number, branch in enumerate(several):
+        ax.plot(branch.values, branch.angles, color=colour_of(number), linewidth=1.2)
+    touching = [t.value for b in several for t in b.tangencies]
+    if touching:
+        ax.plot(touching, np.zeros(len(touching)), "o", color="black", markersize=4.0, label="tangency")
+        if legend:
+            ax.legend(fontsize="small", frameon=False)
+    ax.set(xlabel=several[0].parameter, ylabel="angle between the manifolds (rad)")
+    return ax
+
+
+@checked
+def invariant_circles(
+    branch: CircleBranch,
+    *,
+    show: str = "rotation",
+    coordinates: tuple[int | str, int | str] = (0, 1),
+    ax: Axes | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw invariant circles over a parameter: their rotation numbers, how smooth they are, or the curves.
+
+    Parameters
+    ----------
+    branch : CircleBranch
+        Result of :func:`continue_circle`.
+    show : {"rotation", "decay", "circles"}, optional
+        Rotation numbers against the parameter, with marks for smooth, locked and broken; the rate at which Fourier
+        coefficients decay; or the curves in a plane, coloured by the parameter.
+    coordinates : tuple of int or str, optional
+        Coordinates of that plane, by number or name.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+    legend : bool, optional
+        Name the marks; a colour bar for curves.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.  At a broken circle, which has no rotation number, a mark is at the lower edge.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For another `show`, or coordinates that the map does not have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cellmap import discrete_map, plot
+    >>> from cellmap.bifurcations import continue_circle
+    >>> delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 2.0}, ("x", "y"))
+    >>> circles = continue_circle(delayed, "a", np.linspace(2.02, 2.2, 7), [0.5, 0.4])
+    >>> ax = plot.invariant_circles(circles)
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['smooth', 'locked']
+    """
+    kind = one_of("show", show, ("rotation", "decay", "circles"))
+    plane = pair_of("coordinates", coordinates, branch.coordinates) if kind == "circles" else (0, 0)
+    ax = axes_or_new(ax)
+    if kind == "circles":
+        _draw_curves(ax, branch, plane, legend)
+        return ax
+    heights = branch.rotation if kind == "rotation" else branch.decay
+    for status, style in _STATUS_STYLES.items():
+        chosen = np.array([s is status for s in branch.status])
+        if status is CircleStatus.BROKEN:
+            ax.plot(
+                branch.values[chosen], np.zeros(chosen.sum()), linestyle="none", label=str(status),
+                transform=ax.get_xaxis_transform(), clip_on=False, **style,
+            )  # fmt: skip
+        else:
+            chosen &= np.isfinite(heights)
+            ax.plot(branch.values[chosen], heights[chosen], linestyle="none", label=str(status), **style)
+        if not chosen.any():
+            ax.lines[-1].remove()
+    words = {"rotation": "rotation number", "decay": "decay of Fourier coefficients"}
+    ax.set(xlabel=branch.parameter, ylabel=words[kind])
+    if legend and len(ax.lines):
+        ax.legend(fontsize="small", frameon=False)
+    return ax
+
+
+def _draw_curves(ax: Axes, branch: CircleBranch, plane: tuple[int, int], legend: bool) -> None:
+    """Draw the curves of a branch in a plane of two coordinates."""
+    axes = branch.coordinates[plane[0]], branch.coordinates[plane[1]]
+    scale = ScalarMappable(Normalize(float(branch.values.min()), float(branch.values.max())), "viridis")
+    phases, spans = np.linspace(0.0, 1.0, _PHASES + 1), np.zeros(2)
+    for value, circle in zip(branch.values.tolist(), branch.circles, strict=True):
+        for wrapped in () if circle is None else circle.points(phases, branch.coordinates)[..., list(plane)]:
+            steps = np.cumsum(difference(wrapped[1:], wrapped[:-1], axes), axis=0)
+            curve = np.vstack([wrapped[:1], wrapped[0] + steps])
+            ax.plot(*cut_at_branch_cuts(curve, axes).T, color=scale.to_rgba(value), linewidth=1.0)
+            spans = np.maximum(spans, np.ptp(curve, axis=0))
+    label_axis(ax.xaxis, axes[0], float(spans[0]))
+    label_axis(ax.yaxis, axes[1], float(spans[1]))
+    if legend:
+        ax.figure.colorbar(scale, ax=ax, label=branch.parameter)
+
+
+@checked
+def arnold_tongues(
+    tongues: ArnoldTongue | Sequence[ArnoldTongue],
+    *,
+    ax: Axes | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw Arnold tongues in the plane of their two parameters.
+
+    Parameters
+    ----------
+    tongues : ArnoldTongue or sequence of ArnoldTongue
+        One or several over the same parameters, as :func:`arnold_tongue` returns them.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+    legend : bool, optional
+        Name the tongues by their rotation numbers.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes, with the tongues filled between their borders.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something that is not a tongue, or tongues over different parameters.
+
+    Examples
+    --------
+    >>> from math import pi, sin
+    >>> from cellmap import angle, discrete_map, plot
+    >>> from cellmap.bifurcations import arnold_tongue
+    >>> circle = discrete_map(
+    ...     lambda x, p: (x[0] + p.omega - p.k / (2 * pi) * sin(2 * pi * x[0]),),
+    ...     {"omega": 0.5, "k": 0.8},
+    ...     (angle("x", "", 1.0, 0.0),),
+    ... )
+    >>> tongue = arnold_tongue(circle, 1, 2, ("omega", "k"), (0.4, 0.6), (0.4, 1.0), [0.1])
+    >>> [text.get_text() for text in plot.arnold_tongues(tongue).get_legend().get_texts()]
+    ['1/2']
+    """
+    several = tuple(tongues) if isinstance(tongues, Sequence) else (tongues,)
+    if not several or not all(isinstance(t, ArnoldTongue) for t in several):
+        raise TypeError(f"tongues={tongues!r}: give an ArnoldTongue, or several, as arnold_tongue returns them")
+    names = several[0].left.parameters
+    if any(t.left.parameters != names for t in several):
+        raise ValueError(f"tongues={tongues!r}: give tongues over the same two parameters, in the same order")
+    ax = axes_or_new(ax)
+    for number, tongue in enumerate(several):
+        # Both borders upwards in the second parameter, so that they enclose the tongue one behind the other.
+        left, right = (v if v[0, 1] <= v[-1, 1] else v[::-1] for v in (tongue.left.values, tongue.right.values))
+        colour, name = colour_of(number), f"{tongue.rotations}/{tongue.period}"
+        ax.fill(*np.concatenate([left, right[::-1]]).T, color=colour, alpha=0.3, linewidth=0.0, label=name)
+        for border in (left, right):
+            ax.plot(*border.T, color=colour, linewidth=1.0)
+    ax.set(xlabel=names[0], ylabel=names[1])
+    if legend:
+        ax.legend(fontsize="small", frameon=False)
+    return ax

@@ -1,0 +1,97 @@
+"""Figures of connecting orbits, invariant circles and Arnold tongues."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi, sin
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.patches import Polygon
+
+from cellmap import angle, discrete_map, periodic_orbit, plot
+from cellmap.bifurcations import (
+    CircleBranch,
+    ConnectionBranch,
+    arnold_tongue,
+    connecting_orbits,
+    continue_circle,
+    continue_connection,
+)
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def branch() -> ConnectionBranch:
+    exact = discrete_map(lambda x, p: (p.a - x[0] ** 2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
+    orbit = connecting_orbits(exact, periodic_orbit(exact, [-2.0, -2.0]), max_steps=17, n_samples=2048)[0]
+    return continue_connection(orbit, "a", 1.25, 1.45, step=0.1)
+
+
+@pytest.fixture(scope="module")
+def circles() -> CircleBranch:
+    delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 2.0}, ("x", "y"))
+    return continue_circle(delayed, "a", [2.05, 2.1, 2.18, 2.26], [0.5, 0.4])
+
+
+def test_a_branch_of_connecting_orbits(branch: ConnectionBranch) -> None:
+    ax = plot.connections(branch)
+    _, curve, mark = ax.lines
+    np.testing.assert_array_equal(curve.get_xdata(), branch.values)
+    np.testing.assert_array_equal(curve.get_ydata(), branch.angles)
+    assert mark.get_xdata() == pytest.approx([1.314527109326], abs=1e-10)
+    assert len(plot.connections([branch, branch], legend=False).lines) == 4
+    with pytest.raises(TypeError, match="give a ConnectionBranch"):
+        plot.connections([])
+
+
+def test_rotation_numbers(circles: CircleBranch) -> None:
+    assert [str(s) for s in circles.status] == ["smooth", "smooth", "locked", "broken"]
+    ax = plot.invariant_circles(circles)
+    smooth, locked, broken = ax.lines
+    np.testing.assert_array_equal(smooth.get_ydata(), circles.rotation[:2])
+    assert locked.get_ydata() == pytest.approx([1.0 / 7.0])
+    assert broken.get_xdata() == pytest.approx([2.26])
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["smooth", "locked", "broken"]
+    decay = plot.invariant_circles(circles, show="decay", legend=False)
+    np.testing.assert_array_equal(decay.lines[0].get_ydata(), circles.decay[:2])
+
+
+def test_circles_are_curves_that_close(circles: CircleBranch) -> None:
+    ax = plot.invariant_circles(circles, show="circles", coordinates=("y", "x"))
+    assert len(ax.lines) == 2
+    y, x = ax.lines[1].get_data()
+    assert np.hypot(x[0] - x[-1], y[0] - y[-1]) < 1e-12
+    # Each point is above the one before it: (x, y) -> (., x).
+    assert np.ptp(x) == pytest.approx(np.ptp(y), rel=1e-3)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("y", "x")
+    with pytest.raises(ValueError, match="show='curves'"):
+        plot.invariant_circles(circles, show="curves")
+    with pytest.raises(ValueError, match=r"the coordinates are \['x', 'y'\]"):
+        plot.invariant_circles(circles, show="circles", coordinates=("x", "z"))
+
+
+def test_tongues() -> None:
+    circle = discrete_map(
+        lambda x, p: (x[0] + p.omega - p.k / (2 * pi) * sin(2 * pi * x[0]),),
+        {"omega": 0.5, "k": 0.8},
+        (angle("x", "", 1.0, 0.0),),
+    )
+    tongue = arnold_tongue(circle, 0, 1, ("omega", "k"), (-0.2, 0.2), (0.2, 0.9), [0.1], step=0.1)
+    ax = plot.arnold_tongues([tongue])
+    (area,) = ax.patches
+    assert isinstance(area, Polygon)
+    # Omega = +-k / 2 pi.
+    corners = area.get_xy()
+    across, up = corners[:-1].T
+    shoelace = 0.5 * abs(across @ np.roll(up, -1) - up @ np.roll(across, -1))
+    assert shoelace == pytest.approx((0.9**2 - 0.2**2) / (2.0 * pi), rel=1e-9)
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["0/1"]
+    with pytest.raises(TypeError, match="give an ArnoldTongue"):
+        plot.arnold_tongues([tongue, 3])  # type: ignore[list-item]
