@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -143,7 +144,7 @@ class Run:
             now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
-                yield from self._first_look(replace(now, tiles=_joined_tiles(self.order[: self.first])))
+                yield from self._first_look(now, self.order[: self.first])
             tiles = _joined_tiles(self.order) or None
             now = replace(now, attractors=self._search(chosen, known, total > _SAMPLE, examined), tiles=tiles)
             self.store.begin(now)
@@ -170,11 +171,12 @@ class Run:
                 states = None
             now = following
 
-    def _first_look(self, now: Progress) -> Iterator[int]:
-        """Label some starts by what is known."""
-        self.now = now
+    def _first_look(self, now: Progress, groups: Sequence[Sequence[StridedTile]]) -> Iterator[int]:
+        """Label some starts by what is known, a group at a time: whoever is content with the first wants no more."""
+        self.now = now = replace(now, tiles=_joined_tiles(groups))
         self.store.begin(now)
-        yield from self._label(now, None)
+        ends = np.cumsum([len(group) for group in groups]).tolist()
+        yield from self._label(now, None, ends)
 
     def _search(
         self, chosen: NDArray[np.float64], known: list[Attractor], to_the_end: bool, examined: Examined
@@ -192,8 +194,13 @@ class Run:
                 attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
         return tuple(attractors)
 
-    def _label(self, now: Progress, states: Orbits | None) -> Generator[int, None, Orbits | None]:
-        """Label initial conditions; return the states of those that are left, None where these are too many."""
+    def _label(
+        self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()
+    ) -> Generator[int, None, Orbits | None]:
+        """Label initial conditions; return the states of those that are left, None where these are too many.
+
+        Tiles are labelled together, or those before each of the ``ends`` before the others.
+        """
         left: dict[int, Orbits] = {}
         rows: dict[int, NDArray[np.int64]] = {}
         count = 0
@@ -201,7 +208,9 @@ class Run:
         def batch(number: int) -> Batch:
             return Batch(now.rows_of(number), None if states is None else states[now.parts[number]])
 
-        for number, settled in self._settled(self.store.unfinished(now), batch, now):
+        todo = self.store.unfinished(now)
+        groups = [[n for n in todo if a <= n < b] for a, b in pairwise([0, *ends])] or [todo]
+        for number, settled in chain.from_iterable(self._settled(group, batch, now) for group in groups):
             places = now.rows_of(number)
             self.store.put(number, places, settled)
             count += len(settled.orbits)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 
@@ -45,12 +45,19 @@ class StridedTile:
         return flat.ravel() if self.first else flat[~coarser]
 
     def __len__(self) -> int:
+        return self._count
+
+    @cached_property
+    def _count(self) -> int:
         axes = self._axes
         every = prod(map(len, axes))
         return every if self.first else every - prod(int((a % (2 * self.stride) == 0).sum()) for a in axes)
 
 
-def strided_tiles(shape: Sequence[int], stride: int, middle: Sequence[int] | None) -> list[list[StridedTile]]:
+@lru_cache(maxsize=8)
+def strided_tiles(
+    shape: tuple[int, ...], stride: int, middle: tuple[int, ...] | None
+) -> tuple[tuple[StridedTile, ...], ...]:
     """Return the tiles of an image for each stride, from the coarsest to 1; those come first that are near a place."""
     centre = np.array([(n - 1) / 2 for n in shape] if middle is None else middle, float)
     side = max(2, round(_IN_A_TILE ** (1.0 / max(len(shape), 1))) // 2 * 2)
@@ -60,6 +67,6 @@ def strided_tiles(shape: Sequence[int], stride: int, middle: Sequence[int] | Non
         tiles = [StridedTile(tuple(shape), block, step, step == stride) for block in product(*cuts)]
         tiles = [tile for tile in tiles if len(tile)]
         apart = [sum(max(a - x, x - b, 0.0) ** 2 for (a, b), x in zip(t.corners, centre, strict=True)) for t in tiles]
-        groups.append([tiles[k] for k in np.argsort(apart, kind="stable")])
+        groups.append(tuple(tiles[k] for k in np.argsort(apart, kind="stable")))
         step //= 2
-    return groups
+    return tuple(groups)

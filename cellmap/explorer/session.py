@@ -16,7 +16,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from .._lib.checks import shown, text, whole_number
 from ..attractors.labels import LABEL_NAMES
-from ..basins.live import LiveFrame
 from . import downloads
 from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
@@ -73,7 +72,7 @@ class Session:
         self._present: _Wanted | None = None  # being computed
         self._has_frame = False
         self._wake, self._room = asyncio.Event(), asyncio.Event()
-        self._waiting: tuple[_Wanted, View, LiveFrame] | None = None
+        self._waiting: tuple[_Wanted, dict[str, Any], bytes] | None = None
         self._sent: set[int] = set()
         self._frames = 0
         self._answering = asyncio.Lock()
@@ -232,7 +231,7 @@ class Session:
         for view in wanted.views:
             for frame in wanted.images.frames(view, wanted.near):
                 self._has_frame = True
-                loop.call_soon_threadsafe(self._offer, wanted, view, frame)
+                loop.call_soon_threadsafe(self._offer, wanted, *basin_image(view, frame))
                 if self._wanted is not wanted:
                     return stills
                 if frame.complete and wanted.film is not None:
@@ -247,20 +246,18 @@ class Session:
         async with self._sending:
             await self._socket.send_bytes(packed({"type": "film", "request": wanted.request, **facts}, data))
 
-    def _offer(self, wanted: _Wanted, view: View, frame: LiveFrame) -> None:
+    def _offer(self, wanted: _Wanted, facts: dict[str, Any], data: bytes) -> None:
         """Queue a frame, in the place of the one that waits."""
-        self._waiting = wanted, view, frame
+        self._waiting = wanted, facts, data
         self._room.set()
 
     async def _send_frames(self) -> None:
-        loop = asyncio.get_running_loop()
         while True:
             await self._room.wait()
             self._room.clear()
             if self._waiting is None or len(self._sent) >= UNDER_WAY:
                 continue
-            (wanted, view, frame), self._waiting = self._waiting, None
-            facts, data = await loop.run_in_executor(None, basin_image, view, frame)
+            (wanted, facts, data), self._waiting = self._waiting, None
             self._frames += 1
             self._sent.add(self._frames)
             facts = {"type": "frame", "request": wanted.request, "frame": self._frames, **facts}

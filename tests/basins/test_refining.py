@@ -28,8 +28,13 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
+from cellmap._lib.stopping import Stop
 from cellmap.attractors.labels import Label
+from cellmap.attractors.settling import Settled
 from cellmap.basins import refine_basins
+from cellmap.basins.initial_conditions import InitialConditions
+from cellmap.basins.label_tiles import Batch, Labelling
+from cellmap.basins.refining import refinement
 from cellmap.basins.strides import strided_tiles
 
 
@@ -281,3 +286,27 @@ def test_a_single_initial_condition_is_an_image_of_one_place() -> None:
 def test_arguments_out_of_range_are_named(given, message) -> None:
     with pytest.raises(ValueError, match=message):
         refine_basins(CONSERVATIVE, WINDOW, **given)
+
+
+def test_nothing_finer_is_labelled_before_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two strides are labelled by known attractors before the search: the second one when the first has been taken."""
+    point_map = duffing()
+    places = InitialConditions.of(CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300)), point_map)
+    known = find_basins(point_map, WINDOW).attractors
+    begun: list[int] = []
+    label = Labelling.__call__
+
+    def counted(work: Labelling, batch: Batch) -> Settled:
+        begun.append(np.size(batch.rows))
+        return label(work, batch)
+
+    monkeypatch.setattr(Labelling, "__call__", counted)
+    set_threads(2)
+    try:
+        frames = refinement(point_map, places, (2000, 32), known, 4, None, None, Stop(None), first=2)
+        for stride in (4, 2):
+            assert next(frames).stride == stride
+            time.sleep(0.05)
+            assert sum(begun) == (300 // stride) ** 2
+    finally:
+        set_threads(None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 ANALYTIC = frozenset(
@@ -313,6 +314,12 @@ def in_order(outputs: Iterable[Expression]) -> list[Expression]:
             stack.append((expression, True))
             stack.extend((a, False) for a in reversed(expression.arguments))
     return order
+
+
+@lru_cache(maxsize=64)
+def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
+    """Return the same, kept for expressions that are evaluated again and again."""
+    return tuple(in_order(outputs))
 
 
 def is_analytic(outputs: Sequence[Expression]) -> bool:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .captured import kept
 from .derivative import along
 from .elementary import elementary_functions
-from .expression import Expression, Graph, UntraceableError, in_order
+from .expression import Expression, Graph, UntraceableError, ordered
 from .kernel import PeriodKernel, finished, traced_function
 from .methods import choose_method, taylor_order
 from .period import compiled_period
@@ -108,7 +108,7 @@ def values(
         "parameter": lambda i: parameters[i],
         "sign": signs.__getitem__,
     }
-    given = [e for e in in_order(expressions) if e.operation in inputs]
+    given = [e for e in ordered(tuple(expressions)) if e.operation in inputs]
     return evaluated(expressions, {e: inputs[e.operation](e.value) for e in given})
 
 

@@ -20,6 +20,7 @@ from .expression import (
     in_order,
     is_analytic,
     operation_on_numbers,
+    ordered,
 )
 from .rebind import ARRAY_FUNCTIONS, rebind
 
@@ -176,7 +177,7 @@ def evaluated(expressions: Sequence[Expression], inputs: Mapping[Expression, Any
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
     known: dict[Expression, Any] = {}
     with np.errstate(all="ignore"):
-        for node in in_order(expressions):
+        for node in ordered(tuple(expressions)):
             if not node.arguments:
                 known[node] = np.asarray(node.value if node.operation == "constant" else inputs[node], dtype=float)
             else:
