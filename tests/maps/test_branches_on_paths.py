@@ -132,3 +132,14 @@ def test_derivatives_where_an_inner_branch_wakes():
     step = 1e-6
     columns = [(strobe(points + step * e) - strobe(points - step * e)) / (2.0 * step) for e in np.eye(2)]
     np.testing.assert_allclose(jacobian(strobe, points), np.stack(columns, axis=-1), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_a_staircase_has_moved_on_when_its_side_is_entered(tolerance):
+    """It counts where v > 0; x falls by three steps before that, from then on SciPy's short steps are good to 1e-5."""
+
+    def rhs(t, x, p):
+        return x[1], -1.8 * x[0] + (0.0 if x[1] < 0.0 else floor(-0.34 - 1.819 * x[0]))
+
+    place, period = [-1.2671640964227877, 1.0968864044205793], 3.92208820672883
+    assert image(rhs, period, place, tolerance) == pytest.approx(by_scipy(rhs, period, place), abs=1e-4)

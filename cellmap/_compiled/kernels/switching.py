@@ -112,16 +112,17 @@ def project(state, errors, surfaces, normals, gains, hits, slides, counts, activ
         error += abs(errors[j])
         length += abs(state[j])
     for e in range(count):
+        shifts[e] = surfaces[e]
         if counts[e] == 1:
-            surfaces[e] -= 0.5 if surfaces[e] > 0.0 else -0.5
+            shifts[e] -= 0.5 if surfaces[e] > 0.0 else -0.5
     if count == 1:
         square = 0.0
         for j in range(dimension):
             square += normals[0, j] * normals[0, j]
         reach = error + length * (_DIGITS if gains[0, 0] == 0.0 else _SLIDING)
-        if hits[0] + slides[0] > 0.0 and abs(surfaces[0]) < reach * np.sqrt(square):
+        if hits[0] + slides[0] > 0.0 and abs(shifts[0]) < reach * np.sqrt(square):
             for j in range(dimension):
-                state[j] -= normals[0, j] * (surfaces[0] / square)
+                state[j] -= normals[0, j] * (shifts[0] / square)
         return
     products, alone = np.empty((count, count)), 0.0
     for e in range(count):
@@ -130,11 +131,11 @@ def project(state, errors, surfaces, normals, gains, hits, slides, counts, activ
             for j in range(dimension):
                 products[e, k] += normals[e, j] * normals[k, j]
         reach = error + length * (_DIGITS if gains[e, e] == 0.0 else _SLIDING)
-        near = abs(surfaces[e]) < reach * np.sqrt(products[e, e])
+        near = abs(shifts[e]) < reach * np.sqrt(products[e, e])
         active[e] = 1.0 if hits[e] + slides[e] > 0.0 and near else 0.0
-        alone += abs(surfaces[e]) / products[e, e] if active[e] else 0.0
-        shifts[e] = 0.0
-    equivalent_control(surfaces, products, active, shifts, shifts)
+        alone += abs(shifts[e]) / products[e, e] if active[e] else 0.0
+        shifts[e] = shifts[e] if active[e] else 0.0
+    equivalent_control(shifts, products, active, shifts, shifts)
     for e in range(count):
         # Surfaces that all but coincide have no point of intersection nearby.
         if active[e] and abs(shifts[e]) <= 1e3 * alone:
