@@ -36,15 +36,9 @@ def is_affine(series: Series, expression: Expression) -> bool:
     levels = series.levels
 
     def fine(node: Expression) -> bool:
-        moving = [a for a in node.arguments if levels.get(a, CONSTANT) != CONSTANT]
-        if not node.arguments or not moving:
-            return True
-        single = node.operation == "mul" and len(moving) == 1
-        return (
-            node.operation in {"add", "sub", "neg"}
-            or single
-            or (node.operation == "div" and moving == [node.arguments[0]])
-        )
+        moving = [levels.get(a, CONSTANT) != CONSTANT for a in node.arguments]
+        multiple = (node.operation == "mul" and sum(moving) == 1) or (node.operation == "div" and not moving[1])
+        return not any(moving) or node.operation in {"add", "sub", "neg"} or multiple
 
     return all(fine(node) for node in in_order([expression]))
 
