@@ -13,6 +13,7 @@ from .cascade import period_doubling_cascade as period_doubling_cascade
 from .circle_branches import CircleBranch as CircleBranch
 from .circle_branches import CircleStatus as CircleStatus
 from .circle_branches import continue_circle as continue_circle
+from .circle_switching import switch_circle as switch_circle
 from .codimension_two import CodimensionTwo as CodimensionTwo
 from .coexistence import AtlasKind as AtlasKind
 from .connecting_branches import ConnectionBranch as ConnectionBranch

@@ -19,6 +19,7 @@ from ..maps.coordinates import Coordinate, difference, state_points, turns_of
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.invariant_circle import InvariantCircle, fitted_circle, recorded_orbit
+from .circle_equations import across_exponent
 
 _SAMPLED = 512  # points of an orbit that tell the extent of an attractor
 _NOISE = 1e-13  # Fourier coefficients below this part of the largest are rounding, and below the invariance error
@@ -66,6 +67,11 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
         The curves, None where there is none.
     coordinates : tuple of Coordinate
         State variables.
+    exponents : ndarray, shape (n,)
+        Largest Lyapunov exponent per step across the curve, negative where it attracts; NaN without a curve.  In more than
+        two dimensions its error is about 1e-5, or 1e-3 where the two largest ones are nearly equal.
+    ends : tuple of str
+        Reasons why the branch ends at its first and at its last value.
     """
 
     parameter: str
@@ -78,6 +84,8 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
     decay: NDArray[np.float64]
     circles: tuple[InvariantCircle | None, ...]
     coordinates: tuple[Coordinate, ...]
+    exponents: NDArray[np.float64]
+    ends: tuple[str, str] = ("first value", "last value")
 
     def __repr__(self) -> str:
         parts = [f"{self.status.count(s)} {s}" for s in CircleStatus if s in self.status]
@@ -153,7 +161,7 @@ def continue_circle(
     steps = whole_number("transient", transient, at_least=1)
     status: list[CircleStatus] = []
     circles: list[InvariantCircle | None] = []
-    numbers = np.full((4, axis.size), np.nan)
+    numbers = np.full((5, axis.size), np.nan)
     periods = np.zeros(axis.size, np.int64)
     label = f"invariant circle over {parameter}" if progress else None
     with progress_bar(axis.size, label) as tick:
@@ -170,13 +178,14 @@ def continue_circle(
             periods[k] = period
             numbers[0, k] = rotation
             if circle is not None:
-                numbers[1:, k] = circle.frequency_error, circle.invariance_error, decay_of(circle)
+                numbers[1:4, k] = circle.frequency_error, circle.invariance_error, decay_of(circle)
+                numbers[4, k] = across_exponent(here, circle)
             elif period:
                 numbers[1, k] = 0.0
             tick(1)
     return CircleBranch(
         parameter, axis, tuple(status), numbers[0], numbers[1], periods, numbers[2], numbers[3], tuple(circles),
-        exact.coordinates,
+        exact.coordinates, numbers[4],
     )  # fmt: skip
 
 
@@ -241,4 +250,5 @@ def circle_columns(branch: CircleBranch) -> dict[str, Any]:
         "period": branch.period,
         "invariance_error": branch.invariance_errors,
         "decay": branch.decay,
+        "exponent": branch.exponents,
     }

@@ -190,7 +190,7 @@ def _fit(
         frequency, error = _refined(parts[0], first)
         coefficients = np.array([_series(part, frequency, harmonics) for part in parts])
         rho, rho_error = rotation_numbers_of(point_map, history, rotations)
-        circle = _oriented(InvariantCircle(frequency, error, rho, rho_error, coefficients, np.inf), point_map)
+        circle = oriented(InvariantCircle(frequency, error, rho, rho_error, coefficients, np.inf), point_map)
         circle = measured(point_map, circle)
         if circle.invariance_error <= _HOPELESS:
             return FittedCircle(circle, history), True
@@ -281,7 +281,7 @@ def rotation_numbers_of(
     return np.asarray(whole), np.abs(whole - half) + np.where(turn > 0, 1e-15, 0.0)
 
 
-def _oriented(circle: InvariantCircle, point_map: PointMap) -> InvariantCircle:
+def oriented(circle: InvariantCircle, point_map: PointMap) -> InvariantCircle:
     """Choose the sense of the phase: with the first angle that makes full rotations, else counterclockwise."""
     coordinates = point_map.coordinates
     points = circle.points(np.arange(256) / 256, coordinates)[0]

@@ -99,10 +99,10 @@ def invariant_circles(
     Parameters
     ----------
     branch : CircleBranch
-        Result of :func:`continue_circle`.
+        Result of :func:`continue_circle` or :func:`switch_circle`.
     show : {"rotation", "decay", "circles"}, optional
-        Rotation numbers against the parameter, with marks for smooth, locked and broken; the rate at which Fourier
-        coefficients decay; or the curves in a plane, coloured by the parameter.
+        Rotation numbers against the parameter, with marks for smooth, locked and broken, hollow ones where circles
+        repel; the rate at which Fourier coefficients decay; or the curves in a plane, coloured by the parameter.
     coordinates : tuple of int or str, optional
         Coordinates of that plane, by number or name.
     ax : matplotlib Axes, optional
@@ -138,8 +138,12 @@ def invariant_circles(
         _draw_curves(ax, branch, plane, legend)
         return ax
     heights = branch.rotation if kind == "rotation" else branch.decay
+    repelling = branch.exponents > 0.0
+    if repelling.any():
+        hollow = _STATUS_STYLES[CircleStatus.SMOOTH] | {"fillstyle": "none", "linestyle": "none"}
+        ax.plot(branch.values[repelling], heights[repelling], label="repelling", **hollow)
     for status, style in _STATUS_STYLES.items():
-        chosen = np.array([s is status for s in branch.status])
+        chosen = np.array([s is status for s in branch.status]) & ~repelling
         if status is CircleStatus.BROKEN:
             ax.plot(
                 branch.values[chosen], np.zeros(chosen.sum()), linestyle="none", label=str(status),

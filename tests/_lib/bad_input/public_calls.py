@@ -69,6 +69,14 @@ def delayed_logistic() -> Any:
     )
 
 
+def circle_of_delayed_logistic() -> dict[str, Any]:
+    """Return what is needed to follow that circle from its birth."""
+    exact = delayed_logistic().with_params(a=1.9)
+    branch = cellmap.continue_orbit(exact, cellmap.periodic_orbit(exact, [0.47, 0.47]), "a", 1.5, 2.1, step=0.1)
+    found = {"branch": branch, "bifurcation": branch.bifurcations[0]}
+    return found | {"lower": 1.5, "upper": 2.1, "step": 0.05, "max_points": 3}
+
+
 @cache
 def outer_saddle() -> tuple[Any, Any]:
     """Return a map with homoclinic orbits, and their saddle."""
@@ -238,6 +246,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
         **{"point_map": delayed_logistic(), "parameter": "a", "values": (2.02, 2.03), "initial_condition": (0.5, 0.4)},
         **{"transient": 500},
     },
+    "switch_circle": lambda: circle_of_delayed_logistic(),
     "arnold_tongue": lambda: {
         **{"point_map": delayed_logistic(), "rotations": 1, "period": 7, "parameters": ("a", "e")},
         **{"first": (2.15, 2.22), "second": (-0.01, 0.01), "initial_condition": (0.5, 0.4)},

@@ -1,0 +1,111 @@
+"""Invariant circles from Neimark-Sacker bifurcations, attracting and repelling, against circles in closed form."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit
+from cellmap.bifurcations import Branch, continue_circle, switch_circle
+
+
+def quotient(x: Any, y: Any, u: Any, v: Any) -> Any:
+    """Return (x + i y) / (u + i v)."""
+    return (x * u + y * v) / (u * u + v * v), (y * u - x * v) / (u * u + v * v)
+
+
+def subcritical(x: Any, p: Any) -> Any:
+    """w -> w (1 + mu + s - s^2) exp(i (1.1 + 0.3 s)) with s = |w|^2, in the coordinate z = w / (1 - c w).
+
+    Circles are at mu = s^2 - s: repelling ones from 0 back to the fold at -1/4, from there on attracting ones.
+    """
+    u, v = quotient(x[0], x[1], 1 + p.c * x[0], p.c * x[1])
+    s = u * u + v * v
+    size, turn = 1 + p.mu + s - s * s, 1.1 + 0.3 * s
+    u, v = size * (u * cos(turn) - v * sin(turn)), size * (u * sin(turn) + v * cos(turn))
+    return quotient(u, v, 1 - p.c * u, -p.c * v)
+
+
+def beside_a_contraction(x: Any, p: Any) -> Any:
+    """The same beside a contraction, on a curved surface."""
+    image = subcritical(x[:2], p)
+    return *image, 0.5 * image[0] * image[1] + 0.9 * (x[2] - 0.5 * x[0] * x[1])
+
+
+def plane() -> PointMap:
+    return discrete_map(subcritical, {"mu": -0.1, "c": 0.3}, ("x", "y"))
+
+
+def orbits_of(exact: PointMap) -> Branch:
+    return continue_orbit(exact, periodic_orbit(exact, [0.0] * exact.dimension), "mu", -0.4, 0.2)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_repelling_circle_and_its_fold(dimension: int) -> None:
+    space = discrete_map(beside_a_contraction, {"mu": -0.1, "c": 0.3}, ("x", "y", "z"))
+    branch = orbits_of(plane() if dimension == 2 else space)
+    (bifurcation,) = branch.bifurcations
+    circles = switch_circle(branch, bifurcation, -0.4, 0.2)
+    assert circles.ends == ("bifurcation", "left the interval")
+    s = (2.0 * pi * circles.rotation - 1.1) / 0.3
+    np.testing.assert_allclose(circles.values, s * s - s, atol=1e-9)
+    assert circles.values.min() == pytest.approx(-0.25, abs=1e-3)
+    assert circles.values[-1] == pytest.approx(0.2)
+    expected = np.log(np.abs(1.0 + 2.0 * s - 4.0 * s * s))  # d/dr of r (1 + mu + r^2 - r^4)
+    largest = expected if dimension == 2 else np.maximum(expected, np.log(0.9))
+    # Means over an orbit converge slowly where both exponents across the circle are nearly equal.
+    apart = np.full(len(s), True) if dimension == 2 else np.abs(expected - np.log(0.9)) > 0.2
+    np.testing.assert_allclose(circles.exponents[apart], largest[apart], atol=1e-8 if dimension == 2 else 1e-5)
+    np.testing.assert_allclose(circles.exponents, largest, atol=1e-3)
+    assert circles.invariance_errors.max() < 1e-8
+    np.testing.assert_allclose(circles.decay[5:], -np.log(0.3 * np.sqrt(s[5:])), rtol=0.05)
+
+
+def test_a_circle_is_where_it_should_be() -> None:
+    branch = orbits_of(plane())
+    circles = switch_circle(branch, branch.bifurcations[0], -0.4, 0.2, max_points=12)
+    circle, mu = circles.circles[-1], circles.values[-1]
+    assert circle is not None
+    x, y = circle.points(np.arange(40) / 40.0, circles.coordinates)[0].T
+    u, v = quotient(x, y, 1 + 0.3 * x, 0.3 * y)
+    np.testing.assert_allclose(u * u + v * v, 0.5 - np.sqrt(0.25 + mu), atol=1e-9)
+
+
+def test_the_attracting_circle_of_the_delayed_logistic_map() -> None:
+    delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 1.9}, ("x", "y"))
+    branch = continue_orbit(delayed, periodic_orbit(delayed, [0.5, 0.5]), "a", 1.5, 2.1)
+    circles = switch_circle(branch, branch.bifurcations[0], 1.5, 2.1)
+    orbits = continue_circle(delayed, "a", circles.values[[-10, -1]], [0.5, 0.4])
+    np.testing.assert_allclose(circles.rotation[[-10, -1]], orbits.rotation, atol=1e-10)
+    np.testing.assert_allclose(circles.exponents[[-10, -1]], orbits.exponents, atol=1e-8)
+    assert (circles.exponents < 0.0).all()
+
+
+def test_circles_of_a_doubled_orbit() -> None:
+    """Two curves that the map exchanges, around (1, 0, 1) and (-1, 0, -1)."""
+
+    def exchanged(x: Any, p: Any) -> Any:
+        shifted = x[0] - x[2], x[1]
+        image = subcritical(shifted, p)
+        return image[0] - x[2], image[1], -x[2] * (1.5 - 0.5 * x[2] * x[2])
+
+    exact = discrete_map(exchanged, {"mu": -0.1, "c": 0.3}, ("x", "y", "z"))
+    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0, 1.0], 2), "mu", -0.4, 0.2)
+    circles = switch_circle(branch, branch.bifurcations[0], -0.4, 0.2, max_points=8)
+    assert all(c is not None and len(c.coefficients) == 2 for c in circles.circles)
+    assert circles.invariance_errors.max() < 1e-8
+    s = (2.0 * pi * circles.rotation - 2.2) / 0.6
+    np.testing.assert_allclose(circles.values, s * s - s, atol=1e-9)
+
+
+def test_bad_arguments() -> None:
+    branch = orbits_of(plane())
+    with pytest.raises(ValueError, match="the interval must contain"):
+        switch_circle(branch, branch.bifurcations[0], 0.1, 0.2)
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
+    doubled = continue_orbit(logistic, periodic_orbit(logistic, [0.6]), "r", 2.5, 3.2)
+    with pytest.raises(ValueError, match="give a Neimark-Sacker bifurcation"):
+        switch_circle(doubled, doubled.bifurcations[0], 2.5, 3.2)
