@@ -68,8 +68,8 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
     coordinates : tuple of Coordinate
         State variables.
     exponents : ndarray, shape (n,)
-        Largest Lyapunov exponent per step across the curve, negative where it attracts; NaN without a curve.  In more than
-        two dimensions its error is about 1e-5, or 1e-3 where the two largest ones are nearly equal.
+        Largest Lyapunov exponent per step across the curve, negative where it attracts; NaN without a curve.  In more
+        than two dimensions its error is about 1e-5, or 1e-3 where the two largest ones are nearly equal.
     ends : tuple of str
         Reasons why the branch ends at its first and at its last value.
     """

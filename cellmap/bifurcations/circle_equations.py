@@ -104,23 +104,23 @@ def across_exponent(exact: PointMap, circle: InvariantCircle) -> float:
     """Return the largest Lyapunov exponent per step across a circle; negative where it attracts.
 
     In the plane it is the mean of the logarithm of the determinant, as the exponent along the circle is 0; in more
-    dimensions a mean of derivatives between planes normal to the circle, to about 1e-5, or 1e-3 where two exponents across
-    the circle are nearly equal.
+    dimensions a mean of derivatives between planes normal to the circle, to about 1e-5, or 1e-3 where two exponents
+    across the circle are nearly equal.
     """
     curves, d, axes = len(circle.coefficients), exact.dimension, exact.coordinates
     if d == 2:
         phases = np.arange(circle.coefficients.shape[-1]) / circle.coefficients.shape[-1]
         return float(np.log(np.abs(np.linalg.det(tangent(exact, circle.points(phases, axes))[1]))).mean())
-    phases = (np.arange(_SETTLING + _EXPONENT_STEPS + 1) * circle.frequency) % 1.0
+    phases = np.mod(np.arange(_SETTLING + _EXPONENT_STEPS + 1) * circle.frequency, 1.0)
     slopes = tangent(exact, circle.points(phases[:-1], axes)[0], curves)[1]
-    directions = _along(circle, phases, np.asarray(turns_of(axes)[1], dtype=np.float64))
+    directions = _along(circle, phases, turns_of(axes)[1])
     normal = np.linalg.svd(directions[:, None])[2][:, 1:]
     logs = stretching((normal[1:] @ slopes @ normal[:-1].swapaxes(-1, -2))[None])[_SETTLING:, 0]
     return float((bump(len(logs)) @ logs).max() / curves)
 
 
 def _along(circle: InvariantCircle, phases: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return derivatives (n, d) of the first curve by the phase, where an angle has a turn."""
+    """Return derivatives (n, d) of the first curve by the phase; `turn` has the periods of angles, 0 for others."""
     coefficients = circle.coefficients[0]
     harmonics = np.arange(coefficients.shape[-1]) - coefficients.shape[-1] // 2
     waves = np.exp(2j * np.pi * np.outer(harmonics, phases))
