@@ -11,7 +11,7 @@ from ..basins.live import LiveFrame
 from ..basins.store import save_basins
 from ..exchange.datasets import to_xarray
 from ..maps.system import ForcedSystem
-from .explored import Explored
+from .explored import MOST_STEPS, Explored
 from .view import View
 
 _SEEDS = 2  # points of an attractor from which a script finds it again
@@ -33,7 +33,7 @@ def script(explored: Explored, view: View, frame: LiveFrame) -> str:
     lines += ["import numpy as np" if len(view.axes) < len(view.others) else "", _source(explored)]
     if isinstance(explored.system, ForcedSystem):
         exact = f"stroboscopic_map(system.with_params({params}), phase={view.phase!r}, "
-        exact += f"rtol={view.tolerance!r}, atol={view.tolerance!r})"
+        exact += f"rtol={view.tolerance!r}, atol={view.tolerance!r}, max_steps={MOST_STEPS})"
     else:
         exact = f"system.with_params({params})" if params else "system"
     used = ["find_basins", "plot", *(["find_attractors"] if seeds else [])]

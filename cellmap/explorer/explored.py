@@ -16,6 +16,9 @@ from ..maps.point_map import PointMap
 from ..maps.stroboscopic import stroboscopic_map
 from ..maps.system import ForcedSystem
 
+MOST_STEPS = 4096
+"""Steps of a period: orbits that blow up are given up after a quarter of those of the library."""
+
 _HALF = 2.0  # of the window along a coordinate that is no angle, where none is given
 _MARGIN = 0.05  # of the window, by which an interpolation grid is larger on each side
 
@@ -80,7 +83,10 @@ class Explored:
     def point_map(self, nodes: int, tolerance: float) -> PointMap:
         """Return the map at the system's own parameters, interpolated if there are nodes."""
         system = self.system
-        exact = stroboscopic_map(system, rtol=tolerance, atol=tolerance) if isinstance(system, ForcedSystem) else system
+        if isinstance(system, ForcedSystem):
+            exact = stroboscopic_map(system, rtol=tolerance, atol=tolerance, max_steps=MOST_STEPS)
+        else:
+            exact = system
         return exact if not nodes else interpolated_map(exact, self.table_grid(nodes))
 
     def table_grid(self, nodes: int) -> CellGrid:
