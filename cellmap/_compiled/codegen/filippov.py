@@ -172,7 +172,7 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
     graph, count = base.graph, len(modes)
     signs = tuple(switch.sign for switch in modes)
     surfaces = tuple(_from_nearest_whole(graph, s.function) if s.counts else s.function for s in modes)
-    smooth, jumps = _affine(base, modes, given)
+    smooth, jumps, below = _affine(base, modes, given)
     one, zero = graph.constant(1.0), graph.constant(0.0)
 
     def derivative(components: Sequence[Expression], time: Expression) -> tuple[Expression, ...]:
@@ -195,9 +195,16 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
     motion, events = base, free_events
     if any(not gains[i][i].vanishes for i in range(count)):
         held = _held_signs(graph, rates, gains, signs, slides)
+        parts, begin = held, smooth
+        if below is not None:
+            # What is added where a switch slides; a sum of all jumps would cancel where one side has a pole.
+            parts, begin = (
+                [graph.times(u, graph.apply("add", s, one)) for u, s in zip(slides, held, strict=True)],
+                below,
+            )
         components = [
-            _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(held, jumps, strict=True))])
-            for j, f in enumerate(smooth)
+            _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(parts, jumps, strict=True))])
+            for j, f in enumerate(begin)
         ]
         # A coordinate that is held at zero stays there to the last bit.
         for slide, surface in zip(slides, surfaces, strict=True):
@@ -223,9 +230,10 @@ def _from_nearest_whole(graph: BranchingGraph, function: Expression) -> Expressi
 
 def _affine(
     base: Trace, modes: Sequence[Switch], given: Sequence[Expression]
-) -> tuple[tuple[Expression, ...], tuple[tuple[Expression, ...], ...]]:
+) -> tuple[tuple[Expression, ...], tuple[tuple[Expression, ...], ...], tuple[Expression, ...] | None]:
     """Split f(s) into f_0 and g_i with f = f_0 + sum of s_i g_i, where one s_i at a time is another than its sign.
 
+    The third is f(s) with the side below for each switch that slides, None where f is affine in all signs at once.
     The signs of switches that are given must not act on each other; then that holds for all of them together.
     """
     graph, outputs = base.graph, base.outputs
@@ -234,7 +242,7 @@ def _affine(
     signs = [switch.sign for switch in modes]
     slopes = [along(graph, outputs, {sign: one}) for sign in signs]
     if len(given) == len(modes) and not any(_depends(slope, signs) for slope in slopes) and not _selects(outputs):
-        return graph.substituted(outputs, dict.fromkeys(signs, zero)), tuple(slopes)
+        return graph.substituted(outputs, dict.fromkeys(signs, zero)), tuple(slopes), None
     mine = set(given)
     for sign, slope in zip(signs, slopes, strict=True):
         if sign in mine and _depends(slope, mine - {sign}):
@@ -253,9 +261,8 @@ def _affine(
         jumps.append((zero,) * len(outputs) if is_continuous(switch, jump) else jump)
     if any(_depends(jump, signs) for jump in jumps):
         terms = [[graph.times(f, e) for e in jump] for f, jump in zip(factors, jumps, strict=True)]
-        return tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True)), tuple(
-            jumps
-        )
+        smooth = tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True))
+        return smooth, tuple(jumps), outputs
     # No jump depends on another: what is left at the sides below, and half of each jump, is the same on all sides.
     least = {
         s.sign: zero if s.counts else below
@@ -263,8 +270,8 @@ def _affine(
         if not all(e.vanishes for e in jump)
     }
     halves = [jump for s, jump in zip(modes, jumps, strict=True) if not s.counts]
-    smooth = graph.substituted(outputs, least)
-    return tuple(_sum(graph, terms) for terms in zip(smooth, *halves, strict=True)), tuple(jumps)
+    lowest = graph.substituted(outputs, least)
+    return tuple(_sum(graph, terms) for terms in zip(lowest, *halves, strict=True)), tuple(jumps), outputs
 
 
 def _selects(outputs: Sequence[Expression]) -> bool:
