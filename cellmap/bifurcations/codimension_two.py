@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,6 +15,7 @@ from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .arclength import ContinuationStep, SolutionPoint
 from .centre_manifold import coefficient
+from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .normal_forms import Reduction
 from .singular_orbits import SingularOrbits
@@ -70,7 +72,13 @@ class CodimensionTwo:
     multipliers: NDArray[np.complex128]
     place: int
     new_curve: BifurcationKind | None
+    _problem: SingularOrbits = field(repr=False)
     _unknowns: NDArray[np.float64] = field(repr=False)
+
+    @functools.cached_property
+    def normal_form(self) -> CodimensionTwoForm | None:
+        """Normal form; computed when it is first asked for, None where the multipliers do not allow it."""
+        return form_of_two(self._problem.orbits, self._unknowns, self.kind)
 
     def __repr__(self) -> str:
         where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))
@@ -120,6 +128,7 @@ def _point(
         multipliers=multipliers_of(problem.matrix(at)),
         place=place,
         new_curve=next(iter(_CURVES.get(kind, set()) - {problem.kind}), None),
+        _problem=problem,
         _unknowns=at.unknowns,
     )
 

@@ -18,7 +18,7 @@ CERTAIN = 3.0
 
 _TRIALS = 8
 _SAFETY = 1.2  # over the standard deviation
-_ROUNDING = 1e-16
+_ROUNDING = 2e-16
 _LOCATION = 5e-16  # error of the unknowns, in natural sizes
 _DISPLACEMENT = 1e-3  # the same, by which derivatives are compared
 _DEFICIENT = 1e-6  # singular value of the equations at a branch point

@@ -62,7 +62,7 @@ def multilinear_forms(
     if not steps or None in steps:
         return _from_differences(exact, points, periods, sizes)
     d, (n, states) = len(sizes), points.shape
-    directions = _directions(d, order)
+    directions = directions_for(d, order)
     found = tuple[list[NDArray[np.float64]], ...]([] for _ in range(order))
     # Curves so long that derivatives are no smaller than the absolute tolerance asks for.
     least = max(1.0, 1.0 / float(sizes.min()))
@@ -81,7 +81,7 @@ def multilinear_forms(
 
 
 @functools.cache
-def _directions(d: int, order: int) -> NDArray[np.float64]:
+def directions_for(d: int, order: int) -> NDArray[np.float64]:
     """Return directions (m, d), as many as a form of an order has coefficients, which its values there determine."""
     from scipy.linalg import qr
 

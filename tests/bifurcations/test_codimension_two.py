@@ -209,6 +209,9 @@ def test_the_cusp_of_the_duffing_oscillator() -> None:
     system = duffing_oscillator(damping=0.1, forcing=forcing, frequency=frequency)
     assert abs(Differences(system, cusp.point, (1.0, 1.0), 0.02).coefficient(FOLD)) < 1e-6
     assert np.abs(curve.values[:, 0] - frequency).min() > 1e-6
+    assert cusp.normal_form is not None
+    cubic = Differences(system, cusp.point, (1.0, 1.0), 0.02).coefficient(PITCHFORK)
+    assert cusp.normal_form.coefficients["c"] == pytest.approx(cubic, rel=1e-5)
 
 
 def test_points_without_another_curve_are_refused(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
