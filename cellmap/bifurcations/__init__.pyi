@@ -3,7 +3,7 @@ from .atlas_record import AttractorAtlas as AttractorAtlas
 from .atlas_record import AttractorFamily as AttractorFamily
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
-from .bifurcation_curve import switch_curve as switch_curve
+from .born_curves import NewCurve as NewCurve
 from .branch import Bifurcation as Bifurcation
 from .branch import Branch as Branch
 from .branch_search import BranchSearch as BranchSearch
@@ -26,6 +26,7 @@ from .connecting_branches import continue_tangency as continue_tangency
 from .connections import ConnectingOrbit as ConnectingOrbit
 from .connections import connecting_orbits as connecting_orbits
 from .crossings import Crossing as Crossing
+from .curve_switching import switch_curve as switch_curve
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram
 from .equilibrium_stability import Boundary as Boundary

@@ -17,8 +17,8 @@ from ..orbits.multipliers import multipliers_of
 from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
-from .fold_births import FoldBirth
-from .kinds import BifurcationKind, CodimensionTwoKind
+from .kinds import BifurcationKind
+from .orbit_births import OrbitBirth
 from .orbit_equations import orbit_problem
 from .singular_orbits import SingularOrbits
 
@@ -146,7 +146,7 @@ def continue_bifurcation(
     if not isinstance(parameter, str) or parameter not in exact.params or parameter == branch.parameter:
         others = sorted(set(exact.params) - {branch.parameter})
         raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
-    box = (_interval("first", first, bifurcation.value), _interval("second", second, exact.params[parameter]))
+    box = (interval_of("first", first, bifurcation.value), interval_of("second", second, exact.params[parameter]))
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
     orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
     unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
@@ -154,87 +154,16 @@ def continue_bifurcation(
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
-    return _Tracer(problem, names, box, *_limits(step, max_points), progress).curve(start)
+    return CurveTracer(problem, names, box, *limits_of(step, max_points), progress).curve(start)
 
 
-@checked
-def switch_curve(
-    curve: BifurcationCurve,
-    point: CodimensionTwo,
-    first: tuple[float, float],
-    second: tuple[float, float],
-    step: float = 0.01,
-    max_points: int = 1000,
-    progress: bool = False,
-) -> BifurcationCurve:
-    """Continue the other curve of bifurcations through a point of codimension two.
-
-    From a 1:1 or 1:2 resonance that is the curve of Neimark-Sacker bifurcations if `curve` is one of folds or period
-    doublings, and the other way round; in the same way from points with two critical multipliers, such as fold-flip.
-    At a generalised flip a curve of folds of orbits of twice the period begins, at a degenerate pitchfork one of folds
-    of asymmetric orbits.
-
-    Parameters
-    ----------
-    curve : BifurcationCurve
-        The curve on which the point was found.
-    point : CodimensionTwo
-        One of its `codimension_two`, with a `new_curve`.
-    first, second : tuple of float
-        Intervals of both parameters, in their units.
-    step, max_points, progress
-        As for :func:`continue_bifurcation`.
-
-    Returns
-    -------
-    BifurcationCurve
-        The other curve, of the kind ``point.new_curve``.
-
-    Raises
-    ------
-    ValueError
-        For a point without another curve, or where it is not found.
-
-    References
-    ----------
-    Kuznetsov, Meijer, *Numerical Bifurcation Analysis of Maps* (2019), chapter 3 for the curves at each point.
-
-    Examples
-    --------
-    >>> from cellmap import continue_orbit, discrete_map, periodic_orbit
-    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
-    >>> branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4)
-    >>> doublings = continue_bifurcation(branch, branch.bifurcations[0], "b", (0.0, 4.0), (-1.5, 0.9))
-    >>> doublings.codimension_two
-    (CodimensionTwo(1:2 resonance at a=3, b=-1),)
-    >>> switch_curve(doublings, doublings.codimension_two[0], (-2.0, 4.0), (-1.5, 0.9))
-    BifurcationCurve(Neimark-Sacker, ... points, a from -1 to 3, b from -1 to -1)
-    """
-    if point.new_curve is None:
-        raise ValueError(f"point={point!r}: no other curve of bifurcations of periodic orbits is followed from it")
-    names, old = curve.parameters, curve._problem.orbits
-    box = (_interval("first", first, point.values[0]), _interval("second", second, point.values[1]))
-    spans = [high - low for low, high in box]
-    rounds = 2 if point.kind is CodimensionTwoKind.GENERALISED_FLIP else 1
-    orbits = replace(old, period=rounds * old.period, scale=np.append(old.scale[:-2], spans))
-    origin = point._unknowns * old.scale / orbits.scale
-    problem = SingularOrbits.at(orbits, point.new_curve, origin)
-    tracer = _Tracer(problem, names, box, *_limits(step, max_points), progress)
-    if point.kind in {CodimensionTwoKind.GENERALISED_FLIP, CodimensionTwoKind.DEGENERATE_PITCHFORK}:
-        birth = FoldBirth.at(curve._problem, old.scale / orbits.scale, origin)
-        start, tracer = birth.fold(problem), replace(tracer, birth=birth)
-    else:
-        start = corrected(problem, origin, np.linalg.svd(problem(origin)[1])[2][-1])
-    if start is None:
-        raise ValueError(f"point={point!r}: the curve of {point.new_curve} is not found beside it")
-    return tracer.curve(start)
-
-
-def _limits(step: float, max_points: int) -> tuple[float, int]:
+def limits_of(step: float, max_points: int) -> tuple[float, int]:
+    """Return the longest step and the largest number of points, checked."""
     return finite_number("step", step, above=0.0, at_most=1.0), whole_number("max_points", max_points, at_least=1)
 
 
-def _interval(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
+def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
+    """Return the interval of a parameter, which contains its present value."""
     ends = pair_of(label, given)
     low, high = (finite_number(f"{label}[{k}]", end) for k, end in enumerate(ends))
     if not low <= value <= high or low == high:
@@ -243,7 +172,7 @@ def _interval(label: str, given: tuple[float, float], value: float) -> tuple[flo
 
 
 @dataclass(frozen=True, eq=False)
-class _Tracer:
+class CurveTracer:
     """Tracer of a curve of bifurcations in a rectangle of two parameters."""
 
     problem: SingularOrbits
@@ -252,7 +181,7 @@ class _Tracer:
     longest: float
     most: int
     progress: bool
-    birth: FoldBirth | None = None
+    birth: OrbitBirth | None = None
 
     def side(self, start: SolutionPoint) -> tuple[list[SolutionPoint], str]:
         """Trace the curve along the tangent of a point; return the points and the reason why they end."""
@@ -264,11 +193,11 @@ class _Tracer:
                 there = part.end.unknowns[-2:]
                 cut = None if (there >= low).all() and (there <= high).all() else part.cut(d, low, high)
                 last = part.end if cut is None else cut.end
+                if self.birth and self.birth.is_between(part.begin, last):
+                    return places, self.birth.name
                 if problem.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
                     places += self._resonance(part, last)
                     return places, "multipliers met on the real axis"
-                if self.birth and self.birth.is_between(part.begin, last):
-                    return places, self.birth.name
                 places.append(last)
                 tick(1)
                 if cut is not None:

@@ -14,6 +14,7 @@ from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from .arclength import ContinuationStep, SolutionPoint
+from .born_curves import NewCurve, born_curves
 from .centre_manifold import coefficient
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .kinds import BifurcationKind, CodimensionTwoKind
@@ -28,15 +29,13 @@ _REAL = 1e-6  # imaginary part of multipliers that are taken for real
 _FOLD, _FLIP = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
 _TORUS = BifurcationKind.NEIMARK_SACKER
 _CURVES = {
-    CodimensionTwoKind.GENERALISED_FLIP: {_FOLD},
-    CodimensionTwoKind.DEGENERATE_PITCHFORK: {_FOLD},
     CodimensionTwoKind.RESONANCE_1_1: {_FOLD, _TORUS},
     CodimensionTwoKind.RESONANCE_1_2: {_FLIP, _TORUS},
     CodimensionTwoKind.FOLD_FLIP: {_FOLD, _FLIP},
     CodimensionTwoKind.FOLD_NEIMARK_SACKER: {_FOLD, _TORUS},
     CodimensionTwoKind.FLIP_NEIMARK_SACKER: {_FLIP, _TORUS},
 }
-"""Curves through points of codimension two."""
+"""Curves of bifurcations of the same orbits through points of codimension two."""
 
 _PAIRS = {CodimensionTwoKind.FOLD_NEIMARK_SACKER, CodimensionTwoKind.FLIP_NEIMARK_SACKER}
 _MET = {CodimensionTwoKind.RESONANCE_1_1, CodimensionTwoKind.RESONANCE_1_2}
@@ -60,9 +59,6 @@ class CodimensionTwo:
         Multipliers at the point.
     place : int
         The point lies between the points `place` and ``place + 1`` of the curve.
-    new_curve : BifurcationKind or None
-        Kind of the other curve that passes through the point or begins there, for :func:`switch_curve`; None if no
-        curve of bifurcations of periodic orbits is followed from there.
     """
 
     kind: CodimensionTwoKind
@@ -71,7 +67,6 @@ class CodimensionTwo:
     point: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     place: int
-    new_curve: BifurcationKind | None
     _problem: SingularOrbits = field(repr=False)
     _unknowns: NDArray[np.float64] = field(repr=False)
 
@@ -79,6 +74,16 @@ class CodimensionTwo:
     def normal_form(self) -> CodimensionTwoForm | None:
         """Normal form; computed when it is first asked for, None where the multipliers do not allow it."""
         return form_of_two(self._problem.orbits, self._unknowns, self.kind)
+
+    @functools.cached_property
+    def new_curves(self) -> tuple[NewCurve, ...]:
+        """Other curves of bifurcations of periodic orbits through the point, for :func:`switch_curve`.
+
+        Curves of orbits of the same period come first, and then those of the orbits that are born at the point, which
+        for some kinds depend on the normal form.
+        """
+        others = _CURVES.get(self.kind, set()) - {self._problem.kind}
+        return *(NewCurve(kind) for kind in others), *born_curves(self.kind, self.normal_form)
 
     def __repr__(self) -> str:
         where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))
@@ -127,7 +132,6 @@ def _point(
         point=wrap(state[:d], orbits.point_map.coordinates),
         multipliers=multipliers_of(problem.matrix(at)),
         place=place,
-        new_curve=next(iter(_CURVES.get(kind, set()) - {problem.kind}), None),
         _problem=problem,
         _unknowns=at.unknowns,
     )

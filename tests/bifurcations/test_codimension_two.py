@@ -16,6 +16,7 @@ from cellmap.bifurcations import (
     BifurcationKind,
     CodimensionTwo,
     CodimensionTwoKind,
+    NewCurve,
     continue_bifurcation,
     switch_curve,
 )
@@ -96,11 +97,11 @@ def test_fold_flip_and_resonances_from_both_curves(henon: dict[BifurcationKind, 
         assert {p.kind for p in henon[kind].codimension_two} == {POINT.FOLD_FLIP, resonance}
         found = only(henon[kind], resonance)
         np.testing.assert_allclose(found.values, RESONANCES[resonance], atol=1e-11)
-        assert found.new_curve is NEIMARK_SACKER
+        assert found.new_curves[0] == NewCurve(NEIMARK_SACKER)
         both = only(henon[kind], POINT.FOLD_FLIP)
         np.testing.assert_allclose(both.values, generalised_henon(0.0, -1.0), atol=1e-11)
         other = switch_curve(henon[kind], both, *WIDE, step=0.05)
-        assert other.kind is both.new_curve
+        assert other.kind is both.new_curves[0].kind
         assert other.kind is ({FOLD, DOUBLING} - {kind}).pop()
         assert {p.kind for p in other.codimension_two} >= {POINT.FOLD_FLIP}
 
@@ -130,7 +131,7 @@ def test_a_cusp() -> None:
     curve = curve_of(exact, [sqrt(0.7)], FOLD)
     (found,) = curve.codimension_two
     assert found.kind is POINT.CUSP
-    assert found.new_curve is None
+    assert found.new_curves == ()
     np.testing.assert_allclose(found.values, 0.0, atol=1e-11)
     np.testing.assert_allclose(27.0 * curve.values[:, 0] ** 2, 4.0 * curve.values[:, 1] ** 3, atol=1e-11)
 
@@ -215,8 +216,8 @@ def test_the_cusp_of_the_duffing_oscillator() -> None:
 
 
 def test_points_without_another_curve_are_refused(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
-    with pytest.raises(ValueError, match=r"1:4 resonance at .* no other curve"):
-        switch_curve(henon[NEIMARK_SACKER], only(henon[NEIMARK_SACKER], POINT.RESONANCE_1_4), *WIDE)
+    with pytest.raises(ValueError, match=r"1:3 resonance at .* no other curve"):
+        switch_curve(henon[NEIMARK_SACKER], only(henon[NEIMARK_SACKER], POINT.RESONANCE_1_3), *WIDE)
     with pytest.raises(ValueError, match="second="):
         switch_curve(henon[FOLD], only(henon[FOLD], POINT.RESONANCE_1_1), WIDE[0], (-2.0, 0.0))
 

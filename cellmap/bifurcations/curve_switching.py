@@ -1,0 +1,101 @@
+"""Curves of bifurcations that leave points of codimension two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .._lib.signatures import checked
+from .arclength import corrected
+from .bifurcation_curve import BifurcationCurve, CurveTracer, interval_of, limits_of
+from .born_curves import NewCurve, born_curves
+from .codimension_two import CodimensionTwo
+from .kinds import BifurcationKind
+from .orbit_births import OrbitBirth
+from .singular_orbits import SingularOrbits
+
+_BEFORE = {1: BifurcationKind.PITCHFORK, 2: BifurcationKind.PERIOD_DOUBLING, 4: BifurcationKind.NEIMARK_SACKER}
+"""Bifurcations at which orbits of some times the period are born."""
+
+
+@checked
+def switch_curve(
+    curve: BifurcationCurve,
+    point: CodimensionTwo,
+    first: tuple[float, float],
+    second: tuple[float, float],
+    step: float = 0.01,
+    max_points: int = 1000,
+    progress: bool = False,
+    new_curve: NewCurve | None = None,
+) -> BifurcationCurve:
+    """Continue another curve of bifurcations through a point of codimension two.
+
+    From a 1:1 or 1:2 resonance that is the curve of Neimark-Sacker bifurcations if `curve` is one of folds or period
+    doublings, and the other way round; in the same way from points with two critical multipliers, such as fold-flip.
+    Other curves begin at the point, with orbits that are born there: folds of orbits of twice the period at a
+    generalised flip, of asymmetric orbits at a degenerate pitchfork, and of four times the period at a 1:4 resonance;
+    Neimark-Sacker bifurcations of orbits of twice the period at a 1:2 resonance, a fold-flip and a
+    flip-Neimark-Sacker point, and of four times the period at a 1:4 resonance.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+        The curve on which the point was found.
+    point : CodimensionTwo
+        One of its `codimension_two`, with `new_curves`.
+    first, second : tuple of float
+        Intervals of both parameters, in their units.
+    step, max_points, progress
+        As for :func:`continue_bifurcation`.
+    new_curve : NewCurve, optional
+        One of the `new_curves` of the point, by default the first.
+
+    Returns
+    -------
+    BifurcationCurve
+        The other curve.  One that begins at the point ends beside it, with the name of the point as the reason.
+
+    Raises
+    ------
+    ValueError
+        For a point without another curve, or where it is not found.
+
+    References
+    ----------
+    Kuznetsov, Meijer, *Numerical Bifurcation Analysis of Maps* (2019), chapter 3 for the curves at each point.
+
+    Examples
+    --------
+    >>> from cellmap import continue_orbit, discrete_map, periodic_orbit
+    >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
+    >>> branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4)
+    >>> doublings = continue_bifurcation(branch, branch.bifurcations[0], "b", (0.0, 4.0), (-1.5, 0.9))
+    >>> doublings.codimension_two
+    (CodimensionTwo(1:2 resonance at a=3, b=-1),)
+    >>> switch_curve(doublings, doublings.codimension_two[0], (-2.0, 4.0), (-1.5, 0.9))
+    BifurcationCurve(Neimark-Sacker, ... points, a from -1 to 3, b from -1 to -1)
+    """
+    chosen = new_curve or next(iter(point.new_curves), None)
+    if chosen is None or chosen not in point.new_curves:
+        known = ", ".join(map(repr, point.new_curves)) or "no other curve of bifurcations of periodic orbits"
+        raise ValueError(f"new_curve={new_curve!r}: {point!r} has {known}")
+    names, old = curve.parameters, curve._problem.orbits
+    box = (interval_of("first", first, point.values[0]), interval_of("second", second, point.values[1]))
+    spans = [high - low for low, high in box]
+    orbits = replace(old, scale=np.append(old.scale[:-2], spans))
+    origin = point._unknowns * old.scale / orbits.scale
+    problem = SingularOrbits.at(replace(orbits, period=chosen.times * old.period), chosen.kind, origin)
+    tracer = CurveTracer(problem, names, box, *limits_of(step, max_points), progress)
+    if chosen in born_curves(point.kind, point.normal_form):
+        before = SingularOrbits.at(orbits, _BEFORE[chosen.times], origin)
+        birth = OrbitBirth.at(str(point.kind), before, origin, chosen.times)
+        starts = [] if birth is None else birth.bifurcations(problem)
+        start = starts[chosen.number] if chosen.number < len(starts) else None
+        tracer = replace(tracer, birth=birth)
+    else:
+        start = corrected(problem, origin, np.linalg.svd(problem(origin)[1])[2][-1])
+    if start is None:
+        raise ValueError(f"point={point!r}: {chosen!r} is not found beside it")
+    return tracer.curve(start)

@@ -1,0 +1,151 @@
+"""Orbits that are born at points of codimension two, and the bifurcations that they have nearby."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
+from .arclength import SolutionPoint, continuation_steps, corrected
+from .kinds import BifurcationKind
+from .orbit_equations import OrbitProblem
+from .singular_orbits import SingularOrbits
+
+_DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in natural sizes
+_PASSED = 0.1  # the same, up to which a curve is followed to where they are born
+_STEPS_AHEAD = 24  # along orbits of one distance, each a quarter of it or less
+_COMPLEX = 1e-6  # imaginary part of multipliers
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitBirth:
+    """Point at which orbits are born from an old one that is `origin` (d + 2,), along a critical eigenvector.
+
+    New orbits return to the other side of the old one in half their period, `half`; without it, as at a pitchfork, the
+    old orbit stays at its place.  Their distance from the old one is w, complex for a complex multiplier.
+    """
+
+    name: str
+    orbits: OrbitProblem
+    half: OrbitProblem | None
+    origin: NDArray[np.float64]
+    right: NDArray[np.complex128]
+    left: NDArray[np.complex128]
+    along: NDArray[np.float64]
+
+    @classmethod
+    def at(cls, name: str, old: SingularOrbits, origin: NDArray[np.float64], times: int) -> OrbitBirth | None:
+        """Return the birth of orbits of some times the period of an orbit on a curve; None where it is not found."""
+        matrix, d = old.matrices(origin), old.orbits.dimension
+        critical = {1: 1.0, 2: -1.0, 4: 1j}[times]
+        left, _, right = np.linalg.svd(matrix - critical * np.eye(d))
+        q, p = right[-1].conj(), left[:, -1].conj() if times == 4 else right[-1]
+        place = corrected(old, origin, np.linalg.svd(old(origin)[1])[2][-1])
+        if place is None:
+            return None
+        turning = np.append((1j * q).real, [0.0, 0.0])
+        half = None if times == 1 else replace(old.orbits, period=times // 2 * old.orbits.period)
+        return cls(
+            name=name,
+            orbits=replace(old.orbits, period=times * old.orbits.period),
+            half=half,
+            origin=origin,
+            right=q,
+            left=p / (p @ q),
+            along=turning / np.linalg.norm(turning) if times == 4 else place.tangent,
+        )
+
+    def distance(self, unknowns: NDArray[np.float64]) -> tuple[complex, NDArray[np.complex128]]:
+        """Return the distance w of a new orbit from the old one, and its derivatives (d + 2,)."""
+        if self.half is None:
+            d = len(self.left)
+            return complex(self.left @ (unknowns[:d] - self.origin[:d])), np.append(self.left, [0.0, 0.0])
+        moved, slopes = self.half(unknowns)
+        return complex(-0.5 * self.left @ moved), -0.5 * self.left @ slopes
+
+    def is_between(self, first: SolutionPoint, second: SolutionPoint) -> bool:
+        """Return whether the new orbits shrink to the old one, and grow on its other side, between two points."""
+        one, two = self.distance(first.unknowns)[0], self.distance(second.unknowns)[0]
+        return (one * two.conjugate()).real < 0.0 and max(abs(one), abs(two)) < _PASSED
+
+    def bifurcations(self, problem: SingularOrbits) -> list[SolutionPoint]:
+        """Return bifurcations of new orbits that are near the old one, of the kind of a problem, the nearest first.
+
+        The tangents of their curves lead away from the old orbit.
+        """
+        for distance in _DISTANCES:
+            found = list[SolutionPoint]()
+            for near in self._crossings(problem.kind, distance):
+                unknowns, (w, change) = near.unknowns, self.distance(near.unknowns)
+                direction = np.linalg.svd(problem(unknowns)[1])[2][-1]
+                away = float(np.sign((w.conjugate() * change).real @ direction))
+                place = corrected(problem, unknowns, away * direction)
+                if place is not None and 0.5 * distance < abs(self.distance(place.unknowns)[0]) < 2.0 * distance:
+                    found.append(place)
+            if found:
+                return sorted(found, key=lambda place: float(np.linalg.norm((place.unknowns - self.origin)[-2:])))
+        return []
+
+    def _crossings(self, kind: BifurcationKind, distance: float) -> Iterator[SolutionPoint]:
+        """Yield the orbits at a distance from the old one at which a test function changes its sign."""
+        problem = _OrbitsAtDistance(self, distance)
+        length = 2.0 * distance if self.is_complex else distance
+        guess = self.origin + np.append(length * self.right.real, [0.0, 0.0])
+        start = corrected(problem, guess, self.along)
+        if start is None:
+            return
+
+        def test(place: SolutionPoint) -> float:
+            matrix = self._matrix(place)
+            if kind is BifurcationKind.FOLD:
+                return float(np.linalg.det(matrix - np.eye(len(matrix))))
+            return float(pairs_beside_one(multipliers_of(matrix)))
+
+        still = np.zeros(len(self.origin), bool)
+        for sign in (1.0,) if self.is_complex else (1.0, -1.0):
+            begin = replace(start, tangent=sign * start.tangent)
+            steps = continuation_steps(problem, begin, 0.25 * distance, still)
+            for _, step in zip(range(_STEPS_AHEAD), steps, strict=False):
+                if test(step.begin) * test(step.end) < 0.0:
+                    place = step.located(test)
+                    if place is not None and self._has(kind, place):
+                        yield place
+                if self.is_complex and self._turned(start, step.end):
+                    break
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether the critical multiplier is complex."""
+        return bool(np.abs(self.right.imag).max() > 0.0)
+
+    def _matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
+        d = len(self.left)
+        return place.derivatives[:d, :d] + np.eye(d)
+
+    def _has(self, kind: BifurcationKind, place: SolutionPoint) -> bool:
+        """Return whether the multipliers whose product is 1 are complex where they should be."""
+        found = multipliers_of(self._matrix(place))
+        return kind is BifurcationKind.FOLD or bool(abs(found[pair_on_circle(found)[0]].imag) > _COMPLEX)
+
+    def _turned(self, start: SolutionPoint, place: SolutionPoint) -> bool:
+        """Return whether a place is beyond the first image of the orbit at the start."""
+        first, last = self.distance(start.unknowns)[0], self.distance(place.unknowns)[0]
+        return bool(abs(np.angle(last / first)) > 0.5 * np.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class _OrbitsAtDistance:
+    """Equations of new orbits at a distance from the old one, in state variables and two parameters."""
+
+    birth: OrbitBirth
+    distance: float
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (d + 1,) and their derivatives (d + 1, d + 2) at unknowns (d + 2,)."""
+        residual, slopes = self.birth.orbits(unknowns)
+        w, change = self.birth.distance(unknowns)
+        square = 0.5 * (abs(w) ** 2 / self.distance - self.distance)
+        return np.append(residual, square), np.vstack([slopes, (w.conjugate() * change).real / self.distance])
