@@ -206,6 +206,8 @@ class CurveTracer:
                     return places, "closed"
                 if len(places) > self.most:
                     return places, "most points"
+            if self.birth and self.birth.is_at(places[-1]):
+                return places, self.birth.name
         return places, end
 
     def _resonance(self, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:

@@ -38,14 +38,14 @@ def born_curves(kind: CodimensionTwoKind, form: CodimensionTwoForm | None) -> tu
     They follow from the flow that approximates an iterate of the normal form: at a 1:2 resonance its equilibria are
     foci for c < 0, at a fold-flip for b e > 0.  At a 1:4 resonance equilibria z' = 0 of z' = eps z + a z abs(z)^2 +
     conj(z)^3 have a zero eigenvalue for abs(a) > 1, and imaginary ones for abs(Im a) sqrt(1 - (Re a)^2) > 1 + (Re a)^2.
-    At a 1:3 resonance they are saddles, without bifurcations.
+    At a 1:3 resonance they are saddles, without bifurcations.  Nothing is said of degenerate points.
 
     References
     ----------
     Kuznetsov, *Elements of Applied Bifurcation Theory* (2004), sections 9.5 and 9.6; Kuznetsov, Meijer, van Veen,
     International Journal of Bifurcation and Chaos 14 (2004) 2253, for the fold-flip bifurcation.
     """
-    found = {} if form is None else form.coefficients
+    found = {} if form is None or form.degenerate else form.coefficients
     match kind:
         case CodimensionTwoKind.GENERALISED_FLIP:
             return (NewCurve(_FOLD, 2),)

@@ -82,7 +82,7 @@ _FORMS = {
             "c3": (1, (2, 1)),
             "c4": (1, (0, 3)),
         },
-        required=("a", "b"),
+        required=("a", "b", "e"),
     ),
     Kind.FOLD_NEIMARK_SACKER: _Form(
         3,

@@ -16,7 +16,8 @@ from .singular_orbits import SingularOrbits
 
 _DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in natural sizes
 _PASSED = 0.1  # the same, up to which a curve is followed to where they are born
-_STEPS_AHEAD = 24  # along orbits of one distance, each a quarter of it or less
+_ARRIVED = 1e-3  # the same, of orbits that are the old one
+_STEPS_AHEAD, _STEPS_AROUND = 24, 200  # along orbits of one distance, each a quarter of it or less
 _COMPLEX = 1e-6  # imaginary part of multipliers
 
 
@@ -67,9 +68,13 @@ class OrbitBirth:
         return complex(-0.5 * self.left @ moved), -0.5 * self.left @ slopes
 
     def is_between(self, first: SolutionPoint, second: SolutionPoint) -> bool:
-        """Return whether the new orbits shrink to the old one, and grow on its other side, between two points."""
+        """Return whether the new orbits shrink to the old one between two points, and are it or on its other side."""
         one, two = self.distance(first.unknowns)[0], self.distance(second.unknowns)[0]
-        return (one * two.conjugate()).real < 0.0 and max(abs(one), abs(two)) < _PASSED
+        return (one * two.conjugate()).real < _ARRIVED * abs(one) ** 2 and max(abs(one), abs(two)) < _PASSED
+
+    def is_at(self, place: SolutionPoint) -> bool:
+        """Return whether an orbit is the old one."""
+        return abs(self.distance(place.unknowns)[0]) < _ARRIVED
 
     def bifurcations(self, problem: SingularOrbits) -> list[SolutionPoint]:
         """Return bifurcations of new orbits that are near the old one, of the kind of a problem, the nearest first.
@@ -104,11 +109,12 @@ class OrbitBirth:
                 return float(np.linalg.det(matrix - np.eye(len(matrix))))
             return float(pairs_beside_one(multipliers_of(matrix)))
 
+        most = _STEPS_AROUND if self.is_complex else _STEPS_AHEAD
         still = np.zeros(len(self.origin), bool)
         for sign in (1.0,) if self.is_complex else (1.0, -1.0):
             begin = replace(start, tangent=sign * start.tangent)
             steps = continuation_steps(problem, begin, 0.25 * distance, still)
-            for _, step in zip(range(_STEPS_AHEAD), steps, strict=False):
+            for _, step in zip(range(most), steps, strict=False):
                 if test(step.begin) * test(step.end) < 0.0:
                     place = step.located(test)
                     if place is not None and self._has(kind, place):
