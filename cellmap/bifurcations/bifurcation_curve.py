@@ -193,8 +193,8 @@ class CurveTracer:
                 there = part.end.unknowns[-2:]
                 cut = None if (there >= low).all() and (there <= high).all() else part.cut(d, low, high)
                 last = part.end if cut is None else cut.end
-                if self.birth and self.birth.is_between(part.begin, last):
-                    return places, self.birth.name
+                if self.birth and (why := self.birth.end(part.begin, last)):
+                    return places, why
                 if problem.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
                     places += self._resonance(part, last)
                     return places, "multipliers met on the real axis"
@@ -206,8 +206,6 @@ class CurveTracer:
                     return places, "closed"
                 if len(places) > self.most:
                     return places, "most points"
-            if self.birth and self.birth.is_at(places[-1]):
-                return places, self.birth.name
         return places, end
 
     def _resonance(self, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:

@@ -91,7 +91,8 @@ def switch_curve(
     if chosen in born_curves(point.kind, point.normal_form):
         before = SingularOrbits.at(orbits, _BEFORE[chosen.times], origin)
         birth = OrbitBirth.at(str(point.kind), before, origin, chosen.times)
-        starts = [] if birth is None else birth.bifurcations(problem)
+        alike = sum((new.kind, new.times) == (chosen.kind, chosen.times) for new in point.new_curves)
+        starts = [] if birth is None else birth.bifurcations(problem, alike)
         start = starts[chosen.number] if chosen.number < len(starts) else None
         tracer = replace(tracer, birth=birth)
     else:

@@ -16,6 +16,7 @@ from .singular_orbits import SingularOrbits
 
 _DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in natural sizes
 _PASSED = 0.1  # the same, up to which a curve is followed to where they are born
+_NEAR = 5.0  # distances from the old orbit that new ones are from their birth, at most
 _ARRIVED = 1e-3  # the same, of orbits that are the old one
 _STEPS_AHEAD, _STEPS_AROUND = 24, 200  # along orbits of one distance, each a quarter of it or less
 _COMPLEX = 1e-6  # imaginary part of multipliers
@@ -67,19 +68,20 @@ class OrbitBirth:
         moved, slopes = self.half(unknowns)
         return complex(-0.5 * self.left @ moved), -0.5 * self.left @ slopes
 
-    def is_between(self, first: SolutionPoint, second: SolutionPoint) -> bool:
-        """Return whether the new orbits shrink to the old one between two points, and are it or on its other side."""
+    def end(self, first: SolutionPoint, second: SolutionPoint) -> str:
+        """Return why a curve ends on a step on which new orbits shrink to an old one; empty where they do not."""
         one, two = self.distance(first.unknowns)[0], self.distance(second.unknowns)[0]
-        return (one * two.conjugate()).real < _ARRIVED * abs(one) ** 2 and max(abs(one), abs(two)) < _PASSED
+        shrinks = (one * two.conjugate()).real < _ARRIVED * abs(one) ** 2 and max(abs(one), abs(two)) < _PASSED
+        if not shrinks and abs(two) > _ARRIVED:
+            return ""
+        near = min(float(np.linalg.norm(place.unknowns - self.origin)) for place in (first, second))
+        return self.name if near < _PASSED else "met orbits of the shorter period"
 
-    def is_at(self, place: SolutionPoint) -> bool:
-        """Return whether an orbit is the old one."""
-        return abs(self.distance(place.unknowns)[0]) < _ARRIVED
+    def bifurcations(self, problem: SingularOrbits, count: int) -> list[SolutionPoint]:
+        """Return at least some number of bifurcations of new orbits near the old one, of the kind of a problem.
 
-    def bifurcations(self, problem: SingularOrbits) -> list[SolutionPoint]:
-        """Return bifurcations of new orbits that are near the old one, of the kind of a problem, the nearest first.
-
-        The tangents of their curves lead away from the old orbit.
+        The nearest comes first; there are none where fewer are found.  The tangents of their curves lead away from the
+        old orbit.
         """
         for distance in _DISTANCES:
             found = list[SolutionPoint]()
@@ -88,11 +90,16 @@ class OrbitBirth:
                 direction = np.linalg.svd(problem(unknowns)[1])[2][-1]
                 away = float(np.sign((w.conjugate() * change).real @ direction))
                 place = corrected(problem, unknowns, away * direction)
-                if place is not None and 0.5 * distance < abs(self.distance(place.unknowns)[0]) < 2.0 * distance:
+                if place is not None and self._is_near(place, distance):
                     found.append(place)
-            if found:
+            if len(found) >= count:
                 return sorted(found, key=lambda place: float(np.linalg.norm((place.unknowns - self.origin)[-2:])))
         return []
+
+    def _is_near(self, place: SolutionPoint, distance: float) -> bool:
+        """Return whether an orbit has about a distance from the old one, and is near where it was born."""
+        from_birth = float(np.linalg.norm(place.unknowns - self.origin))
+        return 0.5 * distance < abs(self.distance(place.unknowns)[0]) < 2.0 * distance and from_birth < _NEAR * distance
 
     def _crossings(self, kind: BifurcationKind, distance: float) -> Iterator[SolutionPoint]:
         """Yield the orbits at a distance from the old one at which a test function changes its sign."""
