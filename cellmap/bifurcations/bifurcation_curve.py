@@ -20,6 +20,7 @@ from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
 from .kinds import BifurcationKind
 from .orbit_births import OrbitBirth
 from .orbit_equations import orbit_problem
+from .parameter_spans import spans
 from .singular_orbits import SingularOrbits
 
 
@@ -68,11 +69,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         return points_on(self._problem, self.parameters, self._places)
 
     def __repr__(self) -> str:
-        spans = ", ".join(
-            f"{name} from {column.min():.6g} to {column.max():.6g}"
-            for name, column in zip(self.parameters, self.values.T, strict=True)
-        )
-        return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans})"
+        return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
 
 
 @checked

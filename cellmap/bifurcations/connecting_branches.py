@@ -17,6 +17,7 @@ from ..maps.point_map import PointMap
 from .arclength import SolutionPoint, continuation_steps, corrected
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
+from .parameter_spans import spans
 
 _BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
 
@@ -102,11 +103,7 @@ class TangencyCurve(ConvertsToXarray, ConvertsToDataFrame):
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
-        spans = ", ".join(
-            f"{name} from {column.min():.6g} to {column.max():.6g}"
-            for name, column in zip(self.parameters, self.values.T, strict=True)
-        )
-        return f"TangencyCurve({len(self.values)} points, {spans})"
+        return f"TangencyCurve({len(self.values)} points, {spans(self.parameters, self.values)})"
 
 
 @checked

@@ -119,6 +119,8 @@ def sample(name: str) -> Any:
             return doublings_of_henon()
         case "CodimensionTwo":
             return doublings_of_henon().codimension_two[0]
+        case "NewCurve":
+            return sample("CodimensionTwo").new_curves[0]
         case "ConnectingOrbit":
             return cellmap.bifurcations.connecting_orbits(*outer_saddle(), max_steps=16, n_samples=512)[0]
         case "Tangency":
@@ -261,6 +263,10 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "switch_curve": lambda: {"first": (0.0, 4.0), "second": (-1.5, 0.9), "step": 0.2},
     "plot_bifurcation_curves": lambda: {"curves": doublings_of_henon()},
     "find_branches": lambda: {"parameter": "r", "lower": 1.3, "upper": 1.6, "n_values": 1, "step": 0.1},
+    "codimension_two_form": lambda: {
+        **{"point_map": cellmap.discrete_map(lambda x, p: (x[0] - p.s * x[0] ** 3,), {"s": 1.0}, ("x",))},
+        **{"point": [0.0], "kind": cellmap.bifurcations.CodimensionTwoKind.CUSP},
+    },
     "normal_form": lambda: {"point": [0.0, 0.0], "kind": cellmap.bifurcations.BifurcationKind.PITCHFORK},
     "continue_orbit": lambda: {"orbit": sample("Attractor"), "lower": 1.3, "upper": 2.3, "step": 0.05},
     "period_doubling_cascade": lambda: {"limit": 2.5, "orbit": sample("Attractor")},
