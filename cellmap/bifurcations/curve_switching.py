@@ -92,8 +92,8 @@ def switch_curve(
         before = SingularOrbits.at(orbits, _BEFORE[chosen.times], origin)
         birth = OrbitBirth.at(str(point.kind), before, origin, chosen.times)
         alike = sum((new.kind, new.times) == (chosen.kind, chosen.times) for new in point.new_curves)
-        starts = [] if birth is None else birth.bifurcations(problem, alike)
-        start = starts[chosen.number] if chosen.number < len(starts) else None
+        nearby = [] if birth is None else birth.bifurcations(problem, alike)
+        start = nearby[chosen.number] if chosen.number < len(nearby) else None
         tracer = replace(tracer, birth=birth)
     else:
         start = corrected(problem, origin, np.linalg.svd(problem(origin)[1])[2][-1])
