@@ -18,6 +18,7 @@ from ..orbits.newton import closed_orbit
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected
 
+_UNCOUPLED = 1e-8  # part of the largest entry of a balanced derivative below which there is no coupling
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
 
 
@@ -169,8 +170,6 @@ def orbit_problem(
     sizes: NDArray[np.float64] | None = None,
 ) -> OrbitProblem:
     """Return the equations of a periodic orbit near a state, scaled by coordinates' natural sizes and by the spans."""
-    from scipy.linalg import matrix_balance
-
     swept = swept_map(exact, *names)
     d = exact.dimension
     values = [exact.params[name] for name in names]
@@ -182,36 +181,57 @@ def orbit_problem(
             f"{moved.tolist()}; take it from this map with its present parameters"
         )
     if sizes is None:
-        # Balancing the derivative tells what displacements of different coordinates go together.
-        ratios = matrix_balance(matrices[:d, :d], permute=False, separate=True)[1][0] if d > 1 else np.ones(1)
-        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], ratios, spans)
+        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], spans)
     return OrbitProblem(exact, swept, period, np.append(sizes, spans))
 
 
 def natural_sizes(exact: PointMap, state: NDArray[np.float64], period: int) -> NDArray[np.float64]:
     """Return the natural sizes of displacements (d,) at a state: a radian, or the size of the state, or 1."""
-    from scipy.linalg import matrix_balance
-
     matrix = tangent(exact, state, period)[1]
-    ratios = matrix_balance(matrix, permute=False, separate=True)[1][0] if len(state) > 1 else np.ones(1)
     still = np.column_stack([matrix, np.zeros(len(state))])
-    return _sizes(state, still, turns_of(exact.coordinates)[1], ratios, (1.0,))
+    return _sizes(state, still, turns_of(exact.coordinates)[1], (1.0,))
 
 
 def _sizes(
-    state: NDArray[np.float64],
-    matrices: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    ratios: NDArray[np.float64],
-    spans: tuple[float, ...],
+    state: NDArray[np.float64], matrices: NDArray[np.float64], turn: NDArray[np.float64], spans: tuple[float, ...]
 ) -> NDArray[np.float64]:
-    """Return the natural sizes of displacements (d,), where those that go together have given ratios.
+    """Return the natural sizes of displacements (d,), where those of coupled coordinates have given ratios.
 
     A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
     """
-    d, angles = len(state), turn > 0
+    d = len(state)
     drift = np.linalg.lstsq(np.eye(d) - matrices[:d, :d], matrices[:d, d:] * spans, rcond=1e-3)[0]
     furthest = np.abs(drift).max(axis=1)
+    ratios, group = _coupled(matrices[:d, :d])
+    sizes = np.empty(d)
+    for number in range(int(group.max()) + 1):
+        mine = group == number
+        own = ratios[mine] if mine.all() else ratios[mine] / ratios[mine].min()
+        sizes[mine] = _sizes_together(state[mine], furthest[mine], turn[mine], own)
+    return sizes
+
+
+def _coupled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return ratios (d,) of displacements that go together, and the group (d,) of coordinates in which they do.
+
+    Balancing the derivative makes its entries comparable where coordinates act on each other.  Where one acts on another
+    that does nothing to it, there is nothing to compare.
+    """
+    from scipy.linalg import matrix_balance
+    from scipy.sparse.csgraph import connected_components
+
+    if len(matrix) == 1:
+        return np.ones(1), np.zeros(1, np.int64)
+    balanced, (ratios, _) = matrix_balance(matrix, permute=False, separate=True)
+    linked = np.abs(balanced) > _UNCOUPLED * np.abs(balanced).max()
+    return ratios, connected_components(linked, connection="strong")[1]
+
+
+def _sizes_together(
+    state: NDArray[np.float64], furthest: NDArray[np.float64], turn: NDArray[np.float64], ratios: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the natural sizes of coordinates that are coupled."""
+    angles = turn > 0
     if angles.any():
         size = float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
         return np.where(angles, size * ratios, np.clip(furthest, size * ratios, _FARTHEST * size * ratios))

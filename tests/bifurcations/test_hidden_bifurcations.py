@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from math import cos, pi
+from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
 from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, kinds
 
-from cellmap import PointMap, angle, continue_orbit, discrete_map, periodic_orbit
+from cellmap import (
+    ForcedSystem,
+    PointMap,
+    angle,
+    continue_orbit,
+    discrete_map,
+    periodic_orbit,
+    stroboscopic_map,
+)
 from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, switch_branch
 from cellmap.orbits import PeriodicOrbit
 from systems import logistic_map, standard_map
@@ -148,3 +156,22 @@ def test_the_orbits_at_the_ends(inverted: Branch) -> None:
 def test_an_interval_beyond_the_system_is_refused(pendulum: PointMap) -> None:
     with pytest.raises(ValueError, match="period"):
         continue_orbit(pendulum, periodic_orbit(pendulum, [pi, 0.0]), "frequency", -10.0, 100.0)
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_a_fold_of_a_system_that_is_driven_by_another(rate: float) -> None:
+    """x drives y, and y does not act back: their sizes have nothing to do with each other.
+
+    x = cos t has the multiplier exp(2 pi rate); y = sqrt(q) ends in a fold at 0, with exp(-4 pi sqrt(q)).
+    """
+
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return p.rate * (x[0] - cos(t)) - sin(t), p.q - x[1] ** 2 + 0.1 * (x[0] - cos(t))
+
+    exact = stroboscopic_map(ForcedSystem(rhs, {"rate": rate, "q": 1.0}, 2.0 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 1.0]), "q", -1.0, 2.0, step=0.1)
+    (fold,) = branch.bifurcations
+    assert fold.kind is BifurcationKind.FOLD
+    assert fold.value == pytest.approx(0.0, abs=1e-9)
+    assert branch.values.min() > -1e-9
+    np.testing.assert_allclose(branch.points[:, 1] ** 2, branch.values, atol=1e-8)
