@@ -214,8 +214,8 @@ def _sizes(
 def _coupled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return ratios (d,) of displacements that go together, and the group (d,) of coordinates in which they do.
 
-    Balancing the derivative makes its entries comparable where coordinates act on each other.  Where one acts on another
-    that does nothing to it, there is nothing to compare.
+    Balancing the derivative makes its entries comparable where coordinates act on each other.  Where one acts on
+    another that does nothing to it, there is nothing to compare.
     """
     from scipy.linalg import matrix_balance
     from scipy.sparse.csgraph import connected_components
