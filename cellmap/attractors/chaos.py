@@ -28,6 +28,8 @@ _BOXES = 64
 _FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart,
 _ASIDE = 0.382  # nor on which side of an edge they are, where the map has its ends or its middle there
 _LONGEST_RETURN = 128
+_ZERO = 0.01  # largest size of an exponent that may be zero
+_TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping region
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,8 @@ def _tested(
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
 
+    Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
+
     Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.
     """
     back = _returns(point_map, points, extent)
@@ -139,7 +143,10 @@ def _tested(
     with np.errstate(invalid="ignore"):
         chaotic = is_positive(exponents.max(axis=-1), errors)
         shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
+        zeros = (np.abs(exponents) <= _ZERO).sum(axis=-1)
     reasons = np.full(len(points), Reason.REGULAR, object)
+    reasons[zeros >= _TOO_MANY] = Reason.TORUS
+    reasons[~shrinking] = Reason.PRESERVED
     reasons[chaotic] = Reason.TRANSIENT
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING

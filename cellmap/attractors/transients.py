@@ -29,6 +29,8 @@ class Reason(StrEnum):
     LATE = "converges after more periods"
     ENDING = "escapes or diverges after more periods"
     PERIODIC = "on a periodic orbit that is not verified to attract"
+    PRESERVED = "not chaotic, and volumes do not shrink"
+    TORUS = "three or more Lyapunov exponents are nearly zero: slow convergence, or a torus of as many frequencies"
     CONSERVATIVE = "chaotic, but volumes do not shrink"
     TRANSIENT = "chaotic transient"
     KNOWN = f"on a known chaotic attractor, for less than {RESIDENCE} periods"

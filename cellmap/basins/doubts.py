@@ -28,6 +28,8 @@ _REMEDIES = {
     Reason.LATE: _MORE,
     Reason.ENDING: _MORE,
     Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
+    Reason.PRESERVED: "there is no attractor to be found: add damping",
+    Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
     Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
     Reason.TRANSIENT: _MORE,
     Reason.KNOWN: _MORE,

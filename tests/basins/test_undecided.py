@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, cosh, pi, sin, sinh
+from math import cos, cosh, pi, sin, sinh, sqrt
 
 import numpy as np
 import pytest
@@ -180,7 +180,19 @@ REASONS = {
         Reason.CONSERVATIVE,
     ),
     # Each orbit on a circle of its own.
-    "rotation": (lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), ("x", "y"), (-1, 1), Reason.REGULAR),
+    "rotation": (
+        lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]),
+        ("x", "y"),
+        (-1, 1),
+        Reason.PRESERVED,
+    ),
+    # Its exponents are 0, 0, 0 and -log(2).
+    "torus of three frequencies": (
+        lambda x, p: (x[0] + sqrt(2.0), x[1] + sqrt(3.0), x[2] + sqrt(5.0), 0.5 * x[3]),
+        (angle("a"), angle("b"), angle("c"), "z"),
+        (-1, 1),
+        Reason.TORUS,
+    ),
     "half a turn": (lambda x, p: (x[0] + pi,), (angle("a"),), (-pi, pi), Reason.PERIODIC),
     "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.REGULAR),
 }
@@ -190,7 +202,9 @@ REASONS = {
 def test_reasons(name) -> None:
     function, coordinates, (lower, upper), reason = REASONS[name]
     d = len(coordinates)
-    basins = find_basins(discrete_map(function, {}, coordinates), CellGrid((lower,) * d, (upper,) * d, (8,) * d), 300)
+    basins = find_basins(
+        discrete_map(function, {}, coordinates), CellGrid((lower,) * d, (upper,) * d, (8, 8, 1, 1)[:d]), 300
+    )
     assert sum(basins.undecided.values()) == min(8**d, 32)
     assert basins.undecided[reason] > 25 or basins.undecided == {reason: 8}
 
