@@ -13,7 +13,6 @@ from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..maps.coordinates import Coordinate, wrap
-from ..orbits.multipliers import multipliers_of
 from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
@@ -21,7 +20,9 @@ from .kinds import BifurcationKind
 from .orbit_births import OrbitBirth
 from .orbit_equations import orbit_problem
 from .parameter_spans import spans
+from .shooting import ShootingProblem
 from .singular_orbits import SingularOrbits
+from .singular_segments import SingularSegments
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     points: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     ends: tuple[str, str]
-    _problem: SingularOrbits = field(repr=False)
+    _problem: SingularOrbits | SingularSegments = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
 
     @property
@@ -65,8 +66,12 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
 
     @functools.cached_property
     def codimension_two(self) -> tuple[CodimensionTwo, ...]:
-        """Bifurcations of codimension two in the order of the curve; computed when they are first asked for."""
-        return points_on(self._problem, self.parameters, self._places)
+        """Bifurcations of codimension two in the order of the curve; computed when they are first asked for.
+
+        None are located on curves of orbits in segments, those with multipliers of more than 1e6.
+        """
+        problem = self._problem
+        return points_on(problem, self.parameters, self._places) if isinstance(problem, SingularOrbits) else ()
 
     def __repr__(self) -> str:
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
@@ -145,9 +150,13 @@ def continue_bifurcation(
         raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
     box = (interval_of("first", first, bifurcation.value), interval_of("second", second, exact.params[parameter]))
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
-    orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
-    unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
-    problem = SingularOrbits.at(orbits, bifurcation.kind, unknowns)
+    problem: SingularOrbits | SingularSegments
+    if isinstance(bifurcation._problem, ShootingProblem):
+        problem, unknowns = SingularSegments.at(exact, names, spans, bifurcation)
+    else:
+        orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
+        unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
+        problem = SingularOrbits.at(orbits, bifurcation.kind, unknowns)
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
@@ -172,7 +181,7 @@ def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[f
 class CurveTracer:
     """Tracer of a curve of bifurcations in a rectangle of two parameters."""
 
-    problem: SingularOrbits
+    problem: SingularOrbits | SingularSegments
     names: tuple[str, str]
     box: tuple[tuple[float, float], tuple[float, float]]
     longest: float
@@ -182,18 +191,18 @@ class CurveTracer:
 
     def side(self, start: SolutionPoint) -> tuple[list[SolutionPoint], str]:
         """Trace the curve along the tangent of a point; return the points and the reason why they end."""
-        problem, d = self.problem, self.problem.orbits.dimension
-        low, high = np.array(self.box).T / problem.orbits.scale[d:]
+        problem, first = self.problem, self.problem.orbits.states
+        low, high = np.array(self.box).T / problem.orbits.scale[first:]
         places, end = [start], "no convergence"
         with progress_bar(self.most, f"curve of {problem.kind}" if self.progress else None) as tick:
             for part in continuation_steps(problem, start, self.longest, problem.orbits.growing):
                 there = part.end.unknowns[-2:]
-                cut = None if (there >= low).all() and (there <= high).all() else part.cut(d, low, high)
+                cut = None if (there >= low).all() and (there <= high).all() else part.cut(first, low, high)
                 last = part.end if cut is None else cut.end
                 if self.birth and (why := self.birth.end(part.begin, last)):
                     return places, why
-                if problem.kind is BifurcationKind.NEIMARK_SACKER and problem.is_real(last):
-                    places += self._resonance(part, last)
+                if isinstance(problem, SingularOrbits) and problem.has_met(last):
+                    places += self._resonance(problem, part, last)
                     return places, "multipliers met on the real axis"
                 places.append(last)
                 tick(1)
@@ -205,10 +214,11 @@ class CurveTracer:
                     return places, "most points"
         return places, end
 
-    def _resonance(self, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:
+    @staticmethod
+    def _resonance(problem: SingularOrbits, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:
         """Return the point at which the multipliers meet on a step to a last point with real ones."""
-        real = np.sign(cosine_of_pair(self.problem.matrix(last)))
-        place = part.located(lambda p: cosine_of_pair(self.problem.matrix(p)) - real)
+        real = np.sign(cosine_of_pair(problem.matrix(last)))
+        place = part.located(lambda p: cosine_of_pair(problem.matrix(p)) - real)
         return [] if place is None or part.along(place.unknowns) <= 0.0 else [place]
 
     def curve(self, start: SolutionPoint) -> BifurcationCurve:
@@ -219,13 +229,13 @@ class CurveTracer:
         )
         places = [*back[:0:-1], *ahead]
         orbits = self.problem.orbits
-        states, d = np.array([p.unknowns for p in places]) * orbits.scale, orbits.dimension
+        states = np.array([p.unknowns for p in places]) * orbits.scale
         return BifurcationCurve(
             kind=self.problem.kind,
             parameters=self.names,
-            values=states[:, d:],
-            points=wrap(states[:, :d], orbits.point_map.coordinates),
-            multipliers=np.array([multipliers_of(self.problem.matrix(p)) for p in places]),
+            values=states[:, orbits.states :],
+            points=wrap(states[:, : orbits.dimension], orbits.point_map.coordinates),
+            multipliers=np.array([self.problem.multipliers(p) for p in places]),
             ends=(first_end, last_end),
             _problem=self.problem,
             _places=tuple(places),

@@ -143,7 +143,7 @@ class ShootingProblem(OrbitProblem):
     def factors(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the derivatives (n, d, d) of each segment."""
         d, n = self.dimension, self.nodes
-        blocks = place.derivatives[:, : n * d].reshape(n, d, n, d)
+        blocks = place.derivatives[: n * d, : n * d].reshape(n, d, n, d)
         return np.stack([blocks[k, :, k] for k in range(n)])
 
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:

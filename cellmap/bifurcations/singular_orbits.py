@@ -36,8 +36,14 @@ class SingularOrbits:
         """Return the monodromy matrix."""
         return self.matrices(place.unknowns)
 
-    def is_real(self, place: SolutionPoint) -> bool:
-        """Return whether the multipliers whose product is 1 are real."""
+    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+        """Return the multipliers, by decreasing modulus."""
+        return multipliers_of(self.matrix(place))
+
+    def has_met(self, place: SolutionPoint) -> bool:
+        """Return whether the multipliers whose product is 1 on a curve of Neimark-Sacker bifurcations are real."""
+        if self.kind is not BifurcationKind.NEIMARK_SACKER:
+            return False
         found = multipliers_of(self.matrix(place))
         return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
 
@@ -51,7 +57,8 @@ class SingularOrbits:
         if self.kind is BifurcationKind.NEIMARK_SACKER:
             return pairs_beside_one(np.linalg.eigvals(matrices).astype(np.complex128))
         sign = 1.0 if self.kind is BifurcationKind.PERIOD_DOUBLING else -1.0
-        return np.asarray(np.linalg.det(matrices + sign * unit))
+        with np.errstate(invalid="ignore"):  # a trial may be where there is no image
+            return np.asarray(np.linalg.det(matrices + sign * unit))
 
     def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (d + 1,) and their derivatives (d + 1, d + 2) at unknowns (d + 2,)."""

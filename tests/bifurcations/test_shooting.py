@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, exp, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, PointMap, continue_orbit, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import BifurcationKind, Branch, orbit_continuation, switch_branch
+from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, orbit_continuation, switch_branch
 from cellmap.bifurcations.shooting import ShootingProblem
 from cellmap.orbits.multipliers import multipliers_of_product
 from systems import driven_pendulum, van_der_pol_oscillator
@@ -120,3 +121,44 @@ def test_locking_steps_of_a_relaxation_oscillation(frequency: float, period: int
             there = exact.with_params(frequency=value)
             moved = there.iterate(there.iterate(branch.points[nearest], 400).points, -400 % period).points
             assert bool(np.abs(moved - branch.points[nearest]).max() < 1e-4) is locked
+
+
+def test_a_curve_of_folds_with_multipliers_up_to_1e21() -> None:
+    """x = cos t repels with exp(2 pi rate) and drives y, whose fixed points meet at q = -b^2 / 4."""
+
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return p.rate * (x[0] - cos(t)) - sin(t), p.q + p.b * x[1] - x[1] ** 2 + 0.1 * (x[0] - cos(t))
+
+    params = {"rate": 3.0, "q": 1.0, "b": 0.0}
+    exact = stroboscopic_map(ForcedSystem(rhs, params, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 1.0]), "q", -1.0, 2.0, step=0.1)
+    (fold,) = branch.bifurcations
+    bent = continue_bifurcation(branch, fold, "b", (-1.0, 2.0), (-1.0, 1.0), step=0.1)
+    assert bent.ends == ("left the intervals", "left the intervals")
+    np.testing.assert_allclose(bent.values[:, 0], -(bent.values[:, 1] ** 2) / 4.0, atol=1e-12)
+    straight = continue_bifurcation(branch, fold, "rate", (-1.0, 2.0), (2.0, 8.0), step=0.1)
+    assert straight.ends == ("left the intervals", "left the intervals")
+    np.testing.assert_allclose(straight.values[:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(straight.multipliers[:, 0].real, np.exp(2 * pi * straight.values[:, 1]), rtol=1e-9)
+    np.testing.assert_allclose(straight.multipliers[:, 1], 1.0, atol=1e-6)
+    assert straight.multipliers[:, 0].real.max() > 1e21
+    assert straight.codimension_two == ()
+
+
+def test_a_curve_of_period_doublings_beside_a_multiplier_of_1e10() -> None:
+    """The quadratic map a + b y - y^2 doubles its orbit of period 2 where a + b^2 / 4 - b / 2 = 5/4."""
+    exact = discrete_map(
+        lambda x, p: (1e5 * x[0] + x[1], p.a + p.b * x[1] - x[1] ** 2), {"a": 1.1, "b": 0.0}, ("x", "y")
+    )
+    y = 0.5 * (1.0 + np.sqrt(4.0 * 1.1 - 3.0))  # of the orbit of period 2
+    branch = continue_orbit(exact, periodic_orbit(exact, [-1e-5 * y, y], 2), "a", 1.0, 1.4, step=0.1)
+    (doubling,) = branch.of_kind(BifurcationKind.PERIOD_DOUBLING)
+    assert doubling.value == pytest.approx(1.25, abs=1e-12)
+    curve = continue_bifurcation(branch, doubling, "b", (0.5, 3.0), (-1.0, 1.0), step=0.1)
+    a, b = curve.values.T
+    np.testing.assert_allclose(a + b * b / 4.0 - b / 2.0, 1.25, atol=1e-12)
+    np.testing.assert_allclose(curve.multipliers.real, [[1e10, -1.0]] * len(a), rtol=1e-6)
+    assert b.max() - b.min() == pytest.approx(2.0)
+    torus = replace(doubling, kind=BifurcationKind.NEIMARK_SACKER)
+    with pytest.raises(ValueError, match="folds and period doublings are continued alone"):
+        continue_bifurcation(branch, torus, "b", (0.5, 3.0), (-1.0, 1.0))
