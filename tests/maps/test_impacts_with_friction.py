@@ -16,7 +16,6 @@ from cellmap.maps import (
     trajectory,
 )
 
-
 WALL = Impact(lambda t, x, p: x[0] - p.wall, lambda t, x, p: (x[0], -p.e * x[1]), direction=1)
 
 
