@@ -177,8 +177,7 @@ class _Run:
         self.periods = int(basins.settings["max_periods"])
         self.slow = _slow(basins)
         times = basins.settling_time.ravel()
-        patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
-        self.patience = np.where(self.slow, 0, patience)
+        self.patience = np.where(times < 0, self.periods, np.minimum(2 * times + _GRACE, self.periods))
         self.bounds = bounds
         self.owners = owners_of_cells(self.setting, self.bounds, self._late())
         self.labels, self.times = basins.labels.flatten(), basins.settling_time.flatten()
@@ -258,11 +257,10 @@ class _Run:
         """Follow orbits until their label is certain; return those without certain label, and the work."""
         setting, d = self.setting, point_map.dimension
         left: list[_Left] = []
-        slow = rows[self.slow[rows]]
-        if len(slow):
+        slow, rows = rows[self.slow[rows]], rows[~self.slow[rows]]
+        if len(slow) and mark is Evidence.EXACT:
             left.append(_Left(slow, Orbits.starting(self.initial_conditions.wrapped(slow, point_map)), 0))
-            rows = rows[~self.slow[rows]]
-        rows, orbits = rows.copy(), Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
+        orbits = Orbits.starting(self.initial_conditions.wrapped(rows, point_map))
         spread, found = np.zeros((len(rows), d, d)), np.empty(len(rows), np.int64)
         kept, lost, gone = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), np.zeros(1, np.int64)
         judge, steps = judging(d), 0
