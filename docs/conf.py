@@ -35,6 +35,7 @@ extensions = [
     "page_figures",
     "plain_notebooks",
     "printed_output",
+    "reference_figures",
     "short_names",
     "study_pages",
 ]

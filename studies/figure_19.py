@@ -24,6 +24,8 @@ from cellmap import Attractor, Basins, CellGrid, find_basins, interpolated_map, 
 from cellmap.orbits import Kind
 from systems import driven_pendulum
 
+from ._unsettled import unsettled_basins
+
 AMPLITUDES = (0.0, 0.002, 0.003, 0.004, 0.010)
 WINDOWS = (100.0, 500.0)
 
@@ -60,7 +62,7 @@ def compute(cells: int, table: int) -> list[Panel]:
                 Panel(
                     amplitude,
                     window,
-                    find_basins(losing, grid, attractors=direct.attractors),
+                    unsettled_basins(losing, grid, attractors=direct.attractors),  # it is drawn how many escape
                     find_basins(keeping, grid),
                     direct,
                     keeping.cost.seconds,

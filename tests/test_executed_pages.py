@@ -126,3 +126,17 @@ def public_constants(rooms):
     """Return dimensions, lengths and versions, which are explained where they are used."""
     things = [getattr(room, name) for room in rooms for name in getattr(room, "__all__", ())]
     return [thing for thing in things if isinstance(thing, float | str | tuple)]
+
+
+def test_each_plotting_function_has_a_figure_on_its_page(monkeypatch):
+    """From the gallery, or from the first program on a page of the guide that calls it."""
+    monkeypatch.syspath_prepend(DOCS / "_extensions")
+    figures = extension("reference_figures").known_figures()
+    programs = "".join(program.read_text(encoding="utf-8") for program in PROGRAMS)
+    listed = re.findall(r"^   cellmap\.plot\.(\S+)$", (DOCS / "reference.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(listed) > 40
+    without = {name for name in listed if f"plot.{name}" not in figures and f"plot.{name}(" not in programs}
+    assert without == {"animate", "draw"}  # a film; and what calls the others
+    text = "```python\nplot.a(f(1))\nplot.b(2)\n```\n<!-- figure: first -->\n<!-- figure: second -->\n"
+    found = {name: figure.alternative for name, figure in extension("reference_figures").figures_of(text, "p").items()}
+    assert found == {"plot.a": "first", "f": "first", "plot.b": "second"}

@@ -12,6 +12,7 @@ from cellmap import Basins, CellGrid, Status, find_basins, stroboscopic_map
 from cellmap.maps import jacobian
 from systems import double_pendulum, driven_pendulum
 
+from .._unsettled import unsettled_basins
 from .case import TIGHT, Finding, agrees, at_most, hard_case, is_so
 from .frozen import NO_DRIVE, damped, error, image
 
@@ -50,7 +51,7 @@ def free_swings() -> Iterator[Finding]:
 def nothing_attracts() -> Iterator[Finding]:
     for amplitude in (NO_DRIVE, 0.003):
         exact = stroboscopic_map(driven_pendulum(amplitude=amplitude, damping=0.0))
-        basins = find_basins(exact, CellGrid((-pi, -60.0), (pi, 60.0), (4, 4)), max_periods=50)
+        basins = unsettled_basins(exact, CellGrid((-pi, -60.0), (pi, 60.0), (4, 4)), max_periods=50)
         drive = f"driven by {1e3 * amplitude:g} mm" if amplitude > NO_DRIVE else "not driven"
         yield is_so(f"{drive}: no attractor, 16 of 16 orbits undecided", not basins.attractors and _undecided(basins))
 
@@ -106,7 +107,7 @@ def tiny_damping() -> Iterator[Finding]:
     exact = stroboscopic_map(driven_pendulum(damping=0.01))
     sizes = np.abs(np.linalg.eigvals(jacobian(exact, [0.0, 0.0])))
     yield at_most("error of the size of both multipliers", float(np.abs(sizes - exp(-1e-4)).max()), 1e-11)
-    basins = find_basins(exact, CellGrid((-pi, -100.0), (pi, 100.0), (8, 8)), max_periods=50)
+    basins = unsettled_basins(exact, CellGrid((-pi, -100.0), (pi, 100.0), (8, 8)), max_periods=50)
     yield is_so("64 of 64 orbits undecided after 50 periods", _undecided(basins))
 
 

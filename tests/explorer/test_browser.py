@@ -500,3 +500,12 @@ def test_measures_and_certificates_are_shown(page: Page) -> None:
     page.wait_for_timeout(300)
     page.click("#certify")
     until(page, "document.getElementById('quality').textContent.startsWith('Certified')", 60.0)
+
+
+@pytest.mark.parametrize(
+    "state",
+    ["axes=0,0", "axes=5,6&lower=NaN,1&cells=x,3&phase=NaN&tolerance=x&nodes=&p.keep=NaN&p.none=3&others=1"],
+)
+def test_what_an_address_says_amiss_is_left_out(browser: Browser, explorer: Explorer, state: str) -> None:
+    with opened(browser, f"{explorer.address}#schema=1&system=wells&{state}") as page:
+        assert_shown(page, find_basins(WELLS, WINDOW))

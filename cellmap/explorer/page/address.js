@@ -15,12 +15,12 @@ export function written({ name, text, parts, view }) {
   return `#${query}`;
 }
 
-// Returns the state of an address, null for one without; throws for one of another version.
 // Writes the state into the address; a page in a frame of a notebook has none.
 export function remember(state) {
   if (location.protocol !== "about:") history.replaceState(null, "", written(state));
 }
 
+// Returns the state of an address, null for one without; throws for one of another version.
 export function read(fragment) {
   const query = new URLSearchParams(fragment.replace(/^#/, ""));
   if (!query.has("schema")) return null;
@@ -32,4 +32,15 @@ export function read(fragment) {
   for (const key of NUMBERS) if (query.has(key)) view[key] = Number(query.get(key));
   for (const [key, value] of query) if (key.startsWith("p.")) view.params[key.slice(2)] = Number(value);
   return { name: query.get("system"), text: query.get("text"), parts: query.get("parts")?.split(",") ?? null, view };
+}
+
+// Returns the view of a system with what fits of another one: an address may say anything.
+export function fitting(view, system) {
+  const { view: own, coordinates } = system;
+  const shape = (value) => [value === null, value?.length].join();
+  const sound = ([key, value]) => shape(value) === shape(own[key]) && [value ?? []].flat().every(Number.isFinite)
+    && (key !== "axes" || (value.every((j) => j in coordinates) && new Set(value).size === value.length));
+  const known = Object.entries(view.params ?? {}).filter(([name, v]) => name in own.params && Number.isFinite(v));
+  const rest = Object.entries(view).filter(([key]) => key in own && key !== "params").filter(sound);
+  return { ...own, ...Object.fromEntries(rest), params: { ...own.params, ...Object.fromEntries(known) } };
 }

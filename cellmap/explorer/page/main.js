@@ -1,6 +1,6 @@
 // The page: its state, and what each part of it does when the state or an answer changes.
 
-import { read, remember } from "./address.js";
+import { fitting, read, remember } from "./address.js";
 import { Connection, connect } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Equations } from "./equations.js";
@@ -66,10 +66,8 @@ async function choose({ name, text, parts }, view) {
 
 function use(system, text, view) {
   Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
-  const known = Object.entries(view?.params ?? {}).filter(([name]) => name in system.view.params);
-  const kind = (value) => [value === null, value?.length].join();
-  const fits = ([key, value]) => kind(value) === kind(system.view[key]); // an address may say anything
-  state.view = { ...system.view, ...Object.fromEntries(Object.entries(view ?? {}).filter(fits)), params: { ...system.view.params, ...Object.fromEntries(known) } };
+  state.view = fitting(view ?? {}, system);
+  document.querySelector("main").inert = false;
   parts.make(system.scene);
   if (text) $("text").value = text;
   $("system").value = text ? "" : system.name;
