@@ -18,6 +18,7 @@ from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
+from .parameters_as_states import with_states
 from .point_map import PointMap
 from .specification import MapSpec, no_source
 from .stroboscopic import MAX_STEPS, check_tolerances, stroboscopic_map
@@ -273,6 +274,12 @@ class Section(MapSpec[SectionMap]):
             section=self.section,
             first_returns=first_returns,
         )
+
+    def swept(self, names: tuple[str, ...]) -> Section | None:
+        """Return the specification with some parameters appended to the state, where the formulas are known."""
+        # Where the period is a function of parameters, time would be counted in periods.
+        further = None if callable(self.system.period) else with_states(self.system, names)
+        return None if further is None else replace(self, system=further)
 
     @property
     def recipe(self) -> dict[str, Any]:

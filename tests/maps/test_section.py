@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from math import exp, pi, sin, sqrt
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.integrate import solve_ivp
 from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, load_basins, save_basins, section_map
 from cellmap.basins import recompute_basins
 from cellmap.basins.final_states import final_states
-from cellmap.maps import flow_map, jacobian
+from cellmap.maps import flow_map, jacobian, swept_map
 from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
 from systems import magnetic_pendulum, two_well_duffing
 
@@ -231,3 +232,20 @@ def test_what_is_wrong_is_named():
         flow_map(LORENZ, -1.0)
     with pytest.raises(TypeError, match="give a ForcedSystem"):
         flow_map(lorenz, 1.0)
+
+
+def test_derivatives_by_a_parameter():
+    """A return of the spiral multiplies v by exp(-2 pi d / sqrt(1 - d^2)), in lanes as in one map after the other."""
+    swept = swept_map(section_map(SPIRAL, ("q", 0.0, 1), rtol=1e-12, atol=1e-12), "d")
+    assert swept.dimension == 2
+    for d in (0.1, 0.3):
+        factor = exp(-2 * pi * d / sqrt(1 - d * d))
+        np.testing.assert_allclose(swept([1.5, d]), [1.5 * factor, d], rtol=1e-11)
+        slope = -2 * pi * (1 - d * d) ** -1.5 * 1.5 * factor
+        np.testing.assert_allclose(jacobian(swept, [1.5, d]), [[factor, slope], [0.0, 1.0]], rtol=1e-9, atol=1e-12)
+
+
+def test_a_period_that_is_a_function_is_no_parameter_of_a_section():
+    system = replace(SPIRAL, period=lambda p: 6.0 + p.d)
+    swept = swept_map(section_map(system, ("q", 0.0, 1)), "d")
+    np.testing.assert_allclose(swept([1.5, 0.3]), [1.5 * exp(-0.6 * pi / sqrt(0.91)), 0.3], rtol=1e-8)
