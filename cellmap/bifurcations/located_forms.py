@@ -20,7 +20,7 @@ _TRIALS = 8
 _SAFETY = 1.2  # over the standard deviation
 _ROUNDING = 2e-16
 _LOCATION = 5e-16  # error of the unknowns, in natural sizes
-_DISPLACEMENT = 1e-3  # the same, by which derivatives are compared
+_DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
 _DEFICIENT = 1e-6  # singular value of the equations at a branch point
 
 Tensors = tuple[NDArray[np.float64], ...]
@@ -76,7 +76,7 @@ class LocatedForms:
                 tensor, others = both[0, 0], both[0, 1:]
                 apart = float(np.sqrt(np.mean((tensor - both[1, 0]) ** 2)))
                 level = np.hypot(apart, (off + _ROUNDING) * np.abs(tensor).max())
-                shift = np.tensordot(moved, others - tensor, 1)
+                shift = np.tensordot(moved, np.nan_to_num(others - tensor), 1)
                 disturbed.append(tensor + shift + level * rng.standard_normal(tensor.shape))
             scatter.append(np.abs(np.asarray(function(tuple(disturbed))) - value) ** 2)
         error = _SAFETY * np.sqrt(np.mean(scatter, axis=0))

@@ -18,6 +18,7 @@ _DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in nat
 _PASSED = 0.1  # the same, up to which a curve is followed to where they are born
 _NEAR = 5.0  # distances from the old orbit that new ones are from their birth, at most
 _ARRIVED = 1e-3  # the same, of orbits that are the old one
+_PHASES = 0.0, 0.4, 0.8, 1.2  # at which an orbit at a distance is looked for, below a quarter of the circle
 _STEPS_AHEAD, _STEPS_AROUND = 24, 200  # along orbits of one distance, each a quarter of it or less
 _COMPLEX = 1e-6  # imaginary part of multipliers
 
@@ -48,7 +49,6 @@ class OrbitBirth:
         place = corrected(old, origin, np.linalg.svd(old(origin)[1])[2][-1])
         if place is None:
             return None
-        turning = np.append((1j * q).real, [0.0, 0.0])
         half = None if times == 1 else replace(old.orbits, period=times // 2 * old.orbits.period)
         return cls(
             name=name,
@@ -57,7 +57,7 @@ class OrbitBirth:
             origin=origin,
             right=q,
             left=p / (p @ q),
-            along=turning / np.linalg.norm(turning) if times == 4 else place.tangent,
+            along=place.tangent,
         )
 
     def distance(self, unknowns: NDArray[np.float64]) -> tuple[complex, NDArray[np.complex128]]:
@@ -104,9 +104,7 @@ class OrbitBirth:
     def _crossings(self, kind: BifurcationKind, distance: float) -> Iterator[SolutionPoint]:
         """Yield the orbits at a distance from the old one at which a test function changes its sign."""
         problem = _OrbitsAtDistance(self, distance)
-        length = 2.0 * distance if self.is_complex else distance
-        guess = self.origin + np.append(length * self.right.real, [0.0, 0.0])
-        start = corrected(problem, guess, self.along)
+        start = next(filter(None, (self._orbit(problem, phase) for phase in _PHASES)), None)
         if start is None:
             return
 
@@ -128,6 +126,16 @@ class OrbitBirth:
                         yield place
                 if self.is_complex and self._turned(start, step.end):
                     break
+
+    def _orbit(self, problem: _OrbitsAtDistance, phase: float) -> SolutionPoint | None:
+        """Return an orbit at a distance from the old one, with about a phase if the distance is complex."""
+        d = len(self.left)
+        right, along = self.right, self.along
+        if self.is_complex:
+            right = 2.0 * np.exp(1j * phase) * right
+            along = np.append((1j * right).real, [0.0, 0.0])
+        guess = self.origin + np.append(problem.distance * right.real, np.zeros(len(self.origin) - d))
+        return corrected(problem, guess, along / np.linalg.norm(along))
 
     @property
     def is_complex(self) -> bool:

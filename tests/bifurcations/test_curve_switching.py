@@ -109,10 +109,7 @@ def test_the_two_curves_of_folds_differ(circles: BifurcationCurve) -> None:
 
 
 def test_folds_of_the_delayed_logistic_map_end_in_the_window_of_the_logistic_map() -> None:
-    """The delay is in a part c; without it the window of period 4 of the logistic map begins at the fold found here.
-
-    The fold is known as r = 3.960101882689, which SciPy gives as well.
-    """
+    """The delay is in a part c; without it the window of period 4 of the logistic map begins at the fold found here."""
     exact = discrete_map(
         lambda x, p: (p.r * x[0] * (1 - (1 - p.c) * x[0] - p.c * x[1]), x[0]), {"r": 2.5, "c": 0.4}, ("x", "y")
     )
@@ -158,3 +155,30 @@ def test_curves_that_do_not_leave_a_point_are_refused(circles: BifurcationCurve)
     start = only(circles, POINT.RESONANCE_1_4)
     with pytest.raises(ValueError, match=r"new_curve=NewCurve\(fold, period times 2\): .* has NewCurve\(fold"):
         switch_curve(circles, start, ALPHA[1:], BETA[1:], new_curve=NewCurve(FOLD, 2))
+
+
+@pytest.mark.slow
+def test_curves_of_random_maps_are_found() -> None:
+    """Whatever the normal form says to leave a point is found beside it, and ends there."""
+    rng, ends = np.random.default_rng(3), list[bool]()
+    for _ in range(12):
+        two, three = rng.normal(size=3).tolist(), (0.5 * rng.normal(size=4)).tolist()
+
+        def image(x: Any, p: Any, two: list[float] = two, three: list[float] = three) -> Any:
+            u, v = x
+            square = two[0] * u * u + two[1] * u * v + two[2] * v * v
+            cube = three[0] * u**3 + three[1] * u * u * v + three[2] * u * v * v + three[3] * v**3
+            return v, p.a - p.b * u + square + cube
+
+        exact = discrete_map(lambda x, p, image=image: image(x, p), {"a": 0.0, "b": 0.9}, ("x", "y"))
+        branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "a", -3.0, 3.0, step=0.03, max_points=100)
+        for bifurcation in branch.of_kind(NEIMARK_SACKER)[:1]:
+            curve = continue_bifurcation(branch, bifurcation, "b", (-3.0, 3.0), (-2.5, 2.5), 0.03, 100)
+            for point in curve.codimension_two:
+                for new in point.new_curves:
+                    if new.times > 1:
+                        box = (-3.0, 3.0), (-2.5, 2.5)
+                        found = switch_curve(curve, point, *box, step=0.03, max_points=30, new_curve=new)
+                        ends.append(found.ends[0] == str(point.kind))
+    assert len(ends) >= 15
+    assert np.mean(ends) > 0.9
