@@ -22,15 +22,18 @@ from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
 from .tube import Tube, cover_of_tube, feet_on_edges, nearest_places
 
-_TRIED = 4  # orbits in one look
+_LOOKED_AT = 1024  # orbits that are tested for having closed
+_REFUSED = 8  # of those that have closed, on no attracting segment, farthest apart first, in one look
+_SAME = 1e-6  # distance of places that are taken for one, in units of the region
 _CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, and
 _PRECISE = 1e-10  # at which a periodic point is found, relative to the resolution
 _NEUTRAL = 1e-6  # distance of the one multiplier from 1
 _CONTRACTING = 1.0 - 1e-3  # largest other multiplier
 _STEPS = 64  # along the extent of the region
+_FARTHEST = 2.0  # from where an orbit has come to rest, in extents of the region
 _MOST_POINTS = 256  # of a segment
-_REFINEMENTS = 5  # halvings of a step at the ends, and
-_FIRST_REFINEMENTS = 9  # more of the first step, for segments that are much shorter than the region
+_SHORTEST = 0.5**20  # step, in extents of the region
+_END = 0.5**12  # of the length of a segment to which its ends are found
 _RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
 _ALONG, _DIRECTIONS = 17, 24  # points and directions at which the tube is tried
 _LONGEST = 512  # steps in which distances have to be halved
@@ -83,8 +86,12 @@ def continua(
     extent: NDArray[np.float64],
     max_period: int,
     known: Sequence[Attractor] = (),
+    refused: list[NDArray[np.float64]] | None = None,
 ) -> list[Attractor]:
     """Return the attracting segments of periodic points on which some orbits end, without the known ones.
+
+    All orbits that have closed are on one of them, or on lines that are added to those that are `refused`, or farther
+    from these than others; how many are looked at does not matter unless several lines are refused.
 
     Where dry friction holds one part of a system while another moves, each place at which it can be held has a cycle of
     its own.  Such a cycle has one multiplier 1, and the others inside the unit circle.  The segment of its neighbours
@@ -94,29 +101,50 @@ def continua(
     """
     exact = point_map.without_table
     found: list[Attractor] = []
+    refused = [] if refused is None else refused
     if exact.dimension < 2:
         return found
-    for place in states[((np.arange(_TRIED) + 0.5) / _TRIED * len(states)).astype(int)]:
-        covers = [a.cover for a in [*known, *found] if a.kind is Kind.CONTINUUM and a.cover is not None]
-        if any(inside_cover(cover, place[None], exact)[0] for cover in covers):
-            continue
-        period = _period(exact, place, extent, max_period)
-        attractor = _explored(exact, place, period, extent) if period else None
-        if attractor is not None:
+    chosen = np.unique(np.linspace(0, len(states) - 1, min(len(states), _LOOKED_AT)).round().astype(int))
+    places, periods = _closed(exact, states[chosen], extent, max_period)
+    seen = [a.points for a in known if a.kind is Kind.CONTINUUM] + refused
+    left = np.array([not any(_beside(place, line, exact, extent) for line in seen) for place in places], bool)
+    far, failures = np.full(len(places), np.inf), 0
+    while left.any() and failures < _REFUSED:
+        k = int(np.where(left, far, -1.0).argmax())
+        attractor, line = _explored(exact, places[k], int(periods[k]), extent)
+        if attractor is None:
+            failures += 1
+            refused.append(line)
+        else:
             found.append(attractor)
+        left[k] = False
+        left[left] = [not _beside(place, line, exact, extent) for place in places[left]]
+        apart = difference(places, places[k], exact.coordinates) / extent
+        far = np.minimum(far, np.abs(apart).max(axis=1))
     return found
 
 
-def _period(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64], max_period: int) -> int:
-    """Return the number of steps after which an orbit is where it was; 0 for none."""
-    orbit = Orbits.starting(place[None].copy())
+def _beside(
+    place: NDArray[np.float64], line: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]
+) -> bool:
+    """Tell whether a place is on a line that is known by some of its points, or between two of them."""
+    apart = np.linalg.norm(difference(line, place, exact.coordinates) / extent, axis=1)
+    steps = np.linalg.norm(difference(line[1:], line[:-1], exact.coordinates) / extent, axis=1)
+    return bool(apart.min() <= max(_SAME, float(np.median(steps)) if len(steps) else 0.0))
+
+
+def _closed(
+    exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], max_period: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return those states that orbits come back to, and after how many steps."""
+    orbits, periods = Orbits.starting(states.copy()), np.zeros(len(states), np.int64)
+    near = _CLOSED * np.array([resolution(state, extent) for state in states])
     for q in range(1, max_period + 1):
         check_stop()
-        exact.advance(orbit, 1)
-        apart = np.abs(difference(orbit.points[0], place, exact.coordinates))
-        if (apart <= _CLOSED * resolution(place, extent)).all():
-            return q
-    return 0
+        advance_on_threads(exact.advance, orbits, 1)
+        back = (np.abs(difference(orbits.points, states, exact.coordinates)) <= near).all(axis=1)
+        periods[(periods == 0) & back] = q
+    return states[periods > 0], periods[periods > 0]
 
 
 def _periodic(
@@ -134,7 +162,9 @@ def _periodic(
             multipliers = multipliers_of(scaled)
             neutral = abs(multipliers[0] - 1.0) <= _NEUTRAL and (np.abs(multipliers[1:]) < _CONTRACTING).all()
             return (point, scaled) if neutral else None
-        steps = np.linalg.pinv(np.eye(len(point)) - scaled, rcond=1e-5) @ residual
+        # All but the neutral direction, however much smaller the next singular value is than the largest.
+        u, sizes, v = np.linalg.svd(np.eye(len(point)) - scaled)
+        steps = v[:-1].T @ ((u.T @ residual)[:-1] / np.maximum(sizes[:-1], 1e-12))
         point = wrap(point + steps * extent, exact.coordinates)
     return None
 
@@ -151,23 +181,25 @@ def _traced(
     for sign in (-1.0, 1.0):
         direction, point, length = sign * ahead, first[0], 1.0 / _STEPS
         half: list[NDArray[np.float64]] = []
-        smallest = length * 0.5 ** (_REFINEMENTS + _FIRST_REFINEMENTS)
-        while length >= smallest and len(half) < _MOST_POINTS:
+        travelled, begun = 0.0, False
+        while length >= max(_SHORTEST, travelled * _END) and len(half) < _MOST_POINTS:
             check_stop()
             guess = wrap(point + length * direction * extent, exact.coordinates)
             found = _periodic(exact, guess, period, extent)
             shift = np.zeros_like(point) if found is None else difference(found[0], point, exact.coordinates) / extent
             away = difference(guess if found is None else found[0], first[0], exact.coordinates) / extent
-            if np.abs(away).max() > 1.0:
+            if np.abs(away).max() > _FARTHEST:
                 break
             if found is None or not 0.5 * length <= np.linalg.norm(shift) <= 2.0 * length:
                 length *= 0.5
                 continue
-            if not half and length < 1.0 / _STEPS and smallest < length * 0.5 ** (_REFINEMENTS + 1):
-                smallest, length = length * 0.5 ** (_REFINEMENTS + 4), length / 16.0
+            if not begun and length < 1.0 / _STEPS:
+                begun, length = True, length / 16.0  # a segment, or what is left of it, that is shorter than a step
                 continue
-            point, direction = found[0], shift / np.linalg.norm(shift)
+            point, direction, begun = found[0], shift / np.linalg.norm(shift), True
             half.append(point)
+            travelled += length
+            length = min(max(length, travelled / 8.0), 1.0 / _STEPS)
         halves.append(half)
     points = np.array([*halves[0][::-1], first[0], *halves[1]])
     return (points, first[1]) if len(points) > 8 else None
@@ -175,19 +207,21 @@ def _traced(
 
 def _explored(
     exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> Attractor | None:
+) -> tuple[Attractor | None, NDArray[np.float64]]:
+    """Return the attracting segment through a place, None for none, and the points of what was followed."""
     traced = _traced(exact, place, period, extent)
     if traced is None:
-        return None
+        return None, place[None]
     points, matrix = traced
     dense = _dense(points, exact, extent)
     size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
     segments = [Segment(exact, dense, size)]
     for _ in range(period - 1):
         segments.append(Segment(exact, follow(exact, segments[-1].points, 1).points, size))
+    line = np.concatenate([segment.points[::8] for segment in segments])
     covers = [_cover(segment, period) for segment in segments]
     if any(cover is None for cover in covers):
-        return None
+        return None, line
     cover = _joined([c for c in covers if c is not None], segments)
     image = follow(exact, points[len(points) // 2], period)
     multipliers = multipliers_of(matrix)
@@ -196,9 +230,10 @@ def _explored(
     kept = np.linspace(0, _DENSE - 1, max(_SAMPLE // period, 2)).round().astype(int)
     sample = np.concatenate([segment.points[kept] for segment in segments])
     rotations = tuple(image.rotations.tolist())
-    return Attractor(
+    attractor = Attractor(
         Kind.CONTINUUM, period, sample, rotations, multipliers, exponents, exact.coordinates, cover=cover
-    )  # fmt: skip
+    )
+    return attractor, line
 
 
 def _dense(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -212,46 +247,55 @@ def _dense(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.floa
 
 def _cover(segment: Segment, period: int) -> Cover | None:
     """Return the boxes of the widest tube around a segment that is seen to contract, but for its ends."""
-    exact = segment.exact
+    exact, each = segment.exact, (_DENSE - 1) / (_ALONG - 1)
     unit = float(np.linalg.norm(difference(segment.points[1], segment.points[0], exact.coordinates) / segment.size))
     for radius in _RADII:
         begin = wrap(segment.surface(np.array([radius])).reshape(-1, exact.dimension), exact.coordinates)
-        orbits, made = Orbits.starting(begin.copy()), 0
-        for steps in _halving(segment, begin.reshape(_ALONG, -1, exact.dimension)[_ALONG // 2], radius, period):
+        # What the middle needs all of it needs: it is in every part that is long enough.
+        steps, moved = _halving(segment, begin.reshape(_ALONG, -1, exact.dimension)[_ALONG // 2], radius, period)
+        if not steps or 2 * _left_out(moved, radius / unit) >= _DENSE // 2:
+            continue
+        orbits, made, before = Orbits.starting(begin.copy()), 0, segment.feet(begin)[1]
+        while steps <= _LONGEST:
             check_stop()
             advance_on_threads(exact.advance, orbits, steps - made)
             made = steps
             apart, after = segment.feet(orbits.points)
-            before = segment.feet(begin)[1]
             # Points beside the ends may leave; all of those between them have to come closer.
-            moved = np.abs(after - before).reshape(_ALONG, -1)
+            along = np.abs(after - before).reshape(_ALONG, -1)
             halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
             inner = np.flatnonzero(halved)
             if len(inner) > _ALONG // 2 and halved[inner[0] : inner[-1] + 1].all():
-                each = (_DENSE - 1) / (_ALONG - 1)
-                margin = int(np.ceil(4.0 * moved[inner].max() + 2.0 * radius / unit))
+                margin = _left_out(along[inner].max(), radius / unit)
                 low, high = int(np.ceil(inner[0] * each)) + margin, int(inner[-1] * each) - margin
                 if high - low > _DENSE // 2:
                     shorter = Segment(exact, segment.points[low : high + 1], segment.size)
                     return cover_of_tube(shorter, Tube(radius, steps, 0.5))
+                break  # in more steps they move as far, or farther
+            steps *= 2
     return None
 
 
-def _halving(segment: Segment, begin: NDArray[np.float64], radius: float, period: int) -> list[int]:
-    """Return in how many steps, of those that are tried, some points of a tube have come to half of its radius.
+def _left_out(moved: float, radius: float) -> int:
+    """Return how many points at an end of a segment a tube leaves out: four times what others move along it."""
+    return int(np.ceil(4.0 * moved + 2.0 * radius))
 
-    Where those in the middle have not, which every part that is long enough holds, the others need not be followed.
+
+def _halving(segment: Segment, begin: NDArray[np.float64], radius: float, period: int) -> tuple[int, float]:
+    """Return in how many steps some points of a tube come to half of its radius, 0 if never; how far they move along.
+
+    Both in points of the segment.
     """
-    orbits, made, found = Orbits.starting(begin.copy()), 0, []
-    steps = period
+    orbits, made, steps = Orbits.starting(begin.copy()), 0, period
     while steps <= _LONGEST:
         check_stop()
         segment.exact.advance(orbits, steps - made)
         made = steps
-        if segment.distances(orbits.points).max() <= 0.5 * radius:
-            found.append(steps)
+        apart, after = segment.feet(orbits.points)
+        if apart.max() <= 0.5 * radius:
+            return steps, float(np.abs(after - segment.feet(begin)[1]).max())
         steps *= 2
-    return found
+    return 0, 0.0
 
 
 def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
@@ -281,12 +325,16 @@ def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
 def _drawn(segment: Segment, cover: Cover, boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell in which boxes centre and corners rest, or come closer to the segment."""
     exact, d = segment.exact, segment.exact.dimension
-    corners = np.array([(0.5,) * d, *itertools.product((0.0, 1.0), repeat=d)])
-    begin = wrap(
-        (cover.lower + (boxes[:, None, :] + corners) * cover.widths).reshape(-1, d), exact.coordinates
-    )  # fmt: skip
-    once, later = follow(exact, begin, 1).points, follow(exact, begin, _PERIODS).points
-    moved = np.abs(difference(once, begin, exact.coordinates))
-    rests = (moved <= AT_REST * resolution(begin, segment.size)).all(axis=-1)
-    far, near = segment.distances(begin), segment.distances(later)
-    return np.asarray((rests | (near < far)).reshape(len(boxes), -1).all(axis=1))
+    drawn = np.ones(len(boxes), bool)
+    # Where the centre is not drawn in, the corners need not be followed.
+    for corners in (np.full((1, d), 0.5), np.array(list(itertools.product((0.0, 1.0), repeat=d)))):
+        places = cover.lower + (boxes[drawn][:, None, :] + corners) * cover.widths
+        begin = wrap(places.reshape(-1, d), exact.coordinates)
+        orbits = Orbits.starting(begin.copy())
+        advance_on_threads(exact.advance, orbits, 1)
+        moved = np.abs(difference(orbits.points, begin, exact.coordinates))
+        rests = (moved <= AT_REST * resolution(begin, segment.size)).all(axis=-1)
+        advance_on_threads(exact.advance, orbits, _PERIODS - 1)
+        far, near = segment.distances(begin), segment.distances(orbits.points)
+        drawn[drawn] = (rests | (near < far)).reshape(-1, len(corners)).all(axis=1)
+    return drawn

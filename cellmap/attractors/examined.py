@@ -20,7 +20,8 @@ class Examined:
     """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
 
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period;
-    ``distances``: how close the ends of the last look have come back to themselves, by their bits.
+    ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
+    segments of periodic points that do not attract.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -28,6 +29,7 @@ class Examined:
     points: NDArray[np.float64]
     ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
     distances: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
+    lines: list[NDArray[np.float64]] = field(default_factory=list)
 
     @classmethod
     def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:

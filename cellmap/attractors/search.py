@@ -153,7 +153,7 @@ def sort_out(
         fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
-            fresh = fresh or continua(point_map, orbits.points, extent, max_period, attractors)
+            fresh = fresh or continua(point_map, orbits.points, extent, max_period, attractors, examined.lines)
         if not fresh:
             break
         attractors = [*attractors, *fresh]

@@ -145,3 +145,23 @@ def test_an_orbit_beside_the_continuum_is_not_in_it():
         mine = (basins.labels.ravel() == number) & (np.abs(y - x) < 1.7)  # farther away they jump across
         assert ((y > x) == above)[mine].all()
     assert (basins.labels != Label.UNDECIDED).all()
+
+
+def test_a_segment_whose_derivative_is_far_from_normal():
+    """Fixed points on z = 0.3 x + 0.2 x^2 and y = 0; what z is off moves y 5,000 times as far.
+
+    The singular value of I - derivative beside the neutral one is 2e-8 of the largest.
+    """
+
+    def function(x, p):
+        off = x[2] - 0.3 * x[0] - 0.2 * x[0] ** 2
+        return x[0], 0.5 * x[1] + 5000.0 * off, x[2] - 0.9 * off
+
+    steep = discrete_map(function, {}, ("x", "y", "z"))
+    states = np.random.default_rng(0).uniform(-0.9, 0.9, (24, 3))
+    ends = steep.iterate(states, 80).points
+    for chosen in (ends, ends[::2], ends[::-3]):
+        (segment,) = continua(steep, chosen, np.array([2.0, 2.0, 1.0]), 4)
+        x, y, z = segment.points.T
+        assert x.min() < -1.5 and x.max() > 1.5
+        assert z == pytest.approx(0.3 * x + 0.2 * x**2, abs=1e-3) and np.abs(y).max() < 1.0
