@@ -69,6 +69,7 @@ def switch_curve(
     Examples
     --------
     >>> from cellmap import continue_orbit, discrete_map, periodic_orbit
+    >>> from cellmap.bifurcations import continue_bifurcation
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
     >>> branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4)
     >>> doublings = continue_bifurcation(branch, branch.bifurcations[0], "b", (0.0, 4.0), (-1.5, 0.9))

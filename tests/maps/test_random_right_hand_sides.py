@@ -40,6 +40,20 @@ def errors(right_hand_side: RightHandSide, rng: np.random.Generator, draws: int,
     return found
 
 
+def test_branch_within_a_branch_beside_sliding() -> None:
+    """A time switch matters on one side alone of the surface along which the orbit slides."""
+    rng = np.random.default_rng(40401)
+    right_hand_side = drawn(rng)
+    for _ in range(10):
+        parameters, places = right_hand_side.parameters(rng), rng.uniform(-2.0, 2.0, (2, 2))
+    system = ForcedSystem(right_hand_side.function(), parameters, right_hand_side.period, ("a", "b"))
+    images = stroboscopic_map(system, rtol=TOLERANCE, atol=TOLERANCE).iterate(places, 1)
+    for place, image, status in zip(places, images.points, images.status, strict=True):
+        exact, outcome, _ = right_hand_side.program(parameters).image(right_hand_side.period, place, 0.002)
+        assert outcome == DONE
+        assert status != Status.OK or np.max(np.abs(image - exact) / (TOLERANCE * (1.0 + np.abs(exact)))) < 10.0
+
+
 @pytest.mark.slow  # 10,000 right-hand sides, of which 1,250 are compiled: ten minutes
 @pytest.mark.parametrize("part", range(25))
 def test_ten_thousand_right_hand_sides(part: int) -> None:

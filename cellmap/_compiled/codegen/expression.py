@@ -316,7 +316,7 @@ def in_order(outputs: Iterable[Expression]) -> list[Expression]:
     return order
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
     """Return the same, kept for expressions that are evaluated again and again."""
     return tuple(in_order(outputs))

@@ -33,6 +33,9 @@ CONTEXT = 12  # numbers, and one more for each surface
 MANY = 512
 """Steps, or events, from which on a lane without a right digit is given up: after a blow-up they never end."""
 
+_DOUBTFUL = 1e-4
+"""How far a switch has to be on the wrong side, and the error of a state that slides then, in units of its size."""
+
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
 
@@ -136,6 +139,29 @@ def _wake(
                 if not follow(values, asleep, counts, signs):
                     break
             signs[e] = side
+
+
+@inlined
+def _doubt(addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors):
+    """Give a sliding state an error that no tolerance allows, where a switch belongs on another side than it is on.
+
+    A mode has one side for each switch.  Where the condition of one depends on the side of a surface along which the
+    state slides, the two sides of that surface may ask for different ones, for which there is no mode.
+    """
+    wrong = False
+    for e in range(signs.size):
+        if slides[e]:
+            kept = signs[e]
+            for way in range(2):
+                signs[e] = 1.0 - 2.0 * way
+                call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
+                for k in range(signs.size):
+                    if not (slides[k] or counts[k]):
+                        wrong = wrong or values[k] * signs[k] < -_DOUBTFUL
+            signs[e] = kept
+    if wrong:
+        for j in range(state.size):
+            errors[j] += _DOUBTFUL * (1.0 + abs(state[j]))
 
 
 @functools.cache
@@ -245,6 +271,11 @@ def period(single):
                             )  # fmt: skip
                         if landed > NO_EVENT:
                             t = landed
+                            if coupled:
+                                _doubt(
+                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                    slides, counts, errors,
+                                )  # fmt: skip
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                             project(state, errors, values, normals, gains, hits, slides, counts, on_surface, held)
                             if impacts != 0:
@@ -270,8 +301,20 @@ def period(single):
                             if entered >= 0:
                                 gap = series[flag + (1 + entered) * LANES + i]
                                 pass_event(entered, gap, rates, gains, jumps, normals, state, errors, held, after)
+                            if coupled:
+                                _doubt(
+                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                    slides, counts, errors,
+                                )  # fmt: skip
                         _store(lanes, i, t, state, signs, slides, errors, fresh)
                     moving += lanes[size * LANES + i] < end
+            if coupled and steps[b] > 0:
+                for i in range(used):
+                    t = _load(lanes, i, state, signs, slides, errors, fresh)
+                    _doubt(
+                        addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors
+                    )  # fmt: skip
+                    _store(lanes, i, t, state, signs, slides, errors, fresh)
             if project_at_end:
                 # Lanes that slide are brought back onto their surfaces, where rounding has led away.
                 for i in range(used):
