@@ -18,7 +18,7 @@ import functools
 
 import numpy as np
 
-from ..loops import inlined, loop_by_address
+from ..loops import inlined, loop, loop_by_address
 from .blocks import LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .collisions import begin_at_impacts, collide
@@ -141,7 +141,7 @@ def _wake(
             signs[e] = side
 
 
-@inlined
+@loop
 def _doubt(addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors):
     """Give a sliding state an error that no tolerance allows, where a switch belongs on another side than it is on.
 
@@ -180,7 +180,7 @@ def period(single):
         """
         addresses = array_at(context, CONTEXT)
         size, dimension, order, project_at_end = addresses[4], addresses[5], addresses[7], addresses[8]
-        coupled, impacts = addresses[9], addresses[10]
+        coupled, impacts = 0 if single else addresses[9], addresses[10]
         count = 1 if single else addresses[COUNT]
         watched = addresses[WATCHED]
         kept = array_at(watched, orbits * RECORDS * count)
