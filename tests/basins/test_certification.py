@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi, sin, sqrt
+from dataclasses import replace
+from math import exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -298,3 +299,28 @@ def test_interval_of_what_is_wrong(fractal):
     assert certificate.wrong[0] == 0.0
     assert certificate.wrong[1] == pytest.approx(kept * z2 / (1000 + z2))
     assert sqrt(z2) == pytest.approx(1.96, abs=1e-3)
+
+
+@pytest.mark.parametrize(("place", "width"), [(0.1, 0.1), (0.2, 0.2), (0.25, 0.15), (0.3, 0.1)])
+def test_peak_that_is_narrower_than_a_cell(place, width):
+    """The cells beside it are resolved badly as well; none of them may say where an orbit ends."""
+    side = 4.0 / 64
+    parameters = {"c": -2.0 + (41.0 + place) * side, "w": width * side}
+    exact = discrete_map(
+        lambda x, p: (1.4 * x[0] - 0.4 * x[0] ** 3 - (p.c + 0.8) * exp(-(((x[0] - p.c) / p.w) ** 2)),),
+        parameters, ("x",), "peak",
+    )  # fmt: skip
+    line = CellGrid((-1.7,), (1.7,), (4001,))
+    certificate = certify(find_basins(interpolated_map(exact, CellGrid((-2,), (2,), (64,))), line))
+    direct = find_basins(exact, line, attractors=certificate.basins.attractors)
+    assert np.count_nonzero((certificate.basins.labels != direct.labels) & (certificate.evidence != Evidence.OPEN)) == 0
+
+
+def test_labels_that_the_audit_finds_wrong_are_reported():
+    """Where errors are taken for nothing, labels are kept that are wrong."""
+    exact = stroboscopic_map(two_well_duffing())
+    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (48, 48)), tolerance=1e3)
+    basins = find_basins(icm, CellGrid((-2, -2), (2, 2), (60, 60)))
+    none = replace(icm.table, indicator=np.zeros_like(icm.table.indicator), rough=np.zeros_like(icm.table.rough))
+    with pytest.warns(UserWarning, match="labels that were kept are wrong"):
+        certify(replace(basins, point_map=replace(icm, table=none)))

@@ -80,11 +80,12 @@ def test_bounds_of_cells_by_maximum_filters(wraps):
     images, rough = rng.normal(size=(n, d)), rng.random(tuple(cells)) < 0.1
     widths = np.array([0.5, 0.25])
     rows = slopes.reshape(6, -1)
-    curved, bends, errors, tolerances = np.empty(rows.shape), np.empty((n, 2)), np.empty(n), np.empty(n)
+    curved, bends = np.empty(rows.shape), np.empty((n, 2))
+    errors, tolerances, estimates = np.empty(n), np.empty(n), np.empty(n)
     curve(rows, cells, np.array(wraps), 0, 6, curved)
     table = (np.zeros(2), widths, cells, np.array(wraps))
     numbers = (4.0, 1e9, 1e-8, 1e-9)
-    bounding(d)(table, rows, curved, images, indicator, rough, numbers, 0, 6, bends, errors, tolerances)
+    bounding(d)(table, rows, curved, images, indicator, rough, numbers, 0, 6, bends, errors, tolerances, estimates)
     modes = ["wrap" if w else "nearest" for w in wraps]
     change, bent = np.zeros(cells), np.zeros(cells)
     for i, k in np.ndindex(d, d):
@@ -99,5 +100,6 @@ def test_bounds_of_cells_by_maximum_filters(wraps):
     np.testing.assert_allclose(bends[clear, 1], 2 * np.sqrt(bent).ravel()[clear], rtol=1e-13)
     tolerance = ((1e-9 + 1e-8 * np.abs(images * widths)) / widths).max(axis=1)
     error = 4.0 * maximum_filter(indicator.astype(float), 3, mode=modes).ravel() + tolerance
+    np.testing.assert_allclose(estimates, error, rtol=1e-12)
     np.testing.assert_allclose(errors, np.where(clear & ~rough.ravel(), error, np.inf), rtol=1e-12)
     np.testing.assert_allclose(tolerances, np.where(clear, tolerance, np.inf), rtol=1e-12)

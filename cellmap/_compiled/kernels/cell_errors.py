@@ -93,13 +93,15 @@ def bounding(d):
     """Return the function ``bound`` for a dimension."""
 
     @loop(vectors=True)
-    def bound(table, slopes, curved, images, indicator, rough, numbers, begin, end, bends, errors, tolerances):
+    def bound(
+        table, slopes, curved, images, indicator, rough, numbers, begin, end, bends, errors, tolerances, estimates
+    ):
         """Bound the changes of derivatives over a cell (n, 2) and errors, by the largest in the cell and around it.
 
         ``table`` is (origin, widths, cells, wraps), ``numbers`` (safety, largest error, rtol, atol); ``slopes`` and
         ``curved`` (rows, cells d^2), ``indicator`` and ``rough`` (rows, cells) are taken row by row.  ``bends[:, 0]``
         is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line: where a line
-        bends, it may bend more next to the centre.
+        bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in rough cells.
         """
         origin, widths, cells, wraps = table
         safety, unbounded, rtol, atol = numbers
@@ -157,6 +159,7 @@ def bounding(d):
                 bends[c, 0], bends[c, 1] = sqrt(change), 2.0 * sqrt(bent)
                 tolerances[c] = tolerance if known else np.inf
                 largest = max(max(error[k], error[k + 1]), error[k + 2])
-                errors[c] = safety * largest + tolerance if known and not rough[r, k] else np.inf
+                estimates[c] = safety * largest + tolerance
+                errors[c] = estimates[c] if known and not rough[r, k] else np.inf
 
     return bound

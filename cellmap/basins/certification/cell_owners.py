@@ -25,6 +25,7 @@ from .table_errors import TableErrors, images_of
 SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
 _MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
 _FARTHEST = 1e15
+_UNRESOLVED = 1.0  # error of the spline, in widths of a cell, from which samples say nothing of what is between them
 _FIRST = 1 - int(Label.ESCAPED)  # ends of paths over cells are labels and this, so that they are positive
 
 
@@ -180,7 +181,7 @@ def _boxes_of_images(
     rough = np.flatnonzero(np.isinf(errors.errors) & (held == NONE))
     if len(rough):
         middle = middle.copy()
-    for chunk in slices(len(rough), CHUNK // 3**setting.grid.dimension + 1):
+    for chunk in slices(len(rough), CHUNK // _samples_along(setting.grid.dimension) ** setting.grid.dimension + 1):
         some = rough[chunk]
         middle[some], reach[some], held[some] = _sampled(setting, errors, some)
     run_over(parts, enclose)
@@ -192,7 +193,8 @@ def _sampled(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int16]]:
     """Return middles and reaches of the images of some cells, and labels that a period settles, from samples."""
     grid, d = setting.grid, setting.grid.dimension
-    offsets = np.array(list(np.ndindex((3,) * d))) - 1.0
+    sides = _samples_along(d)
+    offsets = np.array(list(np.ndindex((sides,) * d))) * (2.0 / (sides - 1)) - 1.0
     centres = grid_points([grid.axis(j) for j in range(d)], cells)
     points = centres[:, None, :] + 0.5 * grid.widths * offsets
     images = (images_of(setting.direct, points.reshape(-1, d)).reshape(points.shape) - grid.lower) / grid.widths
@@ -200,9 +202,17 @@ def _sampled(
     initial_conditions = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
     labels = settle(setting.exact, initial_conditions, setting.catalogue, 1).labels.reshape(len(cells), -1)
     agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
-    # Between the samples an image may reach as far again as from one sample to the next.
-    reach = (0.5 + 0.25) * (high - low) + errors.tolerances[cells, None]
+    # Between the samples an image may reach as far again as from one sample to the next, and as far as the spline errs.
+    estimates = errors.estimates[cells]
+    reach = (0.5 + 0.25) * (high - low) + (errors.tolerances[cells] + estimates)[:, None]
+    reach[estimates > _UNRESOLVED] = np.inf
+    agreed &= estimates <= _UNRESOLVED
     return 0.5 * (low + high), reach, np.where(agreed, labels[:, 0], NONE).astype(np.int16)
+
+
+def _samples_along(dimension: int) -> int:
+    """Return the number of samples along each edge of a cell."""
+    return 5 if dimension < 3 else 3
 
 
 def _cells_on(setting: Setting, cover: Cover) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.certainty import NONE, carry_rows, judging, keep_rows, sort_out, widening
-from ..._lib.checks import affordable_number, claim_memory, finite_number
+from ..._lib.checks import affordable_number, claim_memory, finite_number, warn_caller
 from ..._lib.randomness import Rng, random_numbers, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import run_over, slices
@@ -83,6 +83,11 @@ def certify(
     TypeError, ValueError
         For arguments out of range, or basins without their map or not of an interpolated map.
 
+    Warns
+    -----
+    UserWarning
+        If the audit finds labels that were kept and are wrong.
+
     Notes
     -----
     On a fractal boundary some labels stay open: orbits separate faster than they converge, and two exact integrators
@@ -128,6 +133,12 @@ def certify(
             break
         run = _Run(search, bounds, run.tally)
         checked = run.certify(audit, seed + again)
+    if checked.wrong:
+        warn_caller(
+            f"{checked.wrong} of {checked.compared:,} labels that were kept are wrong by direct integration: the "
+            f"interpolation grid {point_map.table.grid} misses a part of the map; give it more cells, or raise "
+            f"safety={safety:g}"
+        )
     shape, kept = basins.labels.shape, 1.0 - run.redone / total
     return Certificate(
         basins=replace(

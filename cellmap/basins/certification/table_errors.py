@@ -25,7 +25,7 @@ class TableErrors:
 
     ``slopes`` (n, d, d) derivatives at the centres, ``bends`` (n,) their change over a cell, ``errors`` (n,) of a
     period of the table, ``tolerances`` (n,) of the exact map; ``images`` (n, d) places of the centres' images in cells
-    from the first edge, unwrapped.
+    from the first edge, unwrapped; ``estimates`` (n,) of the spline's errors, also in cells that it does not serve.
     """
 
     slopes: NDArray[np.float64]
@@ -33,12 +33,13 @@ class TableErrors:
     errors: NDArray[np.float64]
     tolerances: NDArray[np.float64]
     images: NDArray[np.float64]
+    estimates: NDArray[np.float64]
 
     @staticmethod
     def memory(grid: CellGrid) -> int:
         """Return the bytes that the bounds of a table need."""
         d = grid.dimension
-        return 8 * grid.size * (d * d + 3 * d + 6)
+        return 8 * grid.size * (2 * d * d + 3 * d + 7)
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
@@ -51,7 +52,7 @@ class TableErrors:
         origin, cells, wraps = np.array(grid.lower), np.array(grid.shape, np.int64), np.array(grid.wraps)
         turn = turns_of(point_map.coordinates)[1]
         slopes, images = np.empty((n, d, d)), np.empty((n, d))
-        bends, errors, tolerances = np.empty((n, 2)), np.empty(n), np.empty(n)
+        bends, errors, tolerances, estimates = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
 
         def measure(part: slice) -> None:
             points = np.empty(((part.stop - part.start) * (1 + 2 * d), d))
@@ -73,13 +74,13 @@ class TableErrors:
         def bound(part: slice) -> None:
             bounding(d)(
                 (origin, grid.widths, cells, wraps), by_rows, curved, images, indicator, rough, numbers,
-                part.start, part.stop, bends, errors, tolerances,
+                part.start, part.stop, bends, errors, tolerances, estimates,
             )  # fmt: skip
 
         parts = slices(len(by_rows), CHUNK // grid.shape[-1] + 1)
         run_over(parts, bend)
         run_over(parts, bound)
-        return cls(slopes, bends, errors, tolerances, images)
+        return cls(slopes, bends, errors, tolerances, images, estimates)
 
 
 def images_of(point_map: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
