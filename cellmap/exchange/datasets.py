@@ -51,7 +51,7 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
     xarray.DataTree or xarray.Dataset
         A tree for results with attractors, which are its group ``"attractors"``; else a Dataset.  Arrays are not
         copied.  Its method `to_netcdf` writes it to a file, which ``xarray.open_datatree`` or ``xarray.open_dataset``
-        reads; :func:`from_xarray` makes the result of it again.
+        reads; :func:`from_xarray` makes the result again of all but atlases, branches and curves.
 
     Raises
     ------

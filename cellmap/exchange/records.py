@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._lib.checks import shown
 from ..attractors.labels import LABEL_NAMES
-from ..basins.certification.certificate import Certificate
+from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
 from ..basins.record import Basins
 from ..basins.verification import Verification
@@ -23,11 +24,12 @@ from ..maps.orbit_batch import Cost
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractors_of
 from .conventions import variable_names
+from .datasets import to_xarray
 from .optional import xarray_package
 
 
 def from_xarray(tree: Any) -> Any:
-    """Return the result of which :func:`to_xarray` made a tree or Dataset, with the same bits.
+    """Return the result from which :func:`to_xarray` made a tree or Dataset, with the same bits.
 
     Parameters
     ----------
@@ -61,17 +63,43 @@ def from_xarray(tree: Any) -> Any:
     if not isinstance(tree, xarray.DataTree | xarray.Dataset):
         raise TypeError(f"tree={shown(tree)}: give a DataTree or a Dataset of xarray, as to_xarray returns it")
     kind = tree.attrs.get("record")
-    if kind not in _READERS:
+    if not isinstance(kind, str) or kind not in _READERS:
         raise ValueError(
             f"tree has the attribute record={shown(kind)}: give what to_xarray of this version makes of one of "
             f"{', '.join(_READERS)}"
         )
     try:
-        return _READERS[kind](_Read(tree))
+        result = _READERS[kind](_Read(tree))
+        changed = _difference(tree, to_xarray(result))
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(
             f"tree is not what to_xarray made of {kind} ({type(error).__name__}: {error}): give all of it"
         ) from error
+    if changed is not None:
+        raise ValueError(
+            f"tree has another {changed} than to_xarray gives {kind} of these values: give the tree as it was made, "
+            "without selection, in the same sequence"
+        )
+    return result
+
+
+def _difference(given: Any, again: Any) -> str | None:
+    """Return the name of what a tree has otherwise than the one that is made of its result."""
+    groups = [""] if not hasattr(again, "children") else ["", *again.children]
+    for group in groups:
+        mine, other = (tree[group] if group else tree for tree in (given, again))
+        for name, variable in other.variables.items():
+            if name not in mine.variables or mine[name].dims != variable.dims:
+                return str(name)
+            if not _same(mine[name].values, variable.values):
+                return str(name)
+    return next((k for k, v in again.attrs.items() if k != "source" and not _same(given.attrs.get(k), v)), None)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Tell whether two arrays, numbers or texts are the same; NaN is the same as NaN."""
+    a, b = np.asarray(one), np.asarray(other)
+    return np.array_equal(a, b, equal_nan=a.dtype.kind in "fc" and b.dtype.kind in "fc")
 
 
 class _Read:
@@ -115,10 +143,13 @@ def _basins(read: _Read) -> Basins:
     labels = read.array("labels", np.int16, shape)
     if labels.size and not min(LABEL_NAMES) <= labels.min() <= labels.max() < len(attractors):
         raise ValueError(f"labels are not between {min(LABEL_NAMES)} and {len(attractors) - 1}")
+    times = read.array("settling_time", np.int32, shape)
+    if times.size and times.min() < -1:
+        raise ValueError(f"settling_time is {times.min()}")
     return Basins(
         labels=labels,
         attractors=attractors,
-        settling_time=read.array("settling_time", np.int32, shape),
+        settling_time=times,
         grid=grid,
         initial_conditions=initial_conditions,
         name=str(read.attributes["system"]),
@@ -126,7 +157,7 @@ def _basins(read: _Read) -> Basins:
         coordinates=coordinates,
         settings=read.json("settings"),
         inaccurate=int(read.attributes["inaccurate"]),
-        undecided=read.json("undecided"),
+        undecided=Counter(read.json("undecided")),
         cost=read.cost(),
     )
 
@@ -134,9 +165,12 @@ def _basins(read: _Read) -> Basins:
 def _certificate(read: _Read) -> Certificate:
     basins = _basins(read)
     low, high = np.asarray(read.attributes["wrong_95_percent"]).tolist()
+    evidence = read.array("evidence", np.uint8, basins.labels.shape)
+    if evidence.size and evidence.max() > max(Evidence):
+        raise ValueError(f"evidence is {evidence.max()}")
     return Certificate(
         basins=basins,
-        evidence=read.array("evidence", np.uint8, basins.labels.shape),
+        evidence=evidence,
         redone=int(read.attributes["recomputed"]),
         changed=int(read.attributes["changed"]),
         audit=Verification(**read.json("audit")),

@@ -173,3 +173,19 @@ def test_results_without_a_way_back_are_named(tmp_path):
     branch = continue_orbit(WELLS, periodic_orbit(WELLS, [0.7, 0.0]), "r", 1.4, 1.6, step=0.1)
     with pytest.raises(ValueError, match="record='Branch': give what to_xarray"):
         from_xarray(to_xarray(branch))
+
+
+@pytest.mark.parametrize("change", ["reversed", "transposed", "grid", "attractors"])
+def test_trees_in_another_sequence_are_refused(change):
+    wells = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"), "two wells")
+    tree = find_basins(wells, CellGrid((-1, -1), (1, 1), (20, 20))).to_xarray()
+    if change == "reversed":
+        tree = tree.isel(x=slice(None, None, -1))
+    elif change == "transposed":
+        tree["labels"] = tree["labels"].T
+    elif change == "grid":
+        tree.attrs["grid"] = tree.attrs["grid"].replace("-1", "-2", 1)
+    else:
+        tree["attractors"] = tree["attractors"].isel(attractor=[1, 0])
+    with pytest.raises(ValueError, match="tree"):
+        from_xarray(tree)
