@@ -88,7 +88,10 @@ def switch_circle(
         )
     low, high = finite_number("lower", lower), finite_number("upper", upper)
     if not low < bifurcation.value < high:
-        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain {bifurcation.value:g}")
+        raise ValueError(
+            f"lower={lower!r}, upper={upper!r}: give an interval, the smaller value first, that contains the "
+            f"bifurcation at {bifurcation.value:g}"
+        )
     longest = finite_number("step", step, above=0.0, at_most=1.0)
     most = whole_number("max_points", max_points, at_least=1)
     exact = branch.point_map.with_params(**{branch.parameter: bifurcation.value})

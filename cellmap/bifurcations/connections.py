@@ -79,7 +79,8 @@ def connecting_orbits(
     Points of a fundamental segment of the unstable manifold of `source`, which covers a whole branch under iteration,
     are iterated.  Where neighbouring ones come close to `target` on different sides of its stable manifold, the point
     between is refined by bisection, and the whole chain of images by Newton's method, with its ends in the eigenspaces
-    of the saddles at a distance of 1e-6 (projection boundary conditions).  The map may have any dimension from 2 on.
+    of the saddles at a distance of some 1e-6 of the orbit's size (projection boundary conditions).  The map may have
+    any dimension from 2 on.
 
     Parameters
     ----------

@@ -82,6 +82,9 @@ def switch_curve(
     if chosen is None or chosen not in point.new_curves:
         known = ", ".join(map(repr, point.new_curves)) or "no other curve of bifurcations of periodic orbits"
         raise ValueError(f"new_curve={new_curve!r}: {point!r} has {known}")
+    own = (p for p in curve.codimension_two if (p.kind, p.parameters) == (point.kind, point.parameters))
+    if not any(np.array_equal(p.values, point.values) for p in own):
+        raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two")
     names, old = curve.parameters, curve._problem.orbits
     box = (interval_of("first", first, point.values[0]), interval_of("second", second, point.values[1]))
     spans = [high - low for low, high in box]

@@ -91,7 +91,7 @@ def arnold_tongue(
     point_map : PointMap
         The map, at a value of the second parameter at which the tongue is open.
     rotations, period : int
-        p and q of the rotation number p/q, without common divisor.
+        p and q of the rotation number p/q, without common divisor, 0 <= p <= q.
     parameters : tuple of str
         Names of the two parameters.
     first, second : tuple of float
@@ -139,6 +139,8 @@ def arnold_tongue(
         known_parameter("parameters", name, exact.params)
     if one == two:
         raise ValueError(f"parameters={parameters!r}: give two different parameters")
+    if exact.dimension == 1 and exact.coordinates[0].period is None:
+        raise ValueError(f"point_map={point_map!r} has neither an angle nor a plane in which orbits could rotate")
     q, p = whole_number("period", period, at_least=1), whole_number("rotations", rotations)
     if gcd(p, q) != 1 or p > q:
         raise ValueError(f"rotations={p!r}, period={q!r}: give p and q without common divisor, p at most q")

@@ -58,6 +58,12 @@ def circles(henon: PointMap) -> BifurcationCurve:
     return curve_of(henon, [0.2, 0.2], NEIMARK_SACKER, ALPHA, BETA)
 
 
+def test_points_of_other_curves_are_refused(henon: PointMap, circles: BifurcationCurve) -> None:
+    doublings = curve_of(henon, [0.2, 0.2], DOUBLING, ALPHA, BETA)
+    with pytest.raises(ValueError, match="is not on"):
+        switch_curve(doublings, only(circles, POINT.RESONANCE_1_4), ALPHA[1:], BETA[1:])
+
+
 @pytest.mark.parametrize(
     ("kind", "point"), [(NEIMARK_SACKER, POINT.RESONANCE_1_2), (DOUBLING, POINT.RESONANCE_1_2), (FOLD, POINT.FOLD_FLIP)]
 )

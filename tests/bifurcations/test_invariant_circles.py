@@ -145,3 +145,9 @@ def test_bad_arguments() -> None:
         arnold_tongue(circle_map(0.8), 1, 3, ("omega", "k"), (0.4, 0.6), (0.5, 0.9), [0.1])
     with pytest.raises(ValueError, match="give one state"):
         continue_circle(delayed(), "a", [2.1], [[0.5, 0.4]])
+
+
+def test_nothing_rotates_on_a_line():
+    line = discrete_map(lambda x, p: (p.a * x[0] + p.b,), {"a": 0.5, "b": 0.1}, ("x",))
+    with pytest.raises(ValueError, match="neither an angle nor a plane"):
+        arnold_tongue(line, 1, 2, ("a", "b"), (0.4, 0.6), (0.0, 1.0), [0.1])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
+from ..doubts import UnsettledWarning
 from ..finding import find_basins
 from ..initial_conditions import InitialConditions
 from ..record import Basins
@@ -43,7 +45,11 @@ class Search:
         assert basins.point_map is not None
         points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
         limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
-        found = find_basins(exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits)
+        with catch_warnings():
+            simplefilter("ignore", UnsettledWarning)  # these are all undecided, and few of the whole image
+            found = find_basins(
+                exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits
+            )
         new = [a for a in found.attractors if not any(a is k for k in known)]
         attractors = tuple(sorted([*known, *new], key=sort_key))
         labels, times = _renumbered(basins, attractors), basins.settling_time.copy()
