@@ -101,7 +101,7 @@ def bounding(d):
         ``table`` is (origin, widths, cells, wraps), ``numbers`` (safety, largest error, rtol, atol); ``slopes`` and
         ``curved`` (rows, cells d^2), ``indicator`` and ``rough`` (rows, cells) are taken row by row.  ``bends[:, 0]``
         is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line: where a line
-        bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in rough cells.
+        bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in fallback cells.
         """
         origin, widths, cells, wraps = table
         safety, unbounded, rtol, atol = numbers
