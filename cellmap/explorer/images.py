@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveBasins, LiveFrame
+from ..basins.record import label_counts
 from ..basins.refining import refine_basins
 from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
@@ -108,7 +109,7 @@ def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
     kind, data = pixels(raster)
     height, width = view.raster(frame.basins.labels).shape
     attractors = dict(sorted(frame.attractors.items()))
-    counts = np.bincount(raster.ravel() - LOWEST, minlength=max(attractors, default=0) - LOWEST + 1)
+    counts = label_counts(raster.ravel(), max(attractors, default=0) + 1)
     names = distinct_names(tuple(attractors.values()))
     return {
         "width": width,

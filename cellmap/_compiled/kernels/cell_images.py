@@ -10,10 +10,7 @@ from math import floor
 import numpy as np
 
 from ..loops import inlined, loop
-from .certainty import NONE, touches
-
-FARTHEST = 1e15
-"""Cells from the first edge beyond which an image is not known."""
+from .certainty import FARTHEST, NONE, touches
 
 SEVERAL = -1
 """An end of paths over images of cells: more than one, or one that is not known."""

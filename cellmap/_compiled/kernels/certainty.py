@@ -13,6 +13,9 @@ import numpy as np
 
 from ..loops import inlined, loop
 
+FARTHEST = 1e15
+"""Cells from the first edge beyond which a place is not known."""
+
 NONE, LOST = -10, -11
 """No region holds the error as a whole; it overlaps an edge of the window, beyond which orbits end."""
 
@@ -106,7 +109,7 @@ def judging(d):
             for j in range(d):
                 reach = sqrt(spread[i, j, j])
                 u = place_of(points[i, j], origin[j], inverse[j], circle[j])
-                finite = finite and abs(u) + reach < 1e15
+                finite = finite and abs(u) + reach < FARTHEST
                 if finite:
                     first[j], last[j] = np.int64(floor(u - reach)), np.int64(floor(u + reach))
                     # The far edge of the window belongs to it.
@@ -151,10 +154,9 @@ def sort_out(
     """Write labels of rows that a region holds, and which of the others go on; return how many do.
 
     ``rows`` are the numbers of initial conditions, for which ``patience``, ``labels``, ``times`` and ``evidence`` are
-    given; ``kept`` and ``lost`` get places among the rows, ``gone[0]`` how many are
-    lost.  An orbit does not go on that overlaps an edge, has not the
-    status OK, has an error of `widest` cells or more, or is older than its patience.  Labels from `first` on are those
-    of regions.
+    given; ``kept`` and ``lost`` get places among the rows, ``gone[0]`` how many are lost.  An orbit does not go on that
+    overlaps an edge, has not the status OK, has an error of `widest` cells or more, or is older than its patience.
+    Labels from `first` on are those of regions.
     """
     d, going = spread.shape[1], 0
     gone[0] = 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..._compiled.kernels.capture import Regions
 from ..._compiled.kernels.cell_images import SEVERAL, boxes_of, claim_within, reach_ends, reaches_of
-from ..._compiled.kernels.certainty import NONE
+from ..._compiled.kernels.certainty import FARTHEST, NONE
 from ..._lib.threads import run_over, slices
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, settle
@@ -24,7 +24,6 @@ from .table_errors import TableErrors, images_of
 
 SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
 _MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
-_FARTHEST = 1e15
 _UNRESOLVED = 1.0  # error of the spline, in widths of a cell, from which samples say nothing of what is between them
 _FIRST = 1 - int(Label.ESCAPED)  # ends of paths over cells are labels and this, so that they are positive
 
@@ -155,7 +154,7 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
     high = low + np.concatenate(sizes)
     out = (((low < grid.lower) | (high > grid.upper)) & ~np.array(grid.wraps)).any(axis=1)
     ends = np.floor((np.stack([low, high], axis=1)[out] - grid.lower) / grid.widths)
-    everywhere = np.multiply.outer((-_FARTHEST, _FARTHEST), np.ones(grid.dimension))
+    everywhere = np.multiply.outer((-FARTHEST, FARTHEST), np.ones(grid.dimension))
     return np.where(catalogue.turn > 0.0, everywhere, ends).astype(np.int64)
 
 
