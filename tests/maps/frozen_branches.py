@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate._ivp import dop853_coefficients as dop853
 
-STATE, TIME, CONST, ADD, SUB, MUL, SIN, COS, TANH, SIDE, CELL, SELECT, AND = range(13)
+STATE, TIME, CONST, ADD, SUB, MUL, SIN, COS, TANH, SIDE, CELL, SELECT = range(12)
 DONE, TWO_SURFACES, TOO_MANY, LOST = range(4)
 
 _A = np.ascontiguousarray(dop853.A[:12, :12])
@@ -104,9 +104,6 @@ def _value(program, part, t, x, f, sides, stack):
             v = np.tanh(stack[n - 1, 0])
             stack[n - 1, 0] = v
             stack[n - 1, 1] *= 1.0 - v * v
-        elif op == AND:
-            n -= 1
-            stack[n - 1, 0] = min(stack[n - 1, 0], stack[n, 0])
         elif op == SELECT:
             n -= 2
             chosen = n if stack[n - 1, 0] > 0.0 else n + 1
@@ -288,6 +285,12 @@ def _image(program, period, x, step):
             continue
         sides[k] = new
         _follow(program, t, x, sides, room[0], slide, k)
+        g = _value(program, d + slide, t, x, f, sides, room[0])[0]
+        if abs(g) > 1e-9:  # the surface has jumped away
+            sides[slide] = 1.0 if g > 0.0 else -1.0
+            _follow(program, t, x, sides, room[0], _NO_SLIDE, k)
+            mode = (_NO_SLIDE, 0.0, 0.0)
+            continue
         g_low, g_high = _pushes(program, t, x, sides, room, slide, mode[1], mode[2])
         if not g_low > 0.0 > g_high:
             if g_low < 0.0 < g_high:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from frozen_branches import ADD, AND, CELL, CONST, COS, MUL, SELECT, SIDE, SIN, STATE, SUB, TANH, TIME, Program
+from frozen_branches import ADD, CELL, CONST, COS, MUL, SELECT, SIDE, SIN, STATE, SUB, TANH, TIME, Program
 
 Expression = tuple[Any, ...]
 
@@ -47,7 +47,7 @@ class RightHandSide:
     def program(self, parameters: Mapping[str, float]) -> Program:
         """Return the same for the integrator that is given the sides of all surfaces."""
         writer = _Writer(parameters)
-        rates = [writer.code(rate) for rate in self.rates]
+        rates = [writer.code(as_selections(rate)) for rate in self.rates]
         return Program.of(rates, writer.surfaces, writer.levels)
 
 
@@ -112,27 +112,54 @@ class _Writer:
                 return [*code(a), *code(b), (_BINARY[sign], 0)]
             case ("sin" | "cos" | "tanh" as name, a):
                 return [*code(a), (_UNARY[name], 0)]
-            case ("max", a, b):
-                return code(("if", ("-", a, b), a, b))
-            case ("min", a, b):
-                return code(("if", ("-", a, b), b, a))
-            case ("abs", a):
-                return [*code(a), (SIDE, self.surface(a)), (MUL, 0)]
-            case ("sign", a):
-                return [(SIDE, self.surface(a))]
             case ("floor", a):
                 return [(CELL, self.surface(a, levels=True))]
             case ("mod", a):
                 return [*code(a), (CELL, self.surface(a, levels=True)), (SUB, 0)]
-            case ("clip", a):
-                low, high = ("c", -0.5), ("c", 0.75)
-                return code(("if", ("-", a, high), high, ("if", ("-", a, low), a, low)))
             case ("if", a, yes, no):
                 return [(SIDE, self.surface(a)), *code(yes), *code(no), (SELECT, 0)]
-            case ("both", a, b, yes, no):
-                sides = [(SIDE, self.surface(a)), (SIDE, self.surface(b)), (AND, 0)]
-                return [*sides, *code(yes), *code(no), (SELECT, 0)]
         raise ValueError(e)
+
+
+def as_selections(e: Expression) -> Expression:
+    """Return an expression in which ``if`` is the only operation that selects.
+
+    A condition that has another one inside becomes a condition on either side of that: where a solution slides along
+    the inner surface, both sides count.
+    """
+    if not isinstance(e, tuple):
+        return e
+    match (e[0], *map(as_selections, e[1:])):
+        case ("max", a, b):
+            return as_selections(("if", ("-", a, b), a, b))
+        case ("min", a, b):
+            return as_selections(("if", ("-", a, b), b, a))
+        case ("abs", a):
+            return as_selections(("if", a, a, ("-", ("c", 0.0), a)))
+        case ("sign", a):
+            return as_selections(("if", a, ("c", 1.0), ("c", -1.0)))
+        case ("clip", a):
+            low, high = ("c", -0.5), ("c", 0.75)
+            return as_selections(("if", ("-", a, high), high, ("if", ("-", a, low), a, low)))
+        case ("both", a, b, yes, no):
+            return as_selections(("if", a, ("if", b, yes, no), no))
+        case ("if", a, yes, no) if (inner := _selection_in(a)) is not None:
+            sides = (("if", _replaced(a, inner, side), yes, no) for side in inner[2:])
+            return as_selections(("if", inner[1], *sides))
+        case other:
+            return other
+
+
+def _selection_in(e: Expression) -> Expression | None:
+    if not isinstance(e, tuple):
+        return None
+    return e if e[0] == "if" else next((i for a in e[1:] if (i := _selection_in(a)) is not None), None)
+
+
+def _replaced(e: Expression, old: Expression, new: Expression) -> Expression:
+    if e == old:
+        return new
+    return (e[0], *(_replaced(a, old, new) for a in e[1:])) if isinstance(e, tuple) else e
 
 
 def drawn(rng: np.random.Generator) -> RightHandSide:

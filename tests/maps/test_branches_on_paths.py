@@ -143,3 +143,25 @@ def test_a_staircase_has_moved_on_when_its_side_is_entered(tolerance):
 
     place, period = [-1.2671640964227877, 1.0968864044205793], 3.92208820672883
     assert image(rhs, period, place, tolerance) == pytest.approx(by_scipy(rhs, period, place), abs=1e-4)
+
+
+def test_a_surface_pushes_off_both_sides_when_a_branch_behind_it_jumps():
+    """x' = 1 below zero; above, -1 below the ramp t - 1 and 2 above it, which falls from 1 to -1 at t = 2.
+
+    From -5/4 to the surface at t = 5/4, at rest there up to t = 2, and from then on x = 2 (t - 2).
+    """
+
+    def rhs(t, x, p):
+        return ((2.0 if x[0] > t % 2.0 - 1.0 else -1.0) if x[0] > 0.0 else 1.0,)
+
+    assert image(rhs, 4.0, [-1.25]) == pytest.approx(4.0, abs=1e-9)
+
+
+def test_a_surface_jumps_away_from_what_slides_along_it():
+    """x' = -2 above the ramp t - 1, which falls from 1 to -1 at t = 2, and 2 below it: x slides with it twice."""
+
+    def rhs(t, x, p):
+        return (-2.0 if x[0] > t % 2.0 - 1.0 else 2.0,)
+
+    assert image(rhs, 4.0, [-0.5]) == pytest.approx(1.0, abs=1e-9)
+    assert image(rhs, 6.0, [-0.5]) == pytest.approx(1.0, abs=1e-9)

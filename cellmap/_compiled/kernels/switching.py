@@ -9,6 +9,7 @@ from .events import TIE
 
 _DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
 _SLIDING = 1e-8  # may slide there
+_JUMP = 1e-6  # of the equivalent control beyond one, from which on the state leaves a surface with a kink
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
@@ -155,9 +156,11 @@ def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before,
     for e in range(count):
         on_surface[e] = slides[e]
         if hits[e] and slides[e]:
-            signs[e] = before[e] = 1.0 if before[e] > 0.0 else -1.0
+            # What pushes it off both sides at once, after the jump of another, has a gain of either sign.
+            beyond = abs(before[e]) > 1.0 + _JUMP
+            signs[e] = before[e] = 1.0 if before[e] * gains[e, e] < 0.0 else -1.0
             slides[e] = 0.0
-            fresh[e] = 2.0
+            fresh[e] = 1.0 if beyond else 2.0
             on_surface[e] = 0.0
         elif hits[e] and counts[e] == 1:
             speed = rates[e]

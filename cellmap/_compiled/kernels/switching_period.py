@@ -24,7 +24,7 @@ from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .collisions import begin_at_impacts, collide
 from .events import NO_EVENT, land
 from .grazing import RECORDS, watch
-from .switching import begin_on_surface, follow, pass_event, project, switch
+from .switching import begin_on_surface, choose_mode, follow, pass_event, project, switch
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
@@ -35,6 +35,8 @@ MANY = 512
 
 _DOUBTFUL = 1e-4
 """How far a switch has to be on the wrong side, and the error of a state that slides then, in units of its size."""
+
+_AWAY = 1e-9  # jump of a surface that takes it away from what slides along it
 
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
@@ -107,17 +109,40 @@ def _is_lost(state, errors):
 
 @inlined
 def _settle(
-    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, free, after
+    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, fresh, hits, counts, free, were, after
 ):  # fmt: skip
-    """Let switches follow whose surfaces depend on the sides of others, until each is on its own side."""
-    for e in range(signs.size):
-        free[e] = 0.0 if hits[e] or slides[e] else 1.0
-    for _ in range(signs.size):
-        call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-        if not follow(values, free, counts, signs):
+    """Let switches follow whose surfaces depend on the sides of others, until each is on its own side.
+
+    What slides is looked at once more where they have changed the rates on its two sides, and is free where its
+    surface jumps away.
+    """
+    count = signs.size
+    for e in range(count):
+        were[e] = values[e]
+    for _ in range(count):
+        changed = 0
+        for _ in range(count):
+            call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
+            for e in range(count):
+                if slides[e] and not counts[e] and abs(values[e] - were[e]) > _AWAY:
+                    slides[e] = fresh[e] = 0.0
+                    signs[e] = 1.0 if values[e] > 0.0 else -1.0
+                    changed += 1
+                free[e] = 0.0 if hits[e] or slides[e] else 1.0
+            moved = follow(values, free, counts, signs)
+            changed += moved
+            if not moved:
+                break
+        sliding = 0.0
+        for e in range(count):
+            after[e] = signs[e] if free[e] else after[e]
+            free[e] = slides[e]
+            sliding += slides[e]
+        if not changed or sliding == 0.0:
             break
-    for e in range(signs.size):
-        after[e] = signs[e] if free[e] else after[e]
+        choose_mode(rates, gains, free, signs, slides, after)
+        for e in range(count):
+            fresh[e] = 1.0 if free[e] and not slides[e] else fresh[e]
 
 
 @inlined
@@ -196,7 +221,7 @@ def period(single):
         end = start + period
         shared = (2 * size + 3 * count + 2) * LANES
         rows = ((size + count) * length + size + 3 + count) * LANES
-        whole = np.zeros(shared + rows + 2 * size + 9 * count + 1 + length + 4 * count * dimension)
+        whole = np.zeros(shared + rows + 2 * size + 10 * count + 1 + length + 4 * count * dimension)
         gains, jumps, normals = np.zeros((count, count)), np.zeros((count, dimension)), np.zeros((count, dimension))
         place = 0
         lanes, place = _piece(whole, place, shared)
@@ -211,6 +236,7 @@ def period(single):
         on_surface, place = _piece(whole, place, count)
         held, place = _piece(whole, place, count)
         after, place = _piece(whole, place, count)
+        values_before, place = _piece(whole, place, count)
         fresh, place = _piece(whole, place, count + 1)
         a, place = _piece(whole, place, length)
         jumped, place = _piece(whole, place, count * dimension)
@@ -296,7 +322,7 @@ def period(single):
                             if coupled:
                                 _settle(
                                     addresses, t, state, p, signs, values, rates, gains, jumps, normals,
-                                    slides, hits, counts, on_surface, after,
+                                    slides, fresh, hits, counts, on_surface, values_before, after,
                                 )  # fmt: skip
                             if entered >= 0:
                                 gap = series[flag + (1 + entered) * LANES + i]
