@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, exp, floor, log, pi, sin, tanh
+from math import asin, ceil, cos, exp, floor, log, pi, sin, tanh
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap.maps import jacobian
@@ -165,3 +166,37 @@ def test_a_surface_jumps_away_from_what_slides_along_it():
 
     assert image(rhs, 4.0, [-0.5]) == pytest.approx(1.0, abs=1e-9)
     assert image(rhs, 6.0, [-0.5]) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [[0.2, 0.0], [1.8, 0.0], [1.0, 0.0], [-1.3, 0.0]])
+@pytest.mark.parametrize("steps", [floor, lambda x: ceil(x) - 1.0, lambda x: x - x % 1.0])
+def test_a_quantised_feedback_holds_the_state_at_a_step(place, steps):
+    """x' = 1/2 - floor(x) pushes back onto x = 1 from both sides, where y' is the mean of 0 and 1 (Filippov)."""
+    found = image(lambda t, x, p: (0.5 - steps(x[0]), steps(x[0])), 4.0, place)
+    time, y = {0.2: (1.6, 0.0), 1.8: (1.6, 1.6), 1.0: (0.0, 0.0)}.get(place[0], (0.0, 0.0))
+    if place[0] == -1.3:  # 0.3 at the speed 2.5, then 1 at 1.5, 1 at 0.5
+        time, y = 0.3 / 2.5 + 1.0 / 1.5 + 1.0 / 0.5, -2.0 * 0.3 / 2.5 - 1.0 / 1.5
+    assert found == pytest.approx([1.0, y + 0.5 * (4.0 - time)], abs=1e-9)
+
+
+def forced_steps(t, x, p):
+    return 0.5 + 0.8 * sin(t) - floor(x[0]), floor(x[0])
+
+
+def test_a_force_takes_the_state_off_a_step():
+    """It stays at x = 1 while the force a is between 0 and 1, is above while t1 < t < t2, and below from t3 on."""
+    integral = lambda t: 0.5 * t + 0.8 * (1.0 - cos(t))  # noqa: E731
+    t1, t3 = asin(0.625), pi + asin(0.625)
+    t2 = brentq(lambda t: integral(t) - integral(t1) - (t - t1), pi / 2, t3, xtol=1e-14)
+    y = integral(t1) + (t2 - t1) + integral(t3) - integral(t2)
+    expected = [1.0 + integral(2 * pi) - integral(t3), y]
+    assert image(forced_steps, 2 * pi, [1.0, 0.0]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_derivatives_beside_steps():
+    """Against differences of images; neighbours of a state that has come to a step are on it as well."""
+    strobe = stroboscopic_map(ForcedSystem(forced_steps, {}, 2 * pi, ("x", "v")), rtol=1e-11, atol=1e-11)
+    points = np.array([[0.2, 0.0], [1.5, 0.0], [2.7, 0.1]])
+    size = 1e-5
+    columns = [(strobe(points + size * e) - strobe(points - size * e)) / (2.0 * size) for e in np.eye(2)]
+    np.testing.assert_allclose(jacobian(strobe, points), np.stack(columns, axis=-1), atol=1e-5)

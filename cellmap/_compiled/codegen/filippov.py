@@ -7,7 +7,8 @@ h_i at zero, from
     dh_i/dt = b_i + sum of a_ij s_j = 0,    b_i = (d/dt + f_0 . grad) h_i,    a_ij = g_j . grad h_i.
 
 Modes are inputs of the expressions here and differ from lane to lane: the node "sign" is +-1 where the switch is free
-and 0 where it slides, "slide" is 1 where it slides and 0 where it is free.
+and 0 where it slides, "slide" is 1 where it slides and 0 where it is free.  The sign of a switch that counts is a whole
+number n; on its surface s_i lies between n, of the side below, and n + 1, and "sign" remains n where it slides.
 """
 
 from __future__ import annotations
@@ -194,12 +195,17 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
     slides = tuple(zero if gains[i][i].vanishes else graph.node("slide", value=i) for i in range(count))
     motion, events = base, free_events
     if any(not gains[i][i].vanishes for i in range(count)):
-        held = _held_signs(graph, rates, gains, signs, slides)
+        counts = [s.counts for s in modes]
+        middles = [graph.apply("add", sign, 0.5) for sign in signs]
+        held = _held_signs(graph, rates, gains, signs, slides, counts)
         parts, begin = held, smooth
         if below is not None:
             # What is added where a switch slides; a sum of all jumps would cancel where one side has a pole.
             parts, begin = (
-                [graph.times(u, graph.apply("add", s, one)) for u, s in zip(slides, held, strict=True)],
+                [
+                    graph.times(u, graph.minus(value, s.sign) if s.counts else graph.apply("add", value, one))
+                    for u, value, s in zip(slides, held, modes, strict=True)
+                ],
                 below,
             )
         components = [
@@ -214,8 +220,12 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
                 )
         motion = replace(base, outputs=tuple(components))
         events = tuple(
-            graph.apply("add", e, graph.apply("mul", slide, graph.apply("sub", one, graph.apply("mul", value, value))))
-            for e, slide, value in zip(free_events, slides, held, strict=True)
+            e
+            if slide is zero
+            else _sum(graph, [graph.times(graph.minus(one, slide), e), graph.times(slide, graph.minus(value, middle))])
+            if s.counts
+            else graph.apply("add", e, graph.times(slide, graph.minus(one, graph.apply("mul", value, value))))
+            for s, e, slide, value, middle in zip(modes, free_events, slides, held, middles, strict=True)
         )
     beginnings = tuple(initial_functions(graph, modes))
     return SwitchingTrace(
@@ -284,6 +294,7 @@ def _held_signs(
     gains: Sequence[Sequence[Expression]],
     signs: Sequence[Expression],
     slides: Sequence[Expression],
+    counts: Sequence[bool],
 ) -> list[Expression]:
     """Solve for the signs of a mode: the given one where a switch is free, the equivalent control where it slides."""
     count, apply, one = len(signs), graph.apply, graph.constant(1.0)
@@ -294,7 +305,11 @@ def _held_signs(
         ]
         for i, u in enumerate(slides)
     ]
-    right = [graph.minus(s, graph.times(u, b)) for s, u, b in zip(signs, slides, rates, strict=True)]
+    own = [
+        graph.times(graph.minus(one, u), s) if n and not u.vanishes else s
+        for s, u, n in zip(signs, slides, counts, strict=True)
+    ]
+    right = [graph.minus(s, graph.times(u, b)) for s, u, b in zip(own, slides, rates, strict=True)]
     for i in range(count):
         for k in range(i + 1, count):
             if rows[k][i] is graph.constant(0.0):

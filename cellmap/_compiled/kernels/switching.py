@@ -40,38 +40,44 @@ def equivalent_control(rates, gains, slides, signs, held):
 
 
 @inlined
-def choose_mode(rates, gains, on_surface, signs, slides, held):
+def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
     On return a switch slides, or it is free with the sign of the side that it moves to.  The values l of switches that
     are on their surfaces meet, each: l = 1 and dh/dt >= 0, or l = -1 and dh/dt <= 0, or -1 < l < 1 and dh/dt = 0.
+    Of a switch that counts the value lies between its whole number n, of the side below the surface, and n + 1.
     Gauss-Seidel relaxation finds them; for friction, whose gains are those of an inverse inertia, it converges always.
     """
     count = rates.size
     for i in range(count):
-        held[i] = 0.0 if on_surface[i] else signs[i]
+        held[i] = signs[i]
+        if on_surface[i]:
+            held[i] = signs[i] + 0.5 if counts[i] == 1 else 0.0
     for _ in range(_ROUNDS):
         change = 0.0
         for i in range(count):
             if on_surface[i]:
-                rest = rates[i]
+                own, reach = gains[i, i], 0.5 if counts[i] == 1 else 1.0
+                middle = signs[i] + 0.5 if counts[i] == 1 else 0.0
+                rest = rates[i] + own * middle
                 for j in range(count):
                     if j != i:
                         rest += gains[i, j] * held[j]
-                own = gains[i, i]
-                if own < 0.0 and abs(rest) <= -own * (1.0 + TIE):
-                    value = min(max(-rest / own, -1.0), 1.0)
+                if own < 0.0 and abs(rest) <= -own * reach * (1.0 + TIE):
+                    value = middle + min(max(-rest / own, -reach), reach)
                     slides[i] = 1.0
                 else:
-                    value = 1.0 if rest >= 0.0 else -1.0
+                    value = middle + (reach if rest >= 0.0 else -reach)
                     slides[i] = 0.0
                 change = max(change, abs(value - held[i]))
                 held[i] = value
         if change <= 1e-15 or count == 1:
             break
     for i in range(count):
-        if on_surface[i]:
-            signs[i] = 0.0 if slides[i] else held[i]
+        if on_surface[i] and not slides[i]:
+            signs[i] = held[i]
+        elif on_surface[i] and counts[i] != 1:
+            signs[i] = 0.0
 
 
 @inlined
@@ -84,7 +90,7 @@ def begin_on_surface(
     """
     for e in range(surfaces.size):
         on_surface[e] = 1.0 if surfaces[e] == 0.0 and not counts[e] else 0.0
-    choose_mode(rates, gains, on_surface, signs, slides, held)
+    choose_mode(rates, gains, on_surface, counts, signs, slides, held)
     for e in range(surfaces.size):
         fresh[e] = on_surface[e] - slides[e]
     dimension = normals.shape[1]
@@ -145,45 +151,47 @@ def project(state, errors, surfaces, normals, gains, hits, slides, counts, activ
 
 
 @inlined
-def switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, before, after):
-    """Go over to the mode that follows an event; return the surface that was entered, -1 if one was only left.
+def leave(values, rates, gains, hits, counts, signs, slides, fresh, on_surface, before):
+    """End the mode in which an event lies; return the surface that is entered, -1 if one is only left, and what fell.
 
-    ``before`` and ``after`` receive the signs of all switches on either side of the event.
+    ``before`` receives the signs of all switches before the event.  Switches that count, at the ends of their
+    intervals, have the whole number below their surface now; as many as fell have another one than before.
     """
     count = rates.size
     equivalent_control(rates, gains, slides, signs, before)
-    entered = -1
+    entered, fallen = -1, 0
     for e in range(count):
         on_surface[e] = slides[e]
         if hits[e] and slides[e]:
             # What pushes it off both sides at once, after the jump of another, has a gain of either sign.
-            beyond = abs(before[e]) > 1.0 + _JUMP
-            signs[e] = before[e] = 1.0 if before[e] * gains[e, e] < 0.0 else -1.0
+            reach = 0.5 if counts[e] == 1 else 1.0
+            middle = signs[e] + 0.5 if counts[e] == 1 else 0.0
+            beyond = abs(before[e] - middle) > reach + _JUMP
+            signs[e] = before[e] = middle + (reach if (before[e] - middle) * gains[e, e] < 0.0 else -reach)
             slides[e] = 0.0
             fresh[e] = 1.0 if beyond else 2.0
             on_surface[e] = 0.0
-        elif hits[e] and counts[e] == 1:
-            speed = rates[e]
-            for k in range(count):
-                speed += gains[e, k] * before[k]
-            signs[e] += 1.0 if speed > 0.0 else -1.0
-            fresh[e] = 1.0
-            entered = e
         elif hits[e]:
+            if counts[e] == 1 and values[e] < 0.0:
+                signs[e] -= 1.0
+                fallen += 1
             on_surface[e] = 1.0
             entered = e
-    if entered < 0:
-        return entered
-    choose_mode(rates, gains, on_surface, signs, slides, after)
-    for e in range(count):
-        if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0:
+    return entered, fallen
+
+
+@inlined
+def enter(rates, gains, hits, counts, signs, slides, fresh, on_surface, before, after):
+    """Go over to the mode that follows an event; ``after`` receives the signs of all switches then."""
+    choose_mode(rates, gains, on_surface, counts, signs, slides, after)
+    for e in range(rates.size):
+        if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0 and not counts[e]:
             # It came back at once: it only touches the surface here, and the second derivative tells the side.
             signs[e] = -before[e]
             fresh[e] = 2.0
         elif on_surface[e]:
             fresh[e] = 1.0 - slides[e]
     equivalent_control(rates, gains, slides, signs, after)
-    return entered
 
 
 @inlined

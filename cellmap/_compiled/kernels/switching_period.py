@@ -21,10 +21,10 @@ import numpy as np
 from ..loops import inlined, loop, loop_by_address
 from .blocks import LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
-from .collisions import begin_at_impacts, collide
+from .collisions import COUNTS, begin_at_impacts, collide
 from .events import NO_EVENT, land
 from .grazing import RECORDS, watch
-from .switching import begin_on_surface, choose_mode, follow, pass_event, project, switch
+from .switching import begin_on_surface, choose_mode, enter, follow, leave, pass_event, project
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
@@ -124,9 +124,10 @@ def _settle(
         for _ in range(count):
             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
             for e in range(count):
-                if slides[e] and not counts[e] and abs(values[e] - were[e]) > _AWAY:
+                if slides[e] and counts[e] <= COUNTS and abs(values[e] - were[e]) > _AWAY:
                     slides[e] = fresh[e] = 0.0
-                    signs[e] = 1.0 if values[e] > 0.0 else -1.0
+                    if counts[e] != COUNTS:
+                        signs[e] = 1.0 if values[e] > 0.0 else -1.0
                     changed += 1
                 free[e] = 0.0 if hits[e] or slides[e] else 1.0
             moved = follow(values, free, counts, signs)
@@ -140,7 +141,7 @@ def _settle(
             sliding += slides[e]
         if not changed or sliding == 0.0:
             break
-        choose_mode(rates, gains, free, signs, slides, after)
+        choose_mode(rates, gains, free, counts, signs, slides, after)
         for e in range(count):
             fresh[e] = 1.0 if free[e] and not slides[e] else fresh[e]
 
@@ -178,7 +179,7 @@ def _doubt(addresses, t, state, p, signs, values, rates, gains, jumps, normals, 
         if slides[e]:
             kept = signs[e]
             for way in range(2):
-                signs[e] = 1.0 - 2.0 * way
+                signs[e] = kept + way if counts[e] == COUNTS else 1.0 - 2.0 * way
                 call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                 for k in range(signs.size):
                     if not (slides[k] or counts[k]):
@@ -318,7 +319,17 @@ def period(single):
                                 call_surfaces(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals
                                 )
-                            entered = switch(rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after)
+                            entered, fallen = leave(
+                                values, rates, gains, hits, counts, signs, slides, fresh, on_surface, held
+                            )
+                            if fallen > 0:
+                                call_surfaces(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals
+                                )
+                            if entered >= 0:
+                                enter(
+                                    rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
+                                )  # fmt: skip
                             if coupled:
                                 _settle(
                                     addresses, t, state, p, signs, values, rates, gains, jumps, normals,
