@@ -200,3 +200,24 @@ def test_derivatives_beside_steps():
     size = 1e-5
     columns = [(strobe(points + size * e) - strobe(points - size * e)) / (2.0 * size) for e in np.eye(2)]
     np.testing.assert_allclose(jacobian(strobe, points), np.stack(columns, axis=-1), atol=1e-5)
+
+
+def harvest(t, x, p):
+    """A quarter of each year a population is harvested, down to a threshold, below which it recovers."""
+    return (x[0] * (1.5 - 2.0 * x[0]) - (1.5 * x[0] if t % 1.0 < 0.25 and x[0] > 0.4 else 0.0),)
+
+
+def test_a_surface_that_ends_while_the_state_slides_along_it():
+    """The population falls to the threshold by x' = -2 x^2, stays there, and grows by the logistic law from t = 1/4."""
+
+    def grown(x, time):
+        return 0.75 / (1.0 + (0.75 / x - 1.0) * exp(-1.5 * time))
+
+    time = (1.0 / 0.4 - 1.0 / 0.45) / 2.0
+    assert time < 0.25
+    once = grown(0.4, 0.75)
+    assert image(harvest, 1.0, [0.45]) == pytest.approx(once, abs=1e-9)
+    assert image(harvest, 0.25, [0.45]) == pytest.approx(0.4, abs=1e-9)
+    again = 1.0 / (1.0 / once + 2.0 * 0.25)
+    assert again > 0.4
+    assert image(harvest, 2.0, [0.45]) == pytest.approx(grown(again, 0.75), abs=1e-9)

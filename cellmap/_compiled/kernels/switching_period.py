@@ -18,13 +18,14 @@ import functools
 
 import numpy as np
 
-from ..loops import inlined, loop, loop_by_address
+from ..loops import inlined, loop_by_address
 from .blocks import LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
-from .collisions import COUNTS, begin_at_impacts, collide
+from .collisions import begin_at_impacts, collide
+from .coupled_switches import doubt, settle, wake
 from .events import NO_EVENT, land
 from .grazing import RECORDS, watch
-from .switching import begin_on_surface, choose_mode, enter, follow, leave, pass_event, project
+from .switching import begin_on_surface, enter, leave, pass_event, project
 
 FREE, GENERAL, BEGIN, SURFACES = range(4)
 """Which function an address belongs to; that of FREE is 0 where GENERAL does for all lanes."""
@@ -32,11 +33,6 @@ FREE, GENERAL, BEGIN, SURFACES = range(4)
 CONTEXT = 12  # numbers, and one more for each surface
 MANY = 512
 """Steps, or events, from which on a lane without a right digit is given up: after a blow-up they never end."""
-
-_DOUBTFUL = 1e-4
-"""How far a switch has to be on the wrong side, and the error of a state that slides then, in units of its size."""
-
-_AWAY = 1e-9  # jump of a surface that takes it away from what slides along it
 
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
@@ -105,89 +101,6 @@ def _is_lost(state, errors):
         size += abs(state[j])
         error += abs(errors[j])
     return not error < size
-
-
-@inlined
-def _settle(
-    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, fresh, hits, counts, free, were, after
-):  # fmt: skip
-    """Let switches follow whose surfaces depend on the sides of others, until each is on its own side.
-
-    What slides is looked at once more where they have changed the rates on its two sides, and is free where its
-    surface jumps away.
-    """
-    count = signs.size
-    for e in range(count):
-        were[e] = values[e]
-    for _ in range(count):
-        changed = 0
-        for _ in range(count):
-            call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-            for e in range(count):
-                if slides[e] and counts[e] <= COUNTS and abs(values[e] - were[e]) > _AWAY:
-                    slides[e] = fresh[e] = 0.0
-                    if counts[e] != COUNTS:
-                        signs[e] = 1.0 if values[e] > 0.0 else -1.0
-                    changed += 1
-                free[e] = 0.0 if hits[e] or slides[e] else 1.0
-            moved = follow(values, free, counts, signs)
-            changed += moved
-            if not moved:
-                break
-        sliding = 0.0
-        for e in range(count):
-            after[e] = signs[e] if free[e] else after[e]
-            free[e] = slides[e]
-            sliding += slides[e]
-        if not changed or sliding == 0.0:
-            break
-        choose_mode(rates, gains, free, counts, signs, slides, after)
-        for e in range(count):
-            fresh[e] = 1.0 if free[e] and not slides[e] else fresh[e]
-
-
-@inlined
-def _wake(
-    addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, hits, counts, asleep
-):  # fmt: skip
-    """Put switches that only matter behind surfaces which are hit where they are then, before a mode is chosen."""
-    count = signs.size
-    for e in range(count):
-        asleep[e] = 1.0 if values[e] == (0.0 if counts[e] == 1 else signs[e]) and not slides[e] else 0.0
-        for j in range(normals.shape[1]):
-            asleep[e] = 0.0 if normals[e, j] != 0.0 else asleep[e]
-    for e in range(count):
-        if hits[e] and not counts[e] and not slides[e]:
-            side = signs[e]
-            signs[e] = -side
-            for _ in range(count):
-                call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                if not follow(values, asleep, counts, signs):
-                    break
-            signs[e] = side
-
-
-@loop
-def _doubt(addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors):
-    """Give a sliding state an error that no tolerance allows, where a switch belongs on another side than it is on.
-
-    A mode has one side for each switch.  Where the condition of one depends on the side of a surface along which the
-    state slides, the two sides of that surface may ask for different ones, for which there is no mode.
-    """
-    wrong = False
-    for e in range(signs.size):
-        if slides[e]:
-            kept = signs[e]
-            for way in range(2):
-                signs[e] = kept + way if counts[e] == COUNTS else 1.0 - 2.0 * way
-                call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
-                for k in range(signs.size):
-                    if not (slides[k] or counts[k]):
-                        wrong = wrong or values[k] * signs[k] < -_DOUBTFUL
-            signs[e] = kept
-    if wrong:
-        for j in range(state.size):
-            errors[j] += _DOUBTFUL * (1.0 + abs(state[j]))
 
 
 @functools.cache
@@ -299,8 +212,8 @@ def period(single):
                         if landed > NO_EVENT:
                             t = landed
                             if coupled:
-                                _doubt(
-                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                doubt(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
                                     slides, counts, errors,
                                 )  # fmt: skip
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
@@ -312,8 +225,8 @@ def period(single):
                                     jumped, turned, stuck, bent,
                                 )  # fmt: skip
                             if coupled:
-                                _wake(
-                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                wake(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
                                     slides, hits, counts, after,
                                 )  # fmt: skip
                                 call_surfaces(
@@ -331,16 +244,16 @@ def period(single):
                                     rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
                                 )  # fmt: skip
                             if coupled:
-                                _settle(
-                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                settle(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
                                     slides, fresh, hits, counts, on_surface, values_before, after,
                                 )  # fmt: skip
                             if entered >= 0:
                                 gap = series[flag + (1 + entered) * LANES + i]
                                 pass_event(entered, gap, rates, gains, jumps, normals, state, errors, held, after)
                             if coupled:
-                                _doubt(
-                                    addresses, t, state, p, signs, values, rates, gains, jumps, normals,
+                                doubt(
+                                    addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
                                     slides, counts, errors,
                                 )  # fmt: skip
                         _store(lanes, i, t, state, signs, slides, errors, fresh)
@@ -348,8 +261,9 @@ def period(single):
             if coupled and steps[b] > 0:
                 for i in range(used):
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
-                    _doubt(
-                        addresses, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors
+                    doubt(
+                        addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
+                        slides, counts, errors,
                     )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
             if project_at_end:
