@@ -19,6 +19,7 @@ from ..orbits.lyapunov import stretched
 from ..orbits.lyapunov_qr import BLOCKS, is_positive
 from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, moved_boxes
+from .creeping import creeping
 from .transients import Reason, follow_on
 
 _EXPONENT_PERIODS = 300
@@ -134,12 +135,14 @@ def _tested(
 
     Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
 
-    Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.
+    Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.  Neither are
+    those of one that creeps to rest.
     """
-    back = _returns(point_map, points, extent)
+    back, creeps = _returns(point_map, points, extent), creeping(point_map, points, extent).found
     exponents, errors = np.full(points.shape, np.nan), np.full(len(points), np.nan)
-    if not back.all():
-        exponents[~back], errors[~back] = lyapunov_exponents(point_map, points[~back], periods)
+    moving = ~back & ~creeps
+    if moving.any():
+        exponents[moving], errors[moving] = lyapunov_exponents(point_map, points[moving], periods)
     with np.errstate(invalid="ignore"):
         chaotic = is_positive(exponents.max(axis=-1), errors)
         shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
@@ -150,6 +153,7 @@ def _tested(
     reasons[chaotic] = Reason.TRANSIENT
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
+    reasons[creeps] = Reason.CREEPING
     reasons[back] = Reason.PERIODIC
     return exponents, reasons
 

@@ -27,6 +27,7 @@ _REFUSED = 8  # of those that have closed, on no attracting segment, farthest ap
 _SAME = 1e-6  # distance of places that are taken for one, in units of the region
 _CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, and
 _PRECISE = 1e-10  # at which a periodic point is found, relative to the resolution
+_QUADRATIC = 3  # steps of Newton's method, after which the residual has to fall by a factor of 10 in each
 _NEUTRAL = 1e-6  # distance of the one multiplier from 1
 _CONTRACTING = 1.0 - 1e-3  # largest other multiplier
 _STEPS = 64  # along the extent of the region
@@ -151,8 +152,8 @@ def _periodic(
     exact: PointMap, guess: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return the periodic point nearest to a guess, by Gauss and Newton's method, and its derivative; None if none."""
-    point = guess
-    for _ in range(8):
+    point, before = guess, np.inf
+    for attempt in range(8):
         image, matrix = tangent(exact, point, period)
         residual = difference(image, point, exact.coordinates) / extent
         scaled = matrix * (extent / extent[:, None])
@@ -162,6 +163,10 @@ def _periodic(
             multipliers = multipliers_of(scaled)
             neutral = abs(multipliers[0] - 1.0) <= _NEUTRAL and (np.abs(multipliers[1:]) < _CONTRACTING).all()
             return (point, scaled) if neutral else None
+        left = float(np.abs(residual).max())
+        if attempt >= _QUADRATIC and left > 0.1 * before:
+            return None
+        before = left
         # All but the neutral direction, however much smaller the next singular value is than the largest.
         u, sizes, v = np.linalg.svd(np.eye(len(point)) - scaled)
         steps = v[:-1].T @ ((u.T @ residual)[:-1] / np.maximum(sizes[:-1], 1e-12))

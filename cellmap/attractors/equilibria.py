@@ -25,6 +25,8 @@ _BOXES = 32  # along the set
 _MOST_BOXES = 20_000
 _SAMPLE = 256
 _PERIODS = 16  # in which orbits near the edge have to come closer
+_AHEAD = tuple(2.0**k for k in range(-2, 8))  # times the way of these periods, ahead of where they may come to rest,
+_FARTHEST = 2.0  # up to this many boxes
 
 
 def sticking_sets(
@@ -157,7 +159,7 @@ def _drawn(
     wide: NDArray[np.bool_],
     extent: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, which rest."""
+    """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, or to others ahead."""
     from scipy.spatial import KDTree
 
     # Centres, edges and corners, counted in half boxes: neighbours share most of them.
@@ -174,12 +176,35 @@ def _drawn(
         tree = KDTree(scaled[0], boxsize=np.where(turn > 0, turn, 0.0) / extent)
         nearest = centres[tree.query(scaled[1][restless])[1]]
         begin = wrap(points[restless], exact.coordinates)
-        images = follow(exact, begin, _PERIODS)
-        far, near = (
-            np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images.points)
-        )
-        drawn[restless] = near < far
+        images = follow(exact, begin, _PERIODS).points
+        far, near = (np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images))
+        closer = near < far
+        closer[~closer] = _ahead(exact, begin[~closer], images[~closer], widths, wide, extent)
+        drawn[restless] = closer
     return np.asarray(drawn[shared.ravel()].reshape(len(boxes), -1).all(axis=1))
+
+
+def _ahead(
+    exact: PointMap,
+    begin: NDArray[np.float64],
+    images: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    wide: NDArray[np.bool_],
+    extent: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Tell which points move ever less, after some periods, towards equilibria that lie ahead within two boxes.
+
+    Near the edge of a sticking set orbits move by about the square of their distance from it.
+    """
+    shift = difference(images, begin, exact.coordinates)
+    further = difference(follow(exact, images, _PERIODS).points, images, exact.coordinates)
+    less, boxes = (np.where(wide, np.abs(s) / widths, 0.0).max(axis=-1) for s in (further, shift))
+    found = np.zeros(len(begin), bool)
+    for times in _AHEAD:
+        rows = np.flatnonzero(~found & (less < boxes) & (times * boxes <= _FARTHEST))
+        places = begin[rows] + np.where(wide, (1.0 + times) * shift[rows], 0.0)
+        found[rows] = _rests(exact, wrap(places, exact.coordinates), extent)
+    return found
 
 
 def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:

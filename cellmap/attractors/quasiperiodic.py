@@ -24,6 +24,7 @@ from ..orbits.invariant_torus import fitted_torus
 from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
 from .chaos import lyapunov_exponents
+from .creeping import creeping
 from .torus_tube import DenseTorus
 from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, cover_of_tube, verified_tube
 
@@ -79,7 +80,7 @@ def quasiperiodic_attractors(
         attractors = [*known, *found.attractors]
         if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
             continue
-        if not _may_attract(exact, before):
+        if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before):
             continue
         attractor = _on_curves(exact, before.points[0], extent, age, found)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):

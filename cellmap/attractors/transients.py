@@ -27,6 +27,7 @@ class Reason(StrEnum):
 
     REGULAR = "not converged, and not clearly chaotic"
     LATE = "converges after more periods"
+    CREEPING = "creep to rest, ever more slowly"
     ENDING = "escapes or diverges after more periods"
     PERIODIC = "on a periodic orbit that is not verified to attract"
     PRESERVED = "not chaotic, and volumes do not shrink"

@@ -7,25 +7,33 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._lib.checks import warn_caller
+from ..attractors.creeping import creeping
 from ..attractors.labels import Label
+from ..attractors.search import region_extent
+from ..attractors.settling import Catalogue, settle
 from ..attractors.transients import Reason
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
+from ..orbits.attractor import distinct_names
 from .initial_conditions import InitialConditions
 from .record import Basins, fractions_of
 
 _MANY = 0.05  # fraction of the initial conditions from which there is a warning
 _TRIED = 8  # orbits that are integrated again
 _PERIODS = 4
+_SAMPLE = 1024  # initial conditions that show the size of a region
+_LOOKED_ON = 256  # periods after which the place where an orbit would rest has come to an attractor
 _TIME = 0.01370521  # in periods, at which no forcing jumps
 
 _MORE = "raise max_periods={}"
 _REMEDIES = {
     Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
     Reason.LATE: _MORE,
+    Reason.CREEPING: _MORE,
     Reason.ENDING: _MORE,
     Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
@@ -55,9 +63,10 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
     if Label.UNDECIDED in parts and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]
+        measured = _creep(basins) if cause == Reason.CREEPING else ""
         yield (
             f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
-            f"{cause}; {remedy.format(basins.settings['max_periods'])}{_turning(basins)}"
+            f"{cause}{measured}; {remedy.format(basins.settings['max_periods'])}{_turning(basins)}"
         )
     if Label.ESCAPED in parts:
         yield (
@@ -71,6 +80,30 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
         helps, what = _remedy(basins, Label.DIVERGED)
         if helps:
             yield f"{parts[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+
+
+def _creep(basins: Basins) -> str:
+    """Tell how far some of the orbits that creep to rest move in a period, and where most of them would come to."""
+    point_map, undecided = basins.point_map, np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
+    if point_map is None:
+        return ""
+    places, grid = InitialConditions(basins.grid, basins.initial_conditions), basins.grid
+    region = places.points(_spread(len(places), _SAMPLE)) if grid is None else np.array([grid.lower, grid.upper])
+    orbits = Orbits.starting(places.wrapped(undecided[_spread(len(undecided), _TRIED)], point_map))
+    point_map.advance(orbits, basins.settings["max_periods"])
+    slow = creeping(point_map, orbits.points[orbits.alive], region_extent(point_map, region))
+    if not slow.found.any():
+        return ""
+    moves, ends = np.median(slow.moves[slow.found]), Orbits.starting(slow.ends[slow.found])
+    owners = settle(point_map, ends, Catalogue.of(basins.attractors, point_map), _LOOKED_ON).labels
+    known, names = owners[owners >= 0], distinct_names(basins.attractors)
+    where = f", most of them towards {names[np.bincount(known).argmax()]}" if len(known) else ""
+    return f", by about {moves:.1g} in a period{where}"
+
+
+def _spread(number: int, most: int) -> NDArray[np.int64]:
+    """Return at most so many of the numbers of rows, evenly spread."""
+    return np.unique(np.linspace(0, number - 1, most).round().astype(np.int64))
 
 
 def _turning(basins: Basins) -> str:
@@ -108,7 +141,7 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
     if not isinstance(spec, Stroboscopic):
         return False, "allow more with max_steps"
     rows = np.flatnonzero(basins.labels.ravel() == label)
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, _TRIED).round().astype(int))]
+    rows = rows[_spread(len(rows), _TRIED)]
     points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
     enough = replace(spec, max_steps=max(spec.max_steps, MAX_STEPS))
     others = {f"max_steps={enough.max_steps}": enough} if enough.max_steps > spec.max_steps else {}

@@ -194,7 +194,7 @@ REASONS = {
         Reason.TORUS,
     ),
     "half a turn": (lambda x, p: (x[0] + pi,), (angle("a"),), (-pi, pi), Reason.PERIODIC),
-    "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.REGULAR),
+    "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.CREEPING),
 }
 
 
