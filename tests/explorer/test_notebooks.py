@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser_pages import LOG, PROGRAM
 from playwright.sync_api import sync_playwright
 from served_pages import GALLERY, WELLS, WINDOW, assert_same_image, numbers_of, upright
-from test_browser import LOG, PROGRAM
 
 from cellmap import find_basins
 from cellmap.explorer import explorer_widget

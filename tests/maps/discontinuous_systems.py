@@ -7,6 +7,7 @@ time with SciPy's DOP853, and at an event tries every mode and takes the one tha
 from __future__ import annotations
 
 import cmath
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -43,26 +44,29 @@ class Oracle:
 
     system: ForcedSystem
 
+    @functools.cached_property
+    def of_complex_numbers(self) -> Callable[..., Any]:
+        """The functions of the switches, for complex steps."""
+        assert self.system.switches is not None
+        return rebind(self.system.switches, {n: getattr(cmath, n) for n in ("sin", "cos", "exp", "sqrt")})
+
     def heights(self, t: float, x: Array) -> Array:
         assert self.system.switches is not None
         return np.array(self.system.switches(t, tuple(x), self.system.parameters), dtype=float)
 
+    def force(self, t: float, x: Array, signs: Array) -> Array:
+        return np.array(self.system.rhs(t, tuple(x), self.system.parameters, tuple(signs)), dtype=float)
+
     def parts(self, t: float, x: Array) -> tuple[Array, Array, Array, Array]:
         """f_0, g_i, grad h_i and the time derivatives of h_i; derivatives by complex steps."""
-        assert self.system.switches is not None
-        p, tiny = self.system.parameters, 1e-30
-        switches = rebind(self.system.switches, {n: getattr(cmath, n) for n in ("sin", "cos", "exp", "sqrt")})
+        switches, p, tiny = self.of_complex_numbers, self.system.parameters, 1e-30
         normals = np.array(
             [[complex(v).imag for v in switches(t, tuple(x + 1j * tiny * e), p)] for e in np.eye(len(x))]
         ).T
         passing = np.array([complex(v).imag for v in switches(t + 1j * tiny, tuple(map(complex, x)), p)])
-        count = len(passing)
-
-        def force(signs: Array) -> Array:
-            return np.array(self.system.rhs(t, tuple(x), p, tuple(signs)), dtype=float)
-
-        middle = force(np.zeros(count))
-        above, below = (np.array([force(side * e) for e in np.eye(count)]) for side in (1.0, -1.0))
+        one_by_one = np.eye(len(passing))
+        middle = self.force(t, x, np.zeros(len(passing)))
+        above, below = (np.array([self.force(t, x, side * e) for e in one_by_one]) for side in (1.0, -1.0))
         return (
             middle + (0.5 * (above + below) - middle).sum(axis=0),
             0.5 * (above - below),
@@ -71,21 +75,17 @@ class Oracle:
         )
 
     def signs(self, t: float, x: Array, mode: Mode) -> Array:
-        result, held = np.array(mode, dtype=float), [e for e, side in enumerate(mode) if side == 0]
-        if held:
-            f, jumps, normals, passing = self.parts(t, x)
-            gains = normals @ jumps.T
-            rates = passing + normals @ f + gains @ result
-            result[held] = np.linalg.solve(gains[np.ix_(held, held)], -rates[held])
-        return result
+        return _signs(self.parts(t, x), mode) if 0 in mode else np.array(mode, dtype=float)
 
     def field(self, t: float, x: Array, mode: Mode) -> Array:
-        f, jumps, _, _ = self.parts(t, x)
-        return f + self.signs(t, x, mode) @ jumps
+        if 0 not in mode:
+            return self.force(t, x, np.array(mode, dtype=float))
+        parts = self.parts(t, x)
+        return parts[0] + _signs(parts, mode) @ parts[1]
 
     def consistent(self, t: float, x: Array, mode: Mode, on: Sequence[int]) -> Mode:
         """Of all modes of the switches on their surfaces the one that violates least what a mode has to meet."""
-        f, jumps, normals, passing = self.parts(t, x)
+        parts = f, jumps, normals, passing = self.parts(t, x)
         gains = normals @ jumps.T
         best, least = mode, inf
         for sides in itertools.product((0, 1, -1), repeat=len(on)):
@@ -94,7 +94,7 @@ class Oracle:
                 trial[e] = side
             if any(side == 0 and gains[e, e] >= 0.0 for e, side in zip(on, sides, strict=True)):
                 continue
-            signs = self.signs(t, x, tuple(trial))
+            signs = _signs(parts, tuple(trial))
             rates = passing + normals @ f + gains @ signs
             violation = max(
                 abs(signs[e]) - 1.0 if side == 0 else -side * rates[e] / max(abs(gains[e, e]), 1e-300)
@@ -161,6 +161,17 @@ class Oracle:
         event.terminal = True  # type: ignore[attr-defined]
         event.direction = -1.0  # type: ignore[attr-defined]
         return event
+
+
+def _signs(parts: tuple[Array, Array, Array, Array], mode: Mode) -> Array:
+    """Return the signs of a mode; those of switches that slide keep the orbit on their surfaces."""
+    result, held = np.array(mode, dtype=float), [e for e, side in enumerate(mode) if side == 0]
+    if held:
+        f, jumps, normals, passing = parts
+        gains = normals @ jumps.T
+        rates = passing + normals @ f + gains @ result
+        result[held] = np.linalg.solve(gains[np.ix_(held, held)], -rates[held])
+    return result
 
 
 def differences(oracle: Oracle, ic: Array, scale: Array, h: float = 2e-5) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.integrate._ivp import dop853_coefficients as dop853
 
@@ -54,14 +55,17 @@ class Program:
         )
 
     def image(
-        self, period: float, place: NDArray[np.float64], step: float = 0.02
+        self, period: float, place: NDArray[np.float64], step: float = 0.02, compiled: bool = True
     ) -> tuple[NDArray[np.float64], int, int]:
-        """Return where a period leads, what became of the orbit, and the number of events."""
+        """Return where a period leads, what became of the orbit, and the number of events.
+
+        Without a compiler an orbit takes a second, which is shorter than to compile for a few of them.
+        """
         program = (self.operations, self.operands, self.ends, self.levels, self.dimension)
-        return _image(program, period, place.copy(), step)  # type: ignore[no-any-return]
+        return (_compiled_image if compiled else _image)(program, period, place.copy(), step)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _value(program, part, t, x, f, sides, stack):
     """Return the value of a part of the program, and its derivative along (1, f)."""
     ops, args, ends = program[:3]
@@ -111,13 +115,13 @@ def _value(program, part, t, x, f, sides, stack):
     return stack[0, 0], stack[0, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _rates(program, t, x, sides, stack, out):
     for i in range(len(x)):
         out[i] = _value(program, i, t, x, x, sides, stack)[0]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _pushes(program, t, x, sides, room, k, low, high):
     """Rates on both sides of a surface, into the room for them; return the derivatives of its function along them."""
     stack, f_low, f_high, _ = room
@@ -134,7 +138,7 @@ def _pushes(program, t, x, sides, room, k, low, high):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _field(program, t, x, sides, room, mode, out):
     """Rates, Filippov's on a surface; return how much of the higher side is in them."""
     slide, low, high = mode
@@ -148,7 +152,7 @@ def _field(program, t, x, sides, room, mode, out):
     return part
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _step(program, t, x, h, sides, room, mode, out):
     k = room[3]
     for s in range(12):
@@ -163,7 +167,7 @@ def _step(program, t, x, h, sides, room, mode, out):
             out[i] += h * _B[j] * k[j, i]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _margins(program, t, x, sides, room, mode, f, margin, slope):
     """How far each surface is from a change of side, and how fast that changes; the last entry is of sliding."""
     part, levels = _field(program, t, x, sides, room, mode, f), program[3]
@@ -182,7 +186,7 @@ def _margins(program, t, x, sides, room, mode, f, margin, slope):
     return part
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _follow(program, t, x, sides, stack, slide, entered):
     """Put surfaces whose functions jump with the side of another where they are then."""
     levels = program[3]
@@ -196,7 +200,7 @@ def _follow(program, t, x, sides, stack, slide, entered):
                     sides[k] = -sides[k]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable(error_model="numpy")
 def _visit(program, t, x, h, sides, room, mode, f, before, margin, end):
     """Return a time within a step at which some margin is negative that is positive at both ends, -1 for none.
 
@@ -221,7 +225,6 @@ def _visit(program, t, x, h, sides, room, mode, f, before, margin, end):
     return -1.0
 
 
-@njit(cache=True, error_model="numpy")
 def _image(program, period, x, step):
     levels, d = program[3], program[4]
     n = len(levels)
@@ -302,3 +305,6 @@ def _image(program, period, x, step):
         if rate * (new - old) <= 0.0:
             return x, TWO_SURFACES, events
     return x, DONE, events
+
+
+_compiled_image = njit(cache=True, error_model="numpy")(_image)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import signal
 import time
 import warnings
@@ -22,7 +23,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
-from public_calls import TARGETS, WINDOW, called, good_arguments, names_an_argument, parameters, public_things, wells
+from public_calls import TARGETS, called, good_arguments, parameters, public_things
+from small_systems import WINDOW, wells
 
 from cellmap import CellGrid, Coordinate, PointMap
 from cellmap._lib.signatures import MADE_BY, checked
@@ -36,6 +38,20 @@ LONGEST = 120.0
 
 OWN_ERRORS = {TypeError, ValueError, MemoryError, KeyError, NotDifferentiableError}
 """And those of files, but no other subclasses: LinAlgError and UnicodeError are a ValueError too, and no remedies."""
+
+
+ENTRIES = {
+    **{"lengths": r"lengths|length_\d+", "masses": r"masses|mass_\d+"},
+    **{name: rf"{name}(_\d+)?" for name in ("damping", "friction")},
+}
+"""Arguments of which each entry has a name."""
+
+
+def names_an_argument(message: str, name: str) -> bool:
+    """Whether a message says ``argument=value``, ``argument[i]``, ``argument: ...``, or what the argument has or is."""
+    names = "|".join(ENTRIES.get(p.name, p.name) for p in parameters(name))
+    verbs = "has|have|run|is|are|holds|covers|goes|lies|returns|returned|asks for|must|made|fails"
+    return re.search(rf"(^|\W)({names})(, \w+)?([=:\[]| ({verbs})\b)", message) is not None
 
 
 def fault(name: str, arguments: Mapping[str, Any]) -> str | None:

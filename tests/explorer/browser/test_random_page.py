@@ -12,8 +12,8 @@ from typing import Any
 
 import psutil
 import pytest
+from browser_pages import PROGRAM, SCENE, WELLS, after, assert_shown, opened, put
 from playwright.sync_api import Page, sync_playwright
-from test_browser import PROGRAM, SCENE, WELLS, after, assert_shown, opened, put
 from test_random_use import GALLERY, TYPED, used
 
 from cellmap import find_basins

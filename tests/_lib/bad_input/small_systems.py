@@ -1,0 +1,88 @@
+"""Small systems, and what is found of them, that the calls of public functions are given."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import cellmap
+import systems
+from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map
+
+
+def two_wells(x: Any, p: Any) -> tuple[Any, Any]:
+    """Attractors at sqrt(r - 1) to either side, a saddle between them, doublings of the period from r = 2 on."""
+    return p.r * x[0] - x[0] ** 3, p.s * x[1]
+
+
+def spiral(t: Any, x: Any, p: Any) -> tuple[Any, Any]:
+    return x[1], -x[0] - 2 * p.d * x[1]
+
+
+WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
+POINTS = np.array([[0.4, 0.1], [-0.3, 0.2]])
+CLOUD = np.random.default_rng(0).random((2000, 2))
+LABELS = (np.add.outer(np.arange(64) ** 2, np.arange(64) * 40) > 1500).astype(int)
+
+
+@cache
+def wells() -> PointMap:
+    return discrete_map(two_wells, {"r": 1.5, "s": 0.5}, ("x", "y"), "two wells")
+
+
+@cache
+def leaving() -> PointMap:
+    """Orbits leave the window but for a Cantor set."""
+    return wells().with_params(r=2.7)
+
+
+@cache
+def swinging() -> ForcedSystem:
+    return systems.dimensionless_pendulum(gamma=0.3)
+
+
+@cache
+def rotating() -> ForcedSystem:
+    return ForcedSystem(spiral, {"d": 0.1}, 6.0, ("q", "v"))
+
+
+@cache
+def interpolated() -> cellmap.Basins:
+    table = cellmap.interpolated_map(wells(), WINDOW, order=1, tolerance=0.3)
+    return cellmap.find_basins(table, WINDOW, max_periods=60)
+
+
+@cache
+def delayed_logistic() -> Any:
+    """Return a map with an invariant circle."""
+    return cellmap.discrete_map(
+        lambda x, p: (p.a * x[0] * (1 - x[1]) + p.e * x[0] ** 2, x[0]), {"a": 2.18, "e": 0.0}, ("x", "y"), "delayed"
+    )
+
+
+def circle_of_delayed_logistic() -> dict[str, Any]:
+    """Return what is needed to follow that circle from its birth."""
+    exact = delayed_logistic().with_params(a=1.9)
+    branch = cellmap.continue_orbit(exact, cellmap.periodic_orbit(exact, [0.47, 0.47]), "a", 1.5, 2.1, step=0.1)
+    found = {"branch": branch, "bifurcation": branch.bifurcations[0]}
+    return found | {"lower": 1.5, "upper": 2.1, "step": 0.05, "max_points": 3}
+
+
+@cache
+def outer_saddle() -> tuple[Any, Any]:
+    """Return a map with homoclinic orbits, and their saddle."""
+    turned = cellmap.discrete_map(
+        lambda x, p: (p.a - x[0] ** 2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"), "turned"
+    )
+    return turned, cellmap.periodic_orbit(turned, [-2.0, -2.0])
+
+
+@cache
+def doublings_of_henon() -> Any:
+    """Return a curve of period doublings with a 1:2 resonance, at a = 3 and b = -1."""
+    henon = systems.henon_map(0.2, 0.3)
+    branch = cellmap.continue_orbit(henon, cellmap.periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4, step=0.1)
+    box = {"first": (0.0, 4.0), "second": (-1.5, 0.9)}
+    return cellmap.bifurcations.continue_bifurcation(branch, branch.bifurcations[0], "b", **box, step=0.1)

@@ -1,0 +1,153 @@
+"""Pages of the explorer in a browser of this machine, the systems that they show, and what their canvas has to show."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import io
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from math import pi, sin
+from typing import Any
+
+import numpy as np
+from matplotlib.image import imread
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Page
+
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map
+from cellmap.explorer import Explored, ExploredScene
+from cellmap.plot._colours import COLOURS
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+PROGRAM = os.environ.get("CELLMAP_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def step(x, p):
+    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3)
+    return x[0] + speed, speed
+
+
+def swing(t, x, p):
+    """A pendulum whose pivot is driven; 0 and pi are stable."""
+    theta, v = x
+    return v, -p.damping * v - (p.weight + p.drive * sin(t)) * sin(theta)
+
+
+WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
+SWING = ForcedSystem(swing, {"damping": 0.3, "weight": 0.01, "drive": 0.5}, 2 * pi, (angle("theta"), "v"), "swing")
+WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (100, 100))
+TURN = CellGrid((-pi, -2.0), (pi, 2.0), (100, 100))
+
+
+def push(x, p):
+    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3) + 0.2 * p.push
+    return x[0] + speed, speed
+
+
+PUSHED = discrete_map(push, {"keep": 0.6, "push": 0.1}, ("x", "v"))
+SCENE = ExploredScene(
+    "parts",
+    "From parts",
+    ("ball",),
+    ("push",),
+    ("ball",),
+    lambda _, e: Explored("", lambda: PUSHED if e else WELLS, WINDOW),
+)
+GALLERY = (
+    Explored("wells", lambda: WELLS, WINDOW, source="from browser_pages import WELLS as system\n"),
+    Explored("swing", lambda: SWING, TURN),
+    SCENE,
+)
+
+LOG = """
+window.frames = []; window.mistakes = [];
+document.addEventListener("drawn", (event) => {
+  const { data, ...facts } = event.detail;
+  window.frames.push(facts);
+});
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (text) {
+  const { type, request } = JSON.parse(text);
+  if (type === "view") window.asked = request;
+  send.call(this, text);
+};
+"""
+WHOLE = (
+    "window.frames.some((f) => f.complete && f.request === window.asked) && document.getElementById('preview').hidden"
+)
+
+
+@contextlib.contextmanager
+def opened(browser: Browser, address: str, width: int = 1200, **options: Any) -> Iterator[Page]:
+    """Open the page, and hold its console to silence."""
+    context = browser.new_context(viewport={"width": width, "height": 1000}, **options)
+    page = context.new_page()
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.add_init_script(LOG)
+    page.goto(address)
+    until(page, WHOLE)
+    yield page
+    assert said == []
+    context.close()
+
+
+def until(page: Page, condition: str, seconds: float = 20.0) -> None:
+    """Wait for a condition; the page forbids what Playwright's own function for it needs."""
+    for _ in range(int(seconds / 0.02)):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(20)
+    raise AssertionError(f"{condition} is false after {seconds} s: {page.inner_text('body')}")
+
+
+def after(page: Page, act: Callable[[], object]) -> None:
+    """Do something, and wait until the image that it leads to is complete."""
+    page.evaluate("window.frames = []")
+    act()
+    until(page, WHOLE)
+
+
+def pixels(page: Page) -> NDArray[np.uint8]:
+    """Read the canvas as the file that the page would save."""
+    file = page.evaluate("document.getElementById('image').toDataURL('image/png')")
+    image = imread(io.BytesIO(base64.b64decode(file.split(",")[1])))
+    assert (image[..., 3] == 1).all()
+    return np.rint(255 * image[..., :3]).astype(np.uint8)
+
+
+def drawn(page: Page, basins: Any) -> NDArray[np.uint8]:
+    """Basins as the page has to draw them: each attractor in the colour of its identity."""
+    frame = page.evaluate("window.frames.at(-1)")
+    colours = []
+    for attractor in basins.attractors:
+        (identity,) = (
+            a["identity"]
+            for a in frame["attractors"]
+            if np.shape(a["points"]) == attractor.points.shape and np.abs(a["points"] - attractor.points).max() < 1e-6
+        )
+        colours.append([int(COLOURS[identity][k : k + 2], 16) for k in (1, 3, 5)])
+    assert (basins.labels >= 0).all()
+    return np.array(colours, np.uint8)[basins.labels.T[::-1]]
+
+
+def assert_shown(page: Page, basins: Any) -> None:
+    assert np.array_equal(pixels(page), drawn(page, basins))
+
+
+def put(page: Page, label: str, value: float) -> Callable[[], None]:
+    """Return what types a number into a field."""
+
+    def act() -> None:
+        field = page.get_by_label(label, exact=True)
+        field.fill(str(value))
+        field.press("Enter")
+
+    return act
+
+
+def limits(page: Page) -> list[float]:
+    return [float(page.input_value(f"[data-field='{end}-{k}']")) for k in (0, 1) for end in ("lower", "upper")]
