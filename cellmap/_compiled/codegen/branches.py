@@ -51,7 +51,13 @@ class BranchingGraph(Graph):
     def __init__(self, modes: bool) -> None:
         super().__init__()
         self.modes = modes
+        self.followed: set[Expression] = set()
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all switches; from now on both sides are run of those whose functions are among the followed."""
         self.switches: list[Switch] = []
+        self.conditions: list[Expression] = []  # functions of the switches on the paths that meet them
         self._met: list[Met] = []
         self._answers: Sequence[bool] = ()
 
@@ -59,7 +65,9 @@ class BranchingGraph(Graph):
         """Decide in this run whether an expression is positive."""
         if function.operation == "constant":
             return bool(function.value > 0.0)
-        number, factor = self._switch(function, False)
+        return self._side(*self._switch(function, False))
+
+    def _side(self, number: int, factor: int) -> bool:
         before = [yes for n, yes in self._met if n == number and yes is not None]
         if before:
             return before[0] is (factor > 0)
@@ -72,6 +80,8 @@ class BranchingGraph(Graph):
         """Return a where an expression is positive, else b."""
         number, factor = self._switch(function, False)
         sides = (self.lift(a), self.lift(b))
+        if self.conditions[number] in self.followed:
+            return sides[0] if self._side(number, factor) else sides[1]
         return self.selection(self.switches[number].sign, *(sides if factor > 0 else sides[::-1]))
 
     def whole_part(self, a: Expression) -> Expression:
@@ -196,6 +206,7 @@ class BranchingGraph(Graph):
         else:
             sign = self.plain("floor" if counts else "side", function)
         self.switches.append(Switch(sign, function, counts))
+        self.conditions.append(function)
         self._met.append((number, None))
         return number
 

@@ -118,10 +118,11 @@ def switching_trace(
     """
     base = empty_trace(dimension, len(names), modes=True)
     graph = base.graph
-    given: tuple[Expression, ...] = ()
-    if switches is not None:
-        given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
-    outputs = graph.trace_paths(base.run(rhs, names, *([given] if switches is not None else [])))
+    given, outputs = _both(base, rhs, switches, names)
+    while jumps := _across_jumps(graph):
+        graph.followed |= jumps
+        graph.restart()
+        given, outputs = _both(base, rhs, switches, names)
     struck = () if impacts is None else graph.trace_paths(base.run(impacts, names))
     strikes = [struck[k : k + 2 + dimension] for k in range(0, len(struck), 2 + dimension)]
     guards = [graph.add_switch(guard) for guard, *_ in strikes]
@@ -133,6 +134,39 @@ def switching_trace(
         return traced
     places = [next(i for i, mode in enumerate(modes) if mode.sign is guard) for guard in guards]
     return _with_impacts(traced, dict(zip(places, strikes, strict=True)))
+
+
+def _both(
+    base: Trace,
+    rhs: Callable[..., Sequence[Any]],
+    switches: Callable[..., Sequence[Any]] | None,
+    names: Sequence[str],
+) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
+    """Trace the switching functions that are given, and the right-hand side."""
+    graph = base.graph
+    if switches is None:
+        return (), graph.trace_paths(base.run(rhs, names))
+    given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
+    return given, graph.trace_paths(base.run(rhs, names, given))
+
+
+def _across_jumps(graph: BranchingGraph) -> set[Expression]:
+    """Return functions of switches, not followed so far, across which the function of another switch jumps.
+
+    A state that slides along such a switch has another condition on either side, and each needs a switch of its own.
+    """
+    found = set()
+    for own, function in zip(graph.switches, graph.conditions, strict=True):
+        signs = {e for e in in_order([function]) if e.operation == "sign" and e is not own.sign}
+        for switch, condition in zip(graph.switches, graph.conditions, strict=True):
+            if switch.sign in signs and not switch.counts and condition not in graph.followed:
+                low, high = (
+                    graph.substituted([function], {switch.sign: graph.constant(side)}, graph.plain)[0]
+                    for side in (-1.0, 1.0)
+                )
+                if not is_continuous(replace(switch, function=condition), (graph.minus(high, low),)):
+                    found.add(condition)
+    return found
 
 
 def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Expression]]) -> SwitchingTrace:

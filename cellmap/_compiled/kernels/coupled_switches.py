@@ -20,9 +20,9 @@ def settle(
     """Let switches follow whose surfaces depend on the sides of others, until each is on its own side.
 
     What slides is looked at once more where they have changed the rates on its two sides, and is free where its
-    surface jumps away, or is no surface any more.
+    surface jumps away, or is no surface any more.  Return whether no mode was found in which all agree.
     """
-    count = signs.size
+    count, changed, moved = signs.size, 0, 0
     for e in range(count):
         were[e] = values[e]
     for _ in range(count):
@@ -46,11 +46,15 @@ def settle(
             after[e] = signs[e] if free[e] else after[e]
             free[e] = slides[e]
             sliding += slides[e]
-        if not changed or sliding == 0.0:
+        again = changed > 0 and sliding > 0.0
+        changed = moved
+        if not again:
             break
         choose_mode(rates, gains, free, counts, signs, slides, after)
         for e in range(count):
+            changed += free[e] != slides[e]
             fresh[e] = 1.0 if free[e] and not slides[e] else fresh[e]
+    return changed > 0
 
 
 @inlined
@@ -75,13 +79,13 @@ def wake(
 
 
 @loop
-def doubt(surfaces, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors):
+def doubt(surfaces, t, state, p, signs, values, rates, gains, jumps, normals, slides, counts, errors, wrong):
     """Give a sliding state an error that no tolerance allows, where a switch belongs on another side than it is on.
 
     A mode has one side for each switch.  Where the condition of one depends on the side of a surface along which the
-    state slides, the two sides of that surface may ask for different ones, for which there is no mode.
+    state slides, the two sides of that surface may ask for different ones, for which there is no mode.  So with what is
+    `wrong` already.
     """
-    wrong = False
     for e in range(signs.size):
         if slides[e]:
             kept = signs[e]

@@ -214,7 +214,7 @@ def period(single):
                             if coupled:
                                 doubt(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
-                                    slides, counts, errors,
+                                    slides, counts, errors, False,
                                 )  # fmt: skip
                             call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                             project(state, errors, values, normals, gains, hits, slides, counts, on_surface, held)
@@ -244,7 +244,7 @@ def period(single):
                                     rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
                                 )  # fmt: skip
                             if coupled:
-                                settle(
+                                unsettled = settle(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
                                     slides, fresh, hits, counts, on_surface, values_before, after,
                                 )  # fmt: skip
@@ -254,7 +254,7 @@ def period(single):
                             if coupled:
                                 doubt(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
-                                    slides, counts, errors,
+                                    slides, counts, errors, unsettled,
                                 )  # fmt: skip
                         _store(lanes, i, t, state, signs, slides, errors, fresh)
                     moving += lanes[size * LANES + i] < end
@@ -263,7 +263,7 @@ def period(single):
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
                     doubt(
                         addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
-                        slides, counts, errors,
+                        slides, counts, errors, False,
                     )  # fmt: skip
                     _store(lanes, i, t, state, signs, slides, errors, fresh)
             if project_at_end:
