@@ -221,3 +221,19 @@ def test_a_surface_that_ends_while_the_state_slides_along_it():
     again = 1.0 / (1.0 / once + 2.0 * 0.25)
     assert again > 0.4
     assert image(harvest, 2.0, [0.45]) == pytest.approx(grown(again, 0.75), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "larger", [max, np.maximum, lambda a, b: -min(-a, -b), lambda a, b: 0.5 * (a + b + abs(a - b))]
+)
+def test_the_larger_of_a_number_and_a_sign(larger):
+    """x' = -1 above zero and a = 0.2 + 0.1 sin t below; at rest y' is the share of the side above, a/(1 + a).
+
+    The mean of 1/(1 + a) over a period is 1/sqrt(1.2^2 - 0.1^2).
+    """
+
+    def rhs(t, x, p):
+        return -larger(-0.2 - 0.1 * sin(t), np.sign(x[0])), (1.0 if x[0] > 0.0 else 0.0)
+
+    found = image(rhs, 2 * pi, [0.0, 0.0])
+    assert found == pytest.approx([0.0, 2 * pi * (1.0 - 1.0 / (1.2**2 - 0.1**2) ** 0.5)], abs=1e-9)
