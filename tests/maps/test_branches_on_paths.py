@@ -227,7 +227,7 @@ def test_a_surface_that_ends_while_the_state_slides_along_it():
     "larger", [max, np.maximum, lambda a, b: -min(-a, -b), lambda a, b: 0.5 * (a + b + abs(a - b))]
 )
 def test_the_larger_of_a_number_and_a_sign(larger):
-    """x' = -1 above zero and a = 0.2 + 0.1 sin t below; at rest y' is the share of the side above, a/(1 + a).
+    """x' = -1 above zero and a = 0.2 + 0.1 sin t below; at rest y' is the weight of the side above, a/(1 + a).
 
     The mean of 1/(1 + a) over a period is 1/sqrt(1.2^2 - 0.1^2).
     """
