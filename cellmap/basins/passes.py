@@ -34,6 +34,7 @@ from .strides import StridedTile
 
 _SAMPLE = 1024  # initial conditions of the first search for attractors
 _IN_A_TILE = 8192, 65536  # least and most, where a tile has neither to travel nor to be sealed
+_INTEGRATED = 1024  # least where orbits are integrated, which takes long: all threads have to be at work
 _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
@@ -140,7 +141,7 @@ class Run:
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
-            size, time_limit = _tile_size(total) if small else CHUNK, min(_PATIENCE, self.max_periods)
+            size, time_limit = _tile_size(total, self.point_map) if small else CHUNK, min(_PATIENCE, self.max_periods)
             now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
@@ -276,9 +277,11 @@ class Run:
         return Orbits.joined([found[number] for number in range(len(batches))])
 
 
-def _tile_size(total: int) -> int:
+def _tile_size(total: int, point_map: PointMap) -> int:
     """Return how many initial conditions are labelled together where labels are in memory."""
     least, most = _IN_A_TILE
+    if point_map.is_flow and point_map.table is None:
+        least = _INTEGRATED
     return min(max(least, total // _TILES), most)
 
 
