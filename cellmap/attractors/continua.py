@@ -38,6 +38,7 @@ _END = 0.5**12  # of the length of a segment to which its ends are found
 _RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
 _ALONG, _DIRECTIONS = 17, 24  # points and directions at which the tube is tried
 _LONGEST = 512  # steps in which distances have to be halved
+_SETTLED, _STANDS = 64, 0.95  # periods after which distances that twice as many leave as they are will not be halved
 _DENSE = 1024
 _PERIODS = 16  # in which orbits near the ends have to come closer
 _SAMPLE = 256
@@ -142,9 +143,12 @@ def _closed(
     near = _CLOSED * np.array([resolution(state, extent) for state in states])
     for q in range(1, max_period + 1):
         check_stop()
-        advance_on_threads(exact.advance, orbits, 1)
-        back = (np.abs(difference(orbits.points, states, exact.coordinates)) <= near).all(axis=1)
-        periods[(periods == 0) & back] = q
+        rows = np.flatnonzero(periods == 0)
+        some = orbits[rows]
+        advance_on_threads(exact.advance, some, 1)
+        orbits[rows] = some
+        back = (np.abs(difference(some.points, states[rows], exact.coordinates)) <= near[rows]).all(axis=1)
+        periods[rows[back]] = q
     return states[periods > 0], periods[periods > 0]
 
 
@@ -291,12 +295,15 @@ def _halving(segment: Segment, begin: NDArray[np.float64], radius: float, period
 
     Both in points of the segment.
     """
-    orbits, made, steps = Orbits.starting(begin.copy()), 0, period
+    orbits, made, steps, before = Orbits.starting(begin.copy()), 0, period, np.inf
     while steps <= _LONGEST:
         check_stop()
         segment.exact.advance(orbits, steps - made)
         made = steps
         apart, after = segment.feet(orbits.points)
+        if steps >= _SETTLED * period and apart.max() > _STANDS * before:
+            break
+        before = float(apart.max())
         if apart.max() <= 0.5 * radius:
             return steps, float(np.abs(after - segment.feet(begin)[1]).max())
         steps *= 2

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from .._compiled.kernels.capture import AT_REST
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
-from ..maps.point_map import PointMap, follow
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
@@ -60,12 +62,19 @@ def sticking_sets(
 
 def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which states the map leaves in place."""
-    check_stop()
-    images = follow(exact, states, 1)
+    images = _moved(exact, states, 1)
     with np.errstate(invalid="ignore"):
         moved = np.abs(difference(images.points, states, exact.coordinates))
         still = (moved <= AT_REST * resolution(states, extent)).all(axis=-1)
-    return np.asarray(still & ~images.rotations.any(axis=-1))
+    return np.asarray(still & images.alive & ~images.rotations.any(axis=-1))
+
+
+def _moved(exact: PointMap, states: NDArray[np.float64], periods: int) -> Orbits:
+    """Return orbits that begin at some states, after some periods."""
+    check_stop()
+    orbits = Orbits.starting(wrap(states, exact.coordinates))
+    advance_on_threads(exact.advance, orbits, periods)
+    return orbits
 
 
 def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
@@ -176,7 +185,7 @@ def _drawn(
         tree = KDTree(scaled[0], boxsize=np.where(turn > 0, turn, 0.0) / extent)
         nearest = centres[tree.query(scaled[1][restless])[1]]
         begin = wrap(points[restless], exact.coordinates)
-        images = follow(exact, begin, _PERIODS).points
+        images = _moved(exact, begin, _PERIODS).points
         far, near = (np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images))
         closer = near < far
         closer[~closer] = _ahead(exact, begin[~closer], images[~closer], widths, wide, extent)
@@ -197,7 +206,7 @@ def _ahead(
     Near the edge of a sticking set orbits move by about the square of their distance from it.
     """
     shift = difference(images, begin, exact.coordinates)
-    further = difference(follow(exact, images, _PERIODS).points, images, exact.coordinates)
+    further = difference(_moved(exact, images, _PERIODS).points, images, exact.coordinates)
     less, boxes = (np.where(wide, np.abs(s) / widths, 0.0).max(axis=-1) for s in (further, shift))
     found = np.zeros(len(begin), bool)
     for times in _AHEAD:

@@ -34,7 +34,7 @@ from .strides import StridedTile
 
 _SAMPLE = 1024  # initial conditions of the first search for attractors
 _IN_A_TILE = 8192, 65536  # least and most, where a tile has neither to travel nor to be sealed
-_INTEGRATED = 1024  # least where orbits are integrated, which takes long: all threads have to be at work
+_INTEGRATED = 128, 1024  # where orbits are integrated, which takes long: a part of 1/16 keeps all threads at work
 _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
@@ -281,7 +281,7 @@ def _tile_size(total: int, point_map: PointMap) -> int:
     """Return how many initial conditions are labelled together where labels are in memory."""
     least, most = _IN_A_TILE
     if point_map.is_flow and point_map.table is None:
-        least = _INTEGRATED
+        least = min(max(_INTEGRATED[0], total // 16), _INTEGRATED[1])
     return min(max(least, total // _TILES), most)
 
 

@@ -66,11 +66,11 @@ def test_labels_do_not_depend_on_the_order_of_initial_conditions(repeated, seed)
 
 
 def test_tiles_of_any_size_have_the_same_labels(monkeypatch):
-    """As many at a time as keep all threads at work: 3 tiles, 24 or one."""
+    """As many at a time as keep all threads at work: 17 tiles, 24 or one."""
     strobe, grid = stroboscopic_map(systems.driven_pendulum(amplitude=0.010)), circle_grid(500.0, 55)
     found = find_basins(strobe, grid)
     for size in (128, 8192):
-        monkeypatch.setattr("cellmap.basins.passes._INTEGRATED", size)
+        monkeypatch.setattr("cellmap.basins.passes._INTEGRATED", (size, size))
         again = find_basins(strobe, grid)
         assert np.array_equal(again.labels, found.labels)
         assert np.array_equal(again.settling_time, found.settling_time)
