@@ -92,7 +92,7 @@ check-code: env
 	$(VENV)/bin/lint-imports
 
 check-site: env
-	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory JOBS=2 docs
+	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory docs
 
 # Peers raise warnings of their own, which are not errors of ours.
 bench: $(INSTALLED)bench
@@ -100,9 +100,8 @@ bench: $(INSTALLED)bench
 		--benchmark-group-by=group --benchmark-columns=min,median,rounds --benchmark-sort=min
 
 # Studies and programs of pages run in one process, with all threads.
-docs: JOBS ?= 1
 docs: $(INSTALLED)docs
-	$(RUN) -m sphinx -q -W --keep-going -j $(JOBS) docs docs/_build/html
+	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 
 clean:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -75,6 +76,10 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "reset_modules": ("matplotlib",),
 }
+
+# What is loaded by now stays: the collections of garbage, one after each program of the gallery, need not look at it.
+gc.freeze()
+gc.set_threshold(100_000, 20, 100)
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"cellmap {release}"

@@ -46,6 +46,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection() -> Generator[None, object, object]:
     """Keep modules and collected tests, which stay to the end, out of what is searched for garbage again and again."""
     gc.disable()
+    gc.set_threshold(10_000, 20, 20)
     try:
         return (yield)
     finally:

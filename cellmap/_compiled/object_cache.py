@@ -22,6 +22,9 @@ from .._lib.files import written_whole
 LIMIT = 256 * 2**20
 """Bytes of all entries together; the least recently used go first."""
 
+_room: dict[ObjectCache, int] = {}
+"""Bytes that may be written to a folder before all of its entries are looked at again: a sixteenth of them at most."""
+
 _MAGIC = b"cellmap object 1\n"
 _ENDING = ".object"
 
@@ -92,13 +95,16 @@ class ObjectCache:
         with contextlib.suppress(OSError):
             with written_whole(self._path(key), durable=False) as temporary:
                 temporary.write_bytes(_header(key, code) + code)
-            self._drop_old_entries()
+            _room[self] = _room.get(self, 0) - len(code)
+            if _room[self] < 0:
+                _room[self] = min(self.limit // 16, self.limit - self._drop_old_entries())
 
     def _path(self, key: str) -> Path:
         assert self.folder is not None
         return self.folder / (key[:32] + _ENDING)
 
-    def _drop_old_entries(self) -> None:
+    def _drop_old_entries(self) -> int:
+        """Remove entries until the others are not too large together; return the bytes of these."""
         assert self.folder is not None
         entries = []
         for path in self.folder.glob(f"*{_ENDING}"):
@@ -112,6 +118,7 @@ class ObjectCache:
             with contextlib.suppress(OSError):
                 path.unlink()
             total -= size
+        return total
 
 
 def _header(key: str, code: bytes) -> bytes:
