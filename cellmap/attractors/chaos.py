@@ -153,8 +153,9 @@ def _tested(
     reasons[chaotic] = Reason.TRANSIENT
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
-    reasons[creeps] = Reason.CREEPING
     reasons[back] = Reason.PERIODIC
+    # However slowly: what has come back after some periods has come back after one.
+    reasons[creeps] = Reason.CREEPING
     return exponents, reasons
 
 

@@ -14,6 +14,7 @@ from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
+_SEEN = 1e-12  # least way that is no rounding, in units of the region
 _STRAIGHT = 0.9  # least cosine of the angle between them
 _SLOW = 1e-4  # largest move in a period, in units of the region, and
 _NEAR = 0.02  # of all moves that are still ahead
@@ -52,7 +53,7 @@ def creeping(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
         straight = (first * second).sum(axis=1) >= _STRAIGHT * ways * lasting
         ahead = ways / (1.0 - lasting / ways)
         slow = (move / size).max(axis=1) <= _SLOW
-        found = (lasting > 0) & (lasting < ways) & straight & slow & (ahead <= _NEAR)
+        found = (lasting > _SEEN) & (lasting < ways) & straight & slow & (ahead <= _NEAR)
     ends, least = np.full(states.shape, np.nan), _STILL * (move / size).max(axis=1)
     for power in _POWERS:
         rows = np.flatnonzero(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import pi
 
@@ -15,10 +15,11 @@ from ..attractors.labels import Label
 from ..attractors.search import region_extent
 from ..attractors.settling import Catalogue, settle
 from ..attractors.transients import Reason
+from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
-from ..orbits.attractor import distinct_names
+from ..orbits.attractor import Attractor, distinct_names
 from .initial_conditions import InitialConditions
 from .record import Basins, fractions_of
 
@@ -26,6 +27,7 @@ _MANY = 0.05  # fraction of the initial conditions from which there is a warning
 _TRIED = 8  # orbits that are integrated again
 _PERIODS = 4
 _SAMPLE = 1024  # initial conditions that show the size of a region
+_NEAR = 0.01  # distance from the points of an attractor, in units of the region
 _LOOKED_ON = 256  # periods after which the place where an orbit would rest has come to an attractor
 _TIME = 0.01370521  # in periods, at which no forcing jumps
 
@@ -33,7 +35,7 @@ _MORE = "raise max_periods={}"
 _REMEDIES = {
     Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
     Reason.LATE: _MORE,
-    Reason.CREEPING: _MORE,
+    Reason.CREEPING: _MORE + ", or use classify_by_features: the edge of a set at which orbits rest is never reached",
     Reason.ENDING: _MORE,
     Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
@@ -83,7 +85,7 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
 
 
 def _creep(basins: Basins) -> str:
-    """Tell how far some of the orbits that creep to rest move in a period, and where most of them would come to."""
+    """Tell how far some of the orbits that creep to rest move in a period, and where many of them would come to."""
     point_map, undecided = basins.point_map, np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
     if point_map is None:
         return ""
@@ -91,14 +93,26 @@ def _creep(basins: Basins) -> str:
     region = places.points(_spread(len(places), _SAMPLE)) if grid is None else np.array([grid.lower, grid.upper])
     orbits = Orbits.starting(places.wrapped(undecided[_spread(len(undecided), _TRIED)], point_map))
     point_map.advance(orbits, basins.settings["max_periods"])
-    slow = creeping(point_map, orbits.points[orbits.alive], region_extent(point_map, region))
+    extent = region_extent(point_map, region)
+    slow = creeping(point_map, orbits.points[orbits.alive], extent)
     if not slow.found.any():
         return ""
-    moves, ends = np.median(slow.moves[slow.found]), Orbits.starting(slow.ends[slow.found])
-    owners = settle(point_map, ends, Catalogue.of(basins.attractors, point_map), _LOOKED_ON).labels
+    ends = slow.ends[slow.found]
+    owners = settle(
+        point_map, Orbits.starting(ends.copy()), Catalogue.of(basins.attractors, point_map), _LOOKED_ON
+    ).labels
+    for k in np.flatnonzero(owners < 0):
+        owners[k] = _beside(ends[k], basins.attractors, extent)
     known, names = owners[owners >= 0], distinct_names(basins.attractors)
-    where = f", most of them towards {names[np.bincount(known).argmax()]}" if len(known) else ""
+    where = f", many of them towards {names[np.bincount(known).argmax()]}" if len(known) else ""
+    moves = np.median(slow.moves[slow.found])
     return f", by about {moves:.1g} in a period{where}"
+
+
+def _beside(place: NDArray[np.float64], attractors: Sequence[Attractor], extent: NDArray[np.float64]) -> int:
+    """Return the number of the attractor that a place is beside, -1 for none."""
+    apart = [np.abs(difference(a.points, place, a.coordinates) / extent).max(axis=1).min() for a in attractors]
+    return int(np.argmin(apart)) if apart and min(apart) <= _NEAR else -1
 
 
 def _spread(number: int, most: int) -> NDArray[np.int64]:

@@ -91,4 +91,4 @@ def test_the_warning_names_where_orbits_creep_to() -> None:
     labels = np.array([0, *8 * [Label.UNDECIDED], 0], np.int16)
     what = _creep(replace(found, labels=labels, settings={**found.settings, "max_periods": 300}))
     move = f"{0.0005 * 0.9995**300 * near.mean():.1g}"
-    assert what == f", by about {move} in a period, most of them towards fixed point (0)"
+    assert what == f", by about {move} in a period, many of them towards fixed point (0)"
