@@ -1,45 +1,87 @@
-"""Runge-Kutta methods as data.  The coefficients are SciPy's; its integrators load only when a method is used."""
+"""Runge-Kutta methods as data."""
 
 from __future__ import annotations
 
 import functools
-from typing import Any
+from collections.abc import Sequence
 
 from .runge_kutta import Tableau
 
+# The doubles of SciPy's DOP853, to the last bit; its integrators take long to import.
+# fmt: off
+_NODES = (
+    0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333,
+    0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0,
+)
+_STAGES: tuple[tuple[float, ...], ...] = (
+    (),
+    (0.05260015195876773,),
+    (0.0197250569845379, 0.0591751709536137),
+    (0.02958758547680685, 0.0, 0.08876275643042054),
+    (0.2413651341592667, 0.0, -0.8845494793282861, 0.924834003261792),
+    (0.037037037037037035, 0.0, 0.0, 0.17082860872947386, 0.12546768756682242),
+    (0.037109375, 0.0, 0.0, 0.17025221101954405, 0.06021653898045596, -0.017578125),
+    (0.03709200011850479, 0.0, 0.0, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
+     0.008273789163814023),
+    (0.6241109587160757, 0.0, 0.0, -3.3608926294469414, -0.868219346841726, 27.59209969944671, 20.154067550477894,
+     -43.48988418106996),
+    (0.47766253643826434, 0.0, 0.0, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
+     15.279233632882423, -33.28821096898486, -0.020331201708508627),
+    (-0.9371424300859873, 0.0, 0.0, 5.186372428844064, 1.0914373489967295, -8.149787010746927, -18.52006565999696,
+     22.739487099350505, 2.4936055526796523, -3.0467644718982196),
+    (2.273310147516538, 0.0, 0.0, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996,
+     -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636),
+)
+_WEIGHTS = (
+    0.054293734116568765, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+    0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
+)
+_ERRORS = (
+    (0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+     -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294),
+    (-0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+     -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082),
+)
+# fmt: on
 
-def _rows(matrix: Any) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(float(a) for a in row) for row in matrix)
+
+def _padded(rows: Sequence[Sequence[float]], length: int) -> tuple[tuple[float, ...], ...]:
+    """Return rows with zeros at their ends."""
+    return tuple((*row, *(length - len(row)) * (0.0,)) for row in rows)
 
 
 @functools.cache
 def dop853() -> Tableau:
     """Dormand and Prince's method of order 8 with embedded orders 5 and 3 (Hairer, Norsett, Wanner 1993, II.10)."""
-    from scipy.integrate import DOP853
-
-    stages = DOP853.n_stages
     return Tableau(
         name="DOP853",
         order=8,
         estimate_order=7,
-        nodes=tuple(map(float, DOP853.C[:stages])),
-        stages=_rows(DOP853.A[:stages, :stages]),
-        weights=tuple(map(float, DOP853.B[:stages])),
-        errors=_rows((DOP853.E5[:stages], DOP853.E3[:stages])),
+        nodes=_NODES,
+        stages=_padded(_STAGES, len(_NODES)),
+        weights=_WEIGHTS,
+        errors=_padded(_ERRORS, len(_NODES)),
     )
 
 
 @functools.cache
 def rk45() -> Tableau:
     """Dormand and Prince's method of order 5 with embedded order 4 (1980); the estimate needs the seventh stage."""
-    from scipy.integrate import RK45
-
+    weights = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+    stages = (
+        (),
+        (1 / 5,),
+        (3 / 40, 9 / 40),
+        (44 / 45, -56 / 15, 32 / 9),
+        (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+        (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    )
     return Tableau(
         name="RK45",
         order=5,
         estimate_order=4,
-        nodes=(*map(float, RK45.C), 1.0),
-        stages=(*_rows(RK45.A), tuple(map(float, RK45.B))),
-        weights=tuple(map(float, RK45.B)),
-        errors=_rows((RK45.E,)),
+        nodes=(0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0),
+        stages=(*_padded(stages, 5), weights),
+        weights=weights,
+        errors=((-71 / 57600, 0.0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40),),
     )

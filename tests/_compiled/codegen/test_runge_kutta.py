@@ -107,6 +107,16 @@ def test_one_step_is_that_of_scipy(method: str, solver: Any, traced: ForcedSyste
     assert image[0] == pytest.approx(reference.y, rel=1e-14)
 
 
+def test_tableaus_are_those_of_scipy() -> None:
+    """To the last bit, so that images are what they were when the coefficients were read from SciPy."""
+    high, low, n = dop853(), rk45(), DOP853.n_stages
+    assert np.array_equal(high.nodes, DOP853.C[:n]) and np.array_equal(high.stages, DOP853.A[:n, :n])
+    assert np.array_equal(high.weights, DOP853.B) and np.array_equal(high.errors, [DOP853.E5[:n], DOP853.E3[:n]])
+    assert np.array_equal(low.nodes[:-1], RK45.C) and np.array_equal(low.stages[:-1], RK45.A)
+    assert low.stages[-1] == low.weights and np.array_equal(low.weights, RK45.B)
+    assert np.array_equal(low.errors, [RK45.E])
+
+
 @pytest.mark.parametrize("tableau", [rk45(), dop853()], ids=lambda tableau: tableau.name)
 def test_tableaus_are_consistent(tableau: Tableau) -> None:
     assert len(tableau.nodes) == len(tableau.stages) >= len(tableau.weights)
