@@ -265,6 +265,9 @@ class ForcedSystem:
                     f"rhs returns {len(now)} components for {self.dimension} coordinates ({names}): "
                     "return one derivative for each coordinate"
                 )
+            if any(isinstance(v, complex) for v in (*now, *later)):
+                failure = TypeError(f"rhs returns {now!r}: its components must be real numbers")
+                continue  # outside the domain of a power
             if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
             if _differ(now, later):
@@ -285,6 +288,8 @@ class ForcedSystem:
                 "rhs changes a value outside of it: it must depend on t, x and p alone, for it is not called in the "
                 "order of time. Declare events at which the state jumps as impacts=[Impact(guard, reset)]"
             )
+        if not checked and isinstance(failure, TypeError):
+            raise failure
         if not checked:
             raise ValueError(
                 f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "

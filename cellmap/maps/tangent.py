@@ -91,7 +91,8 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
     ndarray, shape (..., dimension, dimension)
         Entry (i, j) is the derivative of component i of the image with respect to component j of the initial condition.
         It is computed from the variational equation, or by central differences of order 6 if the right-hand side cannot
-        be traced.  Where the orbit grazes a surface, see :func:`grazing_distance`, there is no derivative.
+        be traced or its derivative has a pole on the orbit.  Where the orbit grazes a surface, see
+        :func:`grazing_distance`, there is no derivative.
 
     Examples
     --------
@@ -109,9 +110,15 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
 def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if exact.tangent is not None:
         try:
-            return exact.tangent(points)
+            images, matrices = exact.tangent(points)
         except NotDifferentiableError:
             pass
+        else:
+            lost = ~np.isfinite(matrices).all(axis=(-2, -1))
+            if lost.any():  # the derivative of the right-hand side has a pole, as at the border of a root
+                images[lost] = follow(exact, points[lost], 1).unwrapped
+                matrices[lost] = _central_differences(exact, points[lost])
+            return images, matrices
     return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
 
 

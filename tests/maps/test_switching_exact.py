@@ -182,7 +182,7 @@ def test_a_square_wave_on_a_spring() -> None:
 
 
 def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
-    """A method of order 8 with fixed steps; turning, stopping and starting again lie inside of them."""
+    """A method of order 8 with steps too short to be shortened; turning, stopping and starting again lie inside."""
     system = table(friction=0.4, force=1.0, frequency=0.7)
     assert system.switches is not None
     kernel = switching_kernel((system.rhs, system.switches), 2, tuple(system.params), 1e-2, False)
@@ -196,7 +196,7 @@ def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
         return blocks[0].T
 
     exact = images(400)
-    errors = np.array([np.abs(images(steps) - exact).max() for steps in (8, 16, 32)])
+    errors = np.array([np.abs(images(steps) - exact).max() for steps in (16, 32, 64)])
     assert exact == pytest.approx(np.array([Oracle(system).image(ic) for ic in initial_conditions]), abs=1e-11)
     assert (np.log2(errors[:-1] / errors[1:]) > 7.0).all()
 

@@ -185,6 +185,69 @@ def boost(t, x, p):
     return off * i * 2 - v / 2, p.supply - off * v
 
 
+def opening(v, width):
+    """Rate at which gates of Hodgkin and Huxley (1952) open: v/(exp(v/width) - 1), with its limit at zero."""
+    if abs(v / width) < 1e-6:
+        return width * (1 - v / width / 2)
+    return v / (exp(v / width) - 1)
+
+
+def hodgkin_huxley(t, x, p):
+    """Squid axon with a pulse of current in each period."""
+    v, m, h, n = x
+    current = p.pulse if t % p.period < p.width else 0.0
+    a_m, b_m = 0.1 * opening(-(v + 40), 10), 4 * exp(-(v + 65) / 18)
+    a_h, b_h = 0.07 * exp(-(v + 65) / 20), 1 / (1 + exp(-(v + 35) / 10))
+    a_n, b_n = 0.01 * opening(-(v + 55), 10), 0.125 * exp(-(v + 65) / 80)
+    ions = 120 * m**3 * h * (v - 50) + 36 * n**4 * (v + 77) + 0.3 * (v + 54.4)
+    return current - ions, a_m * (1 - m) - b_m * m, a_h * (1 - h) - b_h * h, a_n * (1 - n) - b_n * n
+
+
+def tanks(t, x, p):
+    """Two tanks with orifices (Torricelli 1643): flows go with square roots of differences of level."""
+    a, b = x
+    between = p.k * np.sign(a - b) * np.sqrt(abs(a - b))
+    return p.inflow * (1 + sin(TAU * t / p.period)) - between, between - p.out * np.sqrt(max(b, 0.0))
+
+
+def beads(t, x, p):
+    """Column of beads on a shaken plate, with contacts of Hertz (1882): force to the power 3/2 of the overlap."""
+    half = len(x) // 2
+    q, v = x[:half], x[half:]
+    levels = (p.shake * sin(p.omega * t), *q)
+    forces = [max(levels[k] - levels[k + 1], 0.0) ** 1.5 for k in range(half)] + [0.0]
+    return (*v, *(forces[k] - forces[k + 1] - p.gravity - p.damping * v[k] for k in range(half)))
+
+
+def rubbing_rotor(t, x, p):
+    """Jeffcott rotor that touches its stator, with friction along the contact."""
+    a, b, va, vb = x
+    r, fa, fb = np.hypot(a, b), 0.0, 0.0
+    if r > p.gap:
+        push = p.stiffness * (r - p.gap) / r
+        fa, fb = -push * (a - p.mu * b), -push * (p.mu * a + b)
+    drive = p.eccentricity * p.omega**2
+    return (
+        va,
+        vb,
+        fa - a - p.damping * va + drive * cos(p.omega * t),
+        fb - b - p.damping * vb + drive * sin(p.omega * t),
+    )
+
+
+def bubble(t, x, p):
+    """Rayleigh's bubble in a sound field (Plesset 1949): radius in its own at rest, time in periods of the sound."""
+    r, v = x
+    inside = (p.ambient + 2 * p.tension / p.radius) * r ** (-3 * p.polytropic)
+    outside = p.ambient + p.sound * sin(TAU * t) + 2 * p.tension / (p.radius * r) + 4 * p.viscosity * v / (r * p.time)
+    return v, ((p.time / p.radius) ** 2 / p.density * (inside - outside) - 1.5 * v * v) / r
+
+
+def escapement(t, x, p):
+    theta, v = x
+    return v, -sin(theta) - p.damping * v + p.force * cos(p.omega * t)
+
+
 # --- impacts
 
 

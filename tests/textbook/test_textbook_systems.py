@@ -15,7 +15,8 @@ from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 
 ALL = {**SMOOTH, **BRANCHING, **STIFF, **IMPACTS}
-LONG = {"SIR", "van der Pol, mu 20", "van der Pol, mu 100"}  # several seconds each; their maps are in test_stiff.py
+# Several seconds each; maps of the last three are in test_stiff.py.
+LONG = {"bubble", "SIR", "van der Pol, mu 20", "van der Pol, mu 100"}
 LATE = {"Helmholtz", "FitzHugh-Nagumo", "MEMS", "SEIR", "stick and slip on a belt"}  # settle after hundreds of periods
 BLOW_UP = {"Helmholtz", "MEMS"}  # orbits leave the well, or reach the electrode
 NOT_BY_SCIPY = {"dry friction", "stick and slip on a belt", "ball on a table", "kicked rotor"}

@@ -6,10 +6,12 @@ from math import cos, log, pi, sin
 
 from right_hand_sides import (
     backlash,
+    beads,
     belt,
     bilinear,
     boost,
     brusselator,
+    bubble,
     buck,
     chua,
     coupled_duffings,
@@ -20,6 +22,7 @@ from right_hand_sides import (
     free_rotor,
     hardening,
     helmholtz,
+    hodgkin_huxley,
     inverted,
     josephson,
     linear,
@@ -29,11 +32,13 @@ from right_hand_sides import (
     pendulum,
     predator_prey,
     rayleigh,
+    rubbing_rotor,
     seir,
     sir,
     soft_impact,
     square_driven,
     swing,
+    tanks,
     toda,
     van_der_pol,
 )
@@ -176,6 +181,22 @@ BRANCHING = {
         made(buck, {"supply": 20.0}, 400e-6, ("v", "i")),
         window((11.5, 0.4), (12.5, 0.7)),
     ),
+    "Hodgkin-Huxley": (
+        made(hodgkin_huxley, {"pulse": 15.0, "width": 2.0, "period": 12.0}, lambda p: p.period, tuple("vmhn")),
+        CellGrid((-80, 0.01, 0.1, 0.2), (-20, 0.9, 0.7, 0.7), (4, 3, 3, 2)),
+    ),
+    "two tanks": (
+        made(tanks, {"k": 0.5, "out": 0.4, "inflow": 0.3, "period": 10.0}, lambda p: p.period, ("a", "b")),
+        window((0.1, 0.1), (3, 3)),
+    ),
+    "column of beads": (
+        forced(beads, tuple("abcuvw"), shake=0.1, omega=1.5, gravity=0.2, damping=0.3),
+        CellGrid((-0.5, -0.6, -0.7, -1, -1, -1), (0.5, 0.6, 0.7, 1, 1, 1), (4, 4, 4, 1, 1, 1)),
+    ),
+    "rubbing rotor": (
+        forced(rubbing_rotor, tuple("abuv"), 0.9, gap=1.0, stiffness=25.0, mu=0.05, damping=0.2, eccentricity=0.6),
+        CellGrid((-1,) * 4, (1,) * 4, (4, 4, 3, 3)),
+    ),
     "boost converter": (made(boost, {"supply": 1.0, "duty": 0.4}, 1.0, ("v", "i")), window((0, 0), (3, 3))),
 }
 
@@ -183,6 +204,24 @@ STIFF = {
     "van der Pol, mu 20": (
         forced(van_der_pol, mu=20.0, force=10.0, omega=0.2),
         window((-2, -2), (2, 2), 4),
+    ),
+    "bubble": (
+        made(
+            bubble,
+            {
+                "ambient": 101325.0,
+                "tension": 0.0725,
+                "radius": 1e-5,
+                "polytropic": 1.4,
+                "sound": 4e4,
+                "time": 5e-6,
+                "density": 998.0,
+                "viscosity": 1e-3,
+            },
+            1.0,
+            ("r", "v"),
+        ),
+        window((0.7, -2), (1.5, 2), 6),
     ),
     "van der Pol, mu 100": (
         forced(van_der_pol, mu=100.0, force=50.0, omega=0.05),

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import log, pi
 from typing import Any
 
 from .expression import Comparison, Expression, Graph, UntraceableError, in_order
@@ -20,6 +21,7 @@ from .expression import Comparison, Expression, Graph, UntraceableError, in_orde
 MOST_PATHS = 256
 MOST_SWITCHES = 24
 _NEUTRAL = {"add": 0.0, "sub": 0.0, "mul": 1.0, "div": 1.0}
+_MOVING = frozenset({"state", "time", "sign"})
 _INPUTS = frozenset({"state", "time", "parameter", "constant", "sign", "slide"})
 
 
@@ -98,8 +100,8 @@ class BranchingGraph(Graph):
         return left if right.vanishes else self.minus(left, right)
 
     def apply(self, operation: str, *operands: Any) -> Expression:
-        """Apply an operation; those with kinks and jumps become selections."""
-        rule = _PIECES.get(operation)
+        """Apply an operation; those with kinks and jumps become selections, and with modes all become series."""
+        rule = _PIECES.get(operation) or (_BY_SERIES.get(operation) if self.modes else None)
         arguments = tuple(self.lift(a) for a in operands)
         if rule is None or all(a.operation == "constant" for a in arguments):
             return super().apply(operation, *arguments)
@@ -200,8 +202,7 @@ class BranchingGraph(Graph):
         number = len(self.switches)
         if number >= MOST_SWITCHES:
             raise UntraceableError(f"it makes more than {MOST_SWITCHES} comparisons")
-        moves = {"state", "time", "sign"}
-        if self.modes and any(e.operation in moves for e in in_order([function])):
+        if self.modes and any(e.operation in _MOVING for e in in_order([function])):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain("floor" if counts else "side", function)
@@ -261,6 +262,52 @@ def _remainder(
     """Return a - b whole(a/b)."""
     return lambda graph, a, b: graph.apply("sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b))))
 
+
+def _root_of_sum(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    return graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), graph.apply("mul", b, b)))
+
+
+def _cube_root(graph: BranchingGraph, a: Expression) -> Expression:
+    size = graph.apply("pow", graph.apply("fabs", a), 1.0 / 3.0)
+    return graph.choose(a, size, graph.apply("neg", size))
+
+
+def _arc_sine(graph: BranchingGraph, a: Expression) -> Expression:
+    rest = graph.apply("sqrt", graph.apply("mul", graph.apply("sub", 1.0, a), graph.apply("add", 1.0, a)))
+    return graph.apply("atan", graph.apply("div", a, rest))
+
+
+def _inverse_tanh(graph: BranchingGraph, a: Expression) -> Expression:
+    quotient = graph.apply("div", graph.apply("add", 1.0, a), graph.apply("sub", 1.0, a))
+    return graph.apply("mul", 0.5, graph.apply("log", quotient))
+
+
+def _inverse_sinh(graph: BranchingGraph, a: Expression) -> Expression:
+    root = graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), 1.0))
+    return graph.apply("mul", 2.0, _inverse_tanh(graph, graph.apply("div", a, graph.apply("add", root, 1.0))))
+
+
+def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    if not any(e.operation in _MOVING for e in in_order([b])):
+        return graph.plain("pow", a, b)
+    return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
+
+
+_BY_SERIES: dict[str, Callable[..., Expression]] = {
+    "pow": _power,
+    "hypot": _root_of_sum,
+    "cbrt": _cube_root,
+    "exp2": lambda graph, a: graph.apply("exp", graph.apply("mul", log(2.0), a)),
+    "expm1": lambda graph, a: graph.apply("sub", graph.apply("exp", a), 1.0),
+    "log1p": lambda graph, a: graph.apply("log", graph.apply("add", 1.0, a)),
+    "log2": lambda graph, a: graph.apply("mul", 1.0 / log(2.0), graph.apply("log", a)),
+    "log10": lambda graph, a: graph.apply("mul", 1.0 / log(10.0), graph.apply("log", a)),
+    "asin": _arc_sine,
+    "acos": lambda graph, a: graph.apply("sub", 0.5 * pi, _arc_sine(graph, a)),
+    "asinh": _inverse_sinh,
+    "atanh": _inverse_tanh,
+}
+"""Operations in terms of those that have recurrences of series."""
 
 _PIECES: dict[str, Callable[..., Expression]] = {
     "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),

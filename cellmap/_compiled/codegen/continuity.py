@@ -13,6 +13,8 @@ from .trace import evaluated
 
 _SAMPLES = 64
 _HALVINGS = 60
+_OFFSETS = tuple(1e-15 * k for k in range(9))
+"""Places beside a surface, so close that values differ by rounding alone, as beside a removable pole."""
 
 
 def is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
@@ -45,8 +47,9 @@ def is_continuous(switch: Switch, jump: tuple[Expression, ...]) -> bool:
         (value,) = between(middle, [switch.function])
         same = (value > 0.0) == (begin > 0.0)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    there = np.abs(np.stack(between(low, jump)))[:, crosses]
-    nearby = np.abs(np.stack(between(low + 0.1, jump)))[:, crosses]
-    usable = np.isfinite(there).all(axis=0) & np.isfinite(nearby).all(axis=0)
+    close = [np.stack(between(low + offset, jump))[:, crosses] for offset in _OFFSETS]
+    there, noise = np.abs(close[0]), np.ptp(close, axis=0)
+    nearby = np.nan_to_num(np.abs(np.stack(between(low + 0.1, jump)))[:, crosses])  # one side may have a border there
+    usable = np.isfinite(there + noise).all(axis=0)
     size = 1e-9 * np.maximum(nearby.max(axis=0, initial=0.0), 1e-3)
-    return bool(usable.any() and (there.max(axis=0, initial=0.0) <= size)[usable].all())
+    return bool(usable.any() and (there <= size + 2.0 * noise)[:, usable].all())

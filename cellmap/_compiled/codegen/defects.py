@@ -62,12 +62,12 @@ def elsewhere(series: Series) -> Iterator[str]:
             slope = [f"{k}.0 * {series_name(j, k)}" for k in range(1, order + 1)]
             yield f"{place}_d{j} = abs({_sum(slope, at)} - h * {name(rates[j])})"
         for e in events:
-            terms = [series.name(series.extra[e], k) or "0.0" for k in range(order + 1)]
+            terms = [f"event{e}_{k}" for k in range(order + 1)]
             yield f"{place}_g{e} = abs({_sum(terms, at)} - {name(series.extra[e])})"
     for j in chosen:
         yield f"defect{j} = {_WEIGHT!r} * simd_math.fmax(half_d{j}, full_d{j})"
     for e, event in enumerate(series.extra):
-        last, before = (series.name(event, k) or "0.0" for k in (order, order - 1))
+        last, before = (f"event{e}_{k}" for k in (order, order - 1))
         tail = "0.0" if is_affine(series, event) else f"abs({last}) + 0.5 * abs({before})"
         seen = f"simd_math.fmax(half_g{e}, full_g{e})"
         yield f"gap{e} = {f'simd_math.fmax({tail}, {seen})' if e in events else tail}"

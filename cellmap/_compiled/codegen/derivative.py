@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import log, pi, sqrt
 
 from .expression import Expression, Graph, UntraceableError, in_order
 from .trace import Trace
@@ -77,13 +78,20 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
             return apply("select", a, *sides)
         case "side" | "floor" | "sign":
             return None
-        case "atan2" | "hypot":
-            raise UntraceableError(f"no derivative of {node.operation}")
+        case "hypot":
+            products = _sum(graph, [times(slope, x) for slope, x in zip(inner, node.arguments, strict=True)])
+            return None if products is None else apply("div", products, node)
+        case "atan2":
+            b = node.arguments[1]
+            first, second = times(da, b), times(inner[1], a)
+            turned = first if second is None else apply("sub", 0.0 if first is None else first, second)
+            square = apply("add", apply("mul", a, a), apply("mul", b, b))
+            return None if turned is None else apply("div", turned, square)
         case "pow":
             b = node.arguments[1]
-            if inner[1] is not None:
-                raise UntraceableError("no derivative of a power with a varying exponent")
-            return apply("mul", apply("mul", b, apply("pow", a, apply("sub", b, 1.0))), da)
+            grown = None if inner[1] is None else apply("mul", apply("mul", node, apply("log", a)), inner[1])
+            moved = times(da, apply("mul", b, apply("pow", a, apply("sub", b, 1.0))))
+            return _sum(graph, [moved, grown])
     if da is None or len(node.arguments) > 1:
         raise UntraceableError(f"no derivative of {node.operation}")
     outer = {
@@ -98,6 +106,18 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
         "cosh": lambda: apply("sinh", a),
         "tanh": lambda: apply("sub", 1.0, apply("mul", node, node)),
         "atan": lambda: apply("div", 1.0, apply("add", 1.0, apply("mul", a, a))),
+        "exp2": lambda: apply("mul", log(2.0), node),
+        "expm1": lambda: apply("add", node, 1.0),
+        "log2": lambda: apply("div", 1.0 / log(2.0), a),
+        "log10": lambda: apply("div", 1.0 / log(10.0), a),
+        "log1p": lambda: apply("div", 1.0, apply("add", 1.0, a)),
+        "cbrt": lambda: apply("div", 1.0 / 3.0, apply("mul", node, node)),
+        "asin": lambda: apply("div", 1.0, apply("sqrt", apply("sub", 1.0, apply("mul", a, a)))),
+        "acos": lambda: apply("div", -1.0, apply("sqrt", apply("sub", 1.0, apply("mul", a, a)))),
+        "asinh": lambda: apply("div", 1.0, apply("sqrt", apply("add", apply("mul", a, a), 1.0))),
+        "acosh": lambda: apply("div", 1.0, apply("sqrt", apply("sub", apply("mul", a, a), 1.0))),
+        "atanh": lambda: apply("div", 1.0, apply("sub", 1.0, apply("mul", a, a))),
+        "erf": lambda: apply("mul", 2.0 / sqrt(pi), apply("exp", apply("neg", apply("mul", a, a)))),
     }.get(node.operation)
     if outer is None:
         raise UntraceableError(f"no derivative of {node.operation}")

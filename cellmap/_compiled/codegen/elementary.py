@@ -12,7 +12,7 @@ _OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
 
 FUNCTIONS = (
     "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
-    "hypot ceil asinh acosh atanh erf trunc fmod mod sign"
+    "hypot ceil asinh acosh atanh erf trunc fmod mod sign cbrt exp2"
 ).split()
 """Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
 
@@ -42,6 +42,16 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
 
     table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
     table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
+
+    def norm(vector: Any) -> Any:
+        return table["sqrt"](sum(v * v for v in vector))
+
+    def select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
+        pairs = reversed(list(zip(conditions, choices, strict=True)))
+        return functools.reduce(lambda rest, pair: where(*pair, rest), pairs, default)
+
+    table["norm"], table["select"] = norm, select
+    table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])
     return {**table, "where": where, "float": _Float, "int": _Int}
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import log10
 from typing import Any
 
 from ..for_numba import INLINE, ForNumba, numba
@@ -151,7 +152,7 @@ def switching_kernel(
             return None
     # Derivatives are needed at few points only: a lower order saves more time in compiling than it costs in steps.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
-    advance = compiled_switching(traced, order, len(names), one_step=tangent)
+    advance = compiled_switching(traced, order, len(names), 10.0 ** round(log10(rtol)), one_step=tangent)
     return finished(advance, taylor_method(order), trial=0)
 
 

@@ -36,6 +36,7 @@ def _canonical_names() -> dict[Any, str]:
     names[max] = names[np.maximum] = names[np.fmax] = "fmax"
     names[np.power] = names[pow] = "pow"
     names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
+    names[np.select], names[np.linalg.norm] = "select", "norm"
     return names
 
 
@@ -71,7 +72,7 @@ def rebind(
 
     def substitute(value: Any) -> Any:
         if isinstance(value, types.ModuleType):
-            return _Namespace(value, substitute) if value.__name__ in {"math", "numpy"} else value
+            return _Namespace(value, substitute) if value.__name__ in {"math", "numpy", "numpy.linalg"} else value
         try:
             name = CANONICAL_NAMES.get(value)
         except TypeError:

@@ -24,7 +24,7 @@ from ..kernels import switching_period
 from ..kernels.blocks import LANES
 from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
 from ..machine_code import machine_code, vector_width
-from .defects import elsewhere, hides
+from .defects import elsewhere, hides, is_affine
 from .emit import assignment, input_name
 from .expression import Expression, in_order
 from .filippov import SwitchingTrace
@@ -32,20 +32,25 @@ from .instructions import Instructions, Value, module_text
 from .period import CompiledPeriod, parameter_scope
 from .statements import Scope, translate
 from .taylor import Series
-from .trace import CONSTANT, STATEFUL
+from .trace import CONSTANT, ROUNDING, STATEFUL
 
 _STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 _STRUCK = ("landed", "turned", "stuck", "held")
+_OF_ONE_STEP = 0.01  # of the tolerance, the error from which on a step is shortened
+_DIGITS = 8
+_FIRST = 2.0**-20  # of a step, the first part where a root has no series
 
 
-def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_step: bool = False) -> CompiledPeriod:
+def compiled_switching(
+    traced: SwitchingTrace, order: int, parameters: int, tolerance: float, one_step: bool = False
+) -> CompiledPeriod:
     """Compile ``advance`` of :mod:`cellmap._compiled.codegen.lanes` for Taylor steps.
 
     With `one_step` there is no lighter step for lanes in which nothing slides, as where there are no others.
     """
     one_step = one_step or not traced.can_slide
-    loaded = machine_code(switching_text(traced, order, parameters, vector_width(), one_step))
+    loaded = machine_code(switching_text(traced, order, parameters, tolerance, vector_width(), one_step))
     names = ("general_step" if one_step else "free_step", "general_step", "begin", "surfaces")
     addresses = [loaded.address(name) for name in names]
     if one_step:
@@ -61,7 +66,9 @@ def compiled_switching(traced: SwitchingTrace, order: int, parameters: int, one_
     return CompiledPeriod(move.address, loaded, context)
 
 
-def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: int, one_step: bool = False) -> str:
+def switching_text(
+    traced: SwitchingTrace, order: int, parameters: int, tolerance: float, width: int, one_step: bool = False
+) -> str:
     """Return the text of a module with the functions described above."""
     steps = {"general_step": Series(traced.motion, order, extra=traced.events, one_clock=False)}
     if not one_step:
@@ -69,7 +76,7 @@ def switching_text(traced: SwitchingTrace, order: int, parameters: int, width: i
     functions, bodies = [], []
     for name, series in steps.items():
         out = Instructions(width)
-        _write_step(out, series, parameters, traced.counts, None if one_step else name == "general_step")
+        _write_step(out, series, parameters, traced.counts, None if one_step else name == "general_step", tolerance)
         functions.append(out.function(name, _STEP_ARGUMENTS))
         bodies.append(out)
     begin, surfaces = Instructions(width), Instructions(1)
@@ -178,11 +185,25 @@ def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]
     def name(node: Expression) -> str:
         return input_name(node, inputs) or f"v{numbers[node]}"
 
-    return [assignment(n, name, STATEFUL) for n in nodes if n.arguments], [name(e) for e in expressions]
+    lines = []
+    for node in nodes:
+        if node.operation in {"sqrt", "pow"}:
+            # On a surface the argument of a root may be negative by rounding.
+            argument, base = name(node.arguments[0]), f"b{numbers[node]}"
+            lines.append(f"{base} = 0.0 if {argument} <= 0.0 and {argument} > {-ROUNDING!r} else {argument}")
+            lines.append(assignment(node, lambda e, n=node, b=base: b if e is n.arguments[0] else name(e), STATEFUL))
+        elif node.arguments:
+            lines.append(assignment(node, name, STATEFUL))
+    return lines, [name(e) for e in expressions]
 
 
 def _write_step(
-    out: Instructions, series: Series, parameters: int, counts: Sequence[bool], sliding: bool | None
+    out: Instructions,
+    series: Series,
+    parameters: int,
+    counts: Sequence[bool],
+    sliding: bool | None,
+    tolerance: float,
 ) -> None:
     """Write the function that takes one step with the lanes that slide, with those that do not, or (None) with all."""
     size, count = len(series.trace.states), len(counts)
@@ -202,7 +223,7 @@ def _write_step(
         translate(out, [f"mine = {mine}"], scope)
         out.write(f"br i1 {out.over_lanes('or', scope['mine'])}, label %moving, label %lane.end")
         out.label("moving")
-        translate(out, _lane_step(series, size, counts), scope)
+        translate(out, _lane_step(series, size, counts, tolerance), scope)
 
         def store(base: str, row: int, name: str) -> None:
             place = address(base, row)
@@ -223,7 +244,35 @@ def _write_step(
             store("%series", row, name)
 
 
-def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[str]:
+def _shortened(series: Series, size: int, tolerance: float) -> Iterable[str]:
+    """Write by which part a step is shortened whose own error is large, and the coefficients of that part.
+
+    A trial step, at a negative rate, is not.
+    """
+    order = series.order
+    ends = [(f"s{j}_0", series.local_error(j)) for j in range(size)]
+    bent = [e for e, event in enumerate(series.extra) if not is_affine(series, event)]
+    ends += [(f"event{e}_0", f"abs(event{e}_{order}) + 0.5 * abs(event{e}_{order - 1})") for e in bent]
+    yield "allowed = 1e300"
+    for first, last in ends:
+        yield f"own = {_OF_ONE_STEP * tolerance!r} * (1.0 + abs({first})) / ({last} + 1e-300)"
+        yield "allowed = own if own < allowed else allowed"
+    # The root that the estimate asks for, to a part in a hundred: its exponent in binary digits, by square roots.
+    yield "root0 = simd_math.fmin(allowed, 1.0)"
+    yield from (f"root{k} = math.sqrt(root{k - 1})" for k in range(1, _DIGITS + 1))
+    digits = round(2**_DIGITS / (order - 1))
+    yield f"part = {' * '.join(f'root{k}' for k in range(1, _DIGITS + 1) if digits >> (_DIGITS - k) & 1)}"
+    yield "part = 1.0 if rate < 0.0 else part"
+    if singular := series.begins_at_a_root():
+        yield f"part = {_FIRST!r} if {singular} else part"
+    yield "part0 = 1.0"
+    yield from (f"part{k} = part{k - 1} * part" for k in range(1, order + 1))
+    yield from (f"s{j}_{k} = s{j}_{k} * part{k}" for j in range(size) for k in range(1, order + 1))
+    yield from (f"event{e}_{k} = event{e}_{k} * part{k}" for e in range(len(series.extra)) for k in range(1, order + 1))
+    yield "h = h * part"
+
+
+def _lane_step(series: Series, size: int, counts: Sequence[bool], tolerance: float) -> Iterable[str]:
     """Write one step of one lane."""
     order, length, count = series.order, series.order + 1, len(counts)
     # What is left is cut into equal steps, so that none of them is a sliver.
@@ -235,6 +284,9 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[st
         yield from series.at_order(STATEFUL, k)
         yield from series.next_of_states(k)
     yield from series.at_order(STATEFUL, order, only=series.extra)
+    for e, event in enumerate(series.extra):
+        yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
+    yield from _shortened(series, size, tolerance)
     hidden = [e for e, event in enumerate(series.extra) if hides(series, event)]
     yield from elsewhere(series)
     for j in range(size):
@@ -242,9 +294,8 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool]) -> Iterable[st
         yield f"e{j} = {series.local_error(j)}"
         if hides(series, series.trace.outputs[j]):
             yield f"e{j} = defect{j} if defect{j} > e{j} and defect{j} < 1e300 else e{j}"
-    yield "t1 = t0 + h if left > 1.0 else end"
-    for e, event in enumerate(series.extra):
-        yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
+    yield "t1 = t0 + h if left > 1.0 or part < 1.0 else end"
+    for e in range(count):
         # Smallest value of the first three terms in the step (or largest size of it), less all the others.
         yield f"a{e} = event{e}_0; b{e} = event{e}_1; c{e} = event{e}_2"
         yield f"rest{e} = {' + '.join(f'abs(event{e}_{k})' for k in range(3, length))}"

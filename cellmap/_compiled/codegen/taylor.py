@@ -14,7 +14,7 @@ from dataclasses import replace
 from .emit import assignment, dot, in_chains, input_name, library
 from .expression import ANALYTIC, Expression, in_order
 from .lanes import StepCode
-from .trace import CONSTANT, STATEFUL, TIMED, Trace
+from .trace import CONSTANT, ROUNDING, STATEFUL, TIMED, Trace
 
 MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
@@ -66,6 +66,8 @@ class Series:
         ordered = in_order((*trace.outputs, *extra))
         self.nodes = [n for n in ordered if n.arguments]
         self.numbers = {n: i for i, n in enumerate(self.nodes)}
+        # At the border of their domain steps may begin where a mode does.
+        self.roots = {n for n in self.nodes if n.operation in {"sqrt", "pow"} and self.levels[n] and not one_clock}
         self.modal: set[Expression] = set()
         for node in ordered:
             if node.operation in MODES or not self.modal.isdisjoint(node.arguments):
@@ -116,6 +118,8 @@ class Series:
             return self._tangent(node, k, level)
         if node.operation == "atan":
             return self._arc_tangent(node, k, level)
+        if k == 0 and node in self.roots:
+            return self._root(node, level)
         if k == 0 and node.operation in {"exp", "log", "sqrt"}:
             argument = self.name(node.arguments[0], 0)
             lines = [f"{target} = {library(node.operation, level)}({argument})"]
@@ -132,6 +136,22 @@ class Series:
         rule: Callable[[Expression, int], str] = getattr(self, "_" + node.operation)
         lines = [f"r{number} = 1.0 / {self.name(node.arguments[1], 0)}"] if node.operation == "div" and k == 0 else []
         return [*lines, f"{target} = {rule(node, k) or '0.0'}"]
+
+    def _root(self, node: Expression, level: int) -> list[str]:
+        """Value of a root, or power; where its argument is zero it has no series, and none of its terms count."""
+        target, number = self.name(node, 0), self.numbers[node]
+        argument, base = self.name(node.arguments[0], 0), f"b{number}"
+        lines = [f"{base} = 0.0 if {argument} <= 0.0 and {argument} > {-ROUNDING!r} else {argument}"]
+        if node.operation == "sqrt":
+            lines += [f"{target} = {library('sqrt', level)}({base})", f"r{number} = 0.5 / {target}"]
+        else:
+            lines += [f"{target} = {base} ** {self.name(node.arguments[1], 0)}", f"r{number} = 1.0 / {base}"]
+        return [*lines, f"r{number} = 0.0 if {base} == 0.0 else r{number}"]
+
+    def begins_at_a_root(self) -> str:
+        """Condition that the argument of a root, or power, leaves zero; empty where there is none."""
+        moving = [n for n in self.roots if self.name(n.arguments[0], 1)]
+        return " or ".join(f"b{self.numbers[n]} == 0.0 and {self.name(n.arguments[0], 1)} != 0.0" for n in moving)
 
     # Rules: text of coefficient k; empty where it vanishes.
 

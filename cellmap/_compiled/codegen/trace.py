@@ -146,7 +146,10 @@ def is_faithful(
         state = tuple(size * rng.uniform(-1.0, 1.0) for _ in traced.states)
         t = rng.uniform(0.0, 10.0)
         try:
-            values = [float(v) for v in function(t, state, record)]
+            found = list(function(t, state, record))
+            if any(isinstance(v, complex) for v in found):
+                continue  # outside the domain of a power
+            values = [float(v) for v in found]
         except (ArithmeticError, ValueError):
             continue  # outside the domain of the function
         if len(values) != len(traced.outputs):
@@ -165,12 +168,22 @@ def is_faithful(
     return bool((alike | np.isnan(wanted) | (np.abs(wanted) >= 1e300)).all())
 
 
+ROUNDING = 1e-13
+"""By how much the argument of a root may be negative at the border of its domain, where it has landed."""
+
 _OF_ARRAYS: dict[str, Callable[..., Any]] = {
     **ARRAY_FUNCTIONS,
     **{"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative},
     "select": lambda sign, a, b: np.where(sign > 0.0, a, b),
     "side": lambda a: np.where(a > 0.0, 1.0, -1.0),
+    "sqrt": lambda a: np.sqrt(_at_border(a)),
+    "pow": lambda a, b: np.power(_at_border(a), b),
 }
+
+
+def _at_border(a: Any) -> Any:
+    """Return the argument of a root, zero where rounding has made it negative."""
+    return np.where((a < 0.0) & (a > -ROUNDING), 0.0, a)
 
 
 def evaluated(expressions: Sequence[Expression], inputs: Mapping[Expression, Any]) -> list[NDArray[np.float64]]:

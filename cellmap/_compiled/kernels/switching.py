@@ -229,7 +229,8 @@ def pass_event(entered, gap, rates, gains, jumps, normals, state, errors, before
         for j in range(dimension):
             jump = 0.0
             for e in range(count):
-                jump += (after[e] - before[e]) * jumps[e, j]
+                if after[e] != before[e]:  # elsewhere one side may have a pole
+                    jump += (after[e] - before[e]) * jumps[e, j]
             if first == 0:
                 errors[j] += abs(jump * shift / speed)
             else:

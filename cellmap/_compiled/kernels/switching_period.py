@@ -160,7 +160,7 @@ def period(single):
         for b in range(blocks):
             used = min(orbits - b * LANES, LANES)
             lanes[errors_row * LANES :] = 0.0
-            rate = max(steps[b], 1) / period
+            rate = (steps[b] if steps[b] > 0 else -1) / period
             for j in range(size):
                 for i in range(LANES):
                     lanes[j * LANES + i] = x[b, j, i]

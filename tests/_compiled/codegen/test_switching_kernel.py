@@ -92,7 +92,7 @@ def test_steps_are_vector_code_without_a_call() -> None:
     assert system.switches is not None
     traced = traced_switching((system.rhs, system.switches), 2, tuple(system.params))
     assert traced is not None
-    compiled: Any = compiled_switching(traced, 8, len(system.params))
+    compiled: Any = compiled_switching(traced, 8, len(system.params), 1e-9)
     innermost: Callable[[str], list[Any]] = structure().innermost_loops
     loops = [loop for loop in innermost(compiled.code.assembly) if loop.packed > 100]
     assert len(loops) == 2

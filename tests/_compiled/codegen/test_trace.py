@@ -6,14 +6,25 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from cellmap._compiled.codegen.derivative import tangent_trace
-from cellmap._compiled.codegen.expression import UntraceableError, in_order
-from cellmap._compiled.codegen.trace import CONSTANT, STATEFUL, TIMED, Trace, parameter_record, trace
+from cellmap._compiled.codegen.expression import UntraceableError, in_order, is_analytic
+from cellmap._compiled.codegen.rebind import ARRAY_FUNCTIONS
+from cellmap._compiled.codegen.trace import (
+    CONSTANT,
+    STATEFUL,
+    TIMED,
+    Trace,
+    empty_trace,
+    evaluated,
+    parameter_record,
+    trace,
+)
 
 
 def operations(traced: Trace, level: int | None = None) -> Counter[str]:
@@ -137,6 +148,23 @@ ELEMENTARY: list[tuple[Callable[[Any], Any], str]] = [
     (lambda x: x / (1.0 + x * x), "x/(1 + x**2)"),
     (lambda x: -x * (3.0 - x) + 5.0, "-x*(3 - x) + 5"),
     (lambda x: math.sin(x * x) * math.exp(-x), "sin(x**2)*exp(-x)"),
+    (lambda x: math.asin(x / 2), "asin(x/2)"),
+    (lambda x: math.acos(x / 2), "acos(x/2)"),
+    (math.asinh, "asinh(x)"),
+    (lambda x: math.acosh(1 + x), "acosh(1 + x)"),
+    (lambda x: math.atanh(x / 2), "atanh(x/2)"),
+    (math.log10, "log(x)/log(10)"),
+    (math.log2, "log(x)/log(2)"),
+    (math.log1p, "log(1 + x)"),
+    (math.expm1, "exp(x) - 1"),
+    (math.exp2, "2**x"),
+    (math.cbrt, "cbrt(x)"),
+    (math.erf, "erf(x)"),
+    (lambda x: math.hypot(x, 2.0), "sqrt(x**2 + 4)"),
+    (lambda x: math.atan2(x, 2.0), "atan(x/2)"),
+    (lambda x: math.atan2(2.0, x), "atan(2/x)"),
+    (lambda x: 2.5**x, "2.5**x"),
+    (lambda x: x**x, "x**x"),
 ]
 
 
@@ -171,16 +199,37 @@ def test_the_tangent_of_a_time_dependent_coupled_system() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "function",
-    [
-        lambda x: math.atan2(x, 2.0),
-        lambda x: 2.0**x,
-        lambda x: math.erf(x),
-    ],
-)
-def test_tangents_that_are_not_known_are_refused(function: Callable[[Any], Any]) -> None:
-    traced = trace(lambda t, x, p: (function(x[0]),), 1, ())
-    assert traced is not None
-    with pytest.raises(UntraceableError, match="no derivative"):
-        tangent_trace(traced)
+def test_tangents_that_are_not_known_are_refused() -> None:
+    traced = empty_trace(1, 0, modes=False)
+    unknown = replace(traced, outputs=(traced.graph.node("gamma", traced.states),))
+    with pytest.raises(UntraceableError, match="no derivative of gamma"):
+        tangent_trace(unknown)
+
+
+SERIES = {
+    **dict.fromkeys(("asin", "acos", "atanh", "log1p"), (-0.9, -0.2, 0.3, 0.8)),
+    **dict.fromkeys(("asinh", "cbrt", "expm1", "exp2"), (-40.0, -0.001, 0.7, 300.0)),
+    **dict.fromkeys(("log2", "log10"), (0.001, 0.7, 300.0)),
+}
+
+
+@pytest.mark.parametrize("name", SERIES)
+def test_functions_beside_branches_have_series(name: str) -> None:
+    """With modes all functions are written with those that have recurrences; NumPy has their values."""
+    base = empty_trace(1, 0, modes=True)
+    (twin,) = base.run(lambda t, x, p: (getattr(math, name)(x[0]),), ())()
+    places = np.array(SERIES[name])
+    (sign,) = [s.sign for s in base.graph.switches] or [base.time]
+    (seen,) = evaluated([twin], {base.states[0]: places, sign: np.sign(places)})
+    assert is_analytic([twin])
+    assert seen == pytest.approx(ARRAY_FUNCTIONS[name](places), rel=1e-12)
+
+
+def test_lengths_and_choices_are_those_of_numpy() -> None:
+    def rhs(t: float, x: Any, p: Any) -> tuple[Any, ...]:
+        chosen = np.select([x[0] > 1.0, x[1] > 0.0], [x[1], 3.0], -x[0])
+        return np.linalg.norm([x[0], x[1]]), math.dist(x, (1.0, 2.0)), chosen
+
+    traced = trace(rhs, 2, ())
+    for x in ((0.3, -0.4), (2.0, 5.0), (0.5, 0.1)):
+        assert evaluate(traced, 0.0, list(x), []) == pytest.approx([float(v) for v in rhs(0.0, x, ())], rel=1e-14)
