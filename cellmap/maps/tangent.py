@@ -114,7 +114,7 @@ def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.
         except NotDifferentiableError:
             pass
         else:
-            lost = ~np.isfinite(matrices).all(axis=(-2, -1))
+            lost = ~np.isfinite(matrices).all(axis=(-2, -1)) & np.isfinite(points).all(axis=-1)
             if lost.any():  # the derivative of the right-hand side has a pole, as at the border of a root
                 images[lost] = follow(exact, points[lost], 1).unwrapped
                 matrices[lost] = _central_differences(exact, points[lost])

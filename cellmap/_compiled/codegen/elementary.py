@@ -47,8 +47,10 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
         return table["sqrt"](sum(v * v for v in vector))
 
     def select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
-        pairs = reversed(list(zip(conditions, choices, strict=True)))
-        return functools.reduce(lambda rest, pair: where(*pair, rest), pairs, default)
+        chosen = default
+        for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
+            chosen = where(condition, choice, chosen)
+        return chosen
 
     table["norm"], table["select"] = norm, select
     table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])

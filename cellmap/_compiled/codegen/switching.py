@@ -37,7 +37,7 @@ from .trace import CONSTANT, ROUNDING, STATEFUL
 _STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 _STRUCK = ("landed", "turned", "stuck", "held")
-_OF_ONE_STEP = 0.01  # of the tolerance, the error from which on a step is shortened
+_OF_ONE_STEP = 0.02  # of the tolerance, the error from which on a step is shortened
 _DIGITS = 8
 _FIRST = 2.0**-20  # of a step, the first part where a root has no series
 
@@ -189,12 +189,17 @@ def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]
     for node in nodes:
         if node.operation in {"sqrt", "pow"}:
             # On a surface the argument of a root may be negative by rounding.
-            argument, base = name(node.arguments[0]), f"b{numbers[node]}"
-            lines.append(f"{base} = 0.0 if {argument} <= 0.0 and {argument} > {-ROUNDING!r} else {argument}")
-            lines.append(assignment(node, lambda e, n=node, b=base: b if e is n.arguments[0] else name(e), STATEFUL))
+            inner, base = node.arguments[0], f"b{numbers[node]}"
+            lines.append(f"{base} = 0.0 if {name(inner)} <= 0.0 and {name(inner)} > {-ROUNDING!r} else {name(inner)}")
+            lines.append(assignment(node, functools.partial(_renamed, name, inner, base), STATEFUL))
         elif node.arguments:
             lines.append(assignment(node, name, STATEFUL))
     return lines, [name(e) for e in expressions]
+
+
+def _renamed(name: Callable[[Expression], str], one: Expression, its_name: str, node: Expression) -> str:
+    """Return the name of a node, where one has another name."""
+    return its_name if node is one else name(node)
 
 
 def _write_step(
