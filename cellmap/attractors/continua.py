@@ -15,31 +15,21 @@ from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap, follow
 from ..maps.side_by_side import advance_on_threads
-from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .neutral_segments import DENSE, densely, traced
 from .tube import Tube, cover_of_tube, feet_on_edges, nearest_places
 
 _LOOKED_AT = 1024  # orbits that are tested for having closed
 _REFUSED = 8  # of those that have closed, on no attracting segment, farthest apart first, in one look
 _SAME = 1e-6  # distance of places that are taken for one, in units of the region
-_CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, and
-_PRECISE = 1e-10  # at which a periodic point is found, relative to the resolution
-_QUADRATIC = 3  # steps of Newton's method, after which the residual has to fall by a factor of 10 in each
-_NEUTRAL = 1e-6  # distance of the one multiplier from 1
-_CONTRACTING = 1.0 - 1e-3  # largest other multiplier
-_STEPS = 64  # along the extent of the region
-_FARTHEST = 2.0  # from where an orbit has come to rest, in extents of the region
-_MOST_POINTS = 256  # of a segment
-_SHORTEST = 0.5**20  # step, in extents of the region
-_END = 0.5**12  # of the length of a segment to which its ends are found
+_CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, relative to the resolution
 _RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
 _ALONG, _DIRECTIONS = 17, 24  # points and directions at which the tube is tried
 _LONGEST = 512  # steps in which distances have to be halved
 _SETTLED, _STANDS = 64, 0.95  # periods after which distances that twice as many leave as they are will not be halved
-_DENSE = 1024
 _PERIODS = 16  # in which orbits near the ends have to come closer
 _SAMPLE = 256
 
@@ -152,77 +142,15 @@ def _closed(
     return states[periods > 0], periods[periods > 0]
 
 
-def _periodic(
-    exact: PointMap, guess: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the periodic point nearest to a guess, by Gauss and Newton's method, and its derivative; None if none."""
-    point, before = guess, np.inf
-    for attempt in range(8):
-        image, matrix = tangent(exact, point, period)
-        residual = difference(image, point, exact.coordinates) / extent
-        scaled = matrix * (extent / extent[:, None])
-        if not (np.isfinite(residual).all() and np.isfinite(scaled).all()):
-            return None
-        if (np.abs(residual) * extent <= _PRECISE * resolution(point, extent)).all():
-            multipliers = multipliers_of(scaled)
-            neutral = abs(multipliers[0] - 1.0) <= _NEUTRAL and (np.abs(multipliers[1:]) < _CONTRACTING).all()
-            return (point, scaled) if neutral else None
-        left = float(np.abs(residual).max())
-        if attempt >= _QUADRATIC and left > 0.1 * before:
-            return None
-        before = left
-        # All but the neutral direction, however much smaller the next singular value is than the largest.
-        u, sizes, v = np.linalg.svd(np.eye(len(point)) - scaled)
-        steps = v[:-1].T @ ((u.T @ residual)[:-1] / np.maximum(sizes[:-1], 1e-12))
-        point = wrap(point + steps * extent, exact.coordinates)
-    return None
-
-
-def _traced(
-    exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the periodic points beside one of them, in their order, and its derivative; None if it is alone."""
-    first = _periodic(exact, place, period, extent)
-    if first is None:
-        return None
-    ahead = np.linalg.svd(np.eye(len(place)) - first[1])[2][-1]
-    halves = []
-    for sign in (-1.0, 1.0):
-        direction, point, length = sign * ahead, first[0], 1.0 / _STEPS
-        half: list[NDArray[np.float64]] = []
-        travelled, begun = 0.0, False
-        while length >= max(_SHORTEST, travelled * _END) and len(half) < _MOST_POINTS:
-            check_stop()
-            guess = wrap(point + length * direction * extent, exact.coordinates)
-            found = _periodic(exact, guess, period, extent)
-            shift = np.zeros_like(point) if found is None else difference(found[0], point, exact.coordinates) / extent
-            away = difference(guess if found is None else found[0], first[0], exact.coordinates) / extent
-            if np.abs(away).max() > _FARTHEST:
-                break
-            if found is None or not 0.5 * length <= np.linalg.norm(shift) <= 2.0 * length:
-                length *= 0.5
-                continue
-            if not begun and length < 1.0 / _STEPS:
-                begun, length = True, length / 16.0  # a segment, or what is left of it, that is shorter than a step
-                continue
-            point, direction, begun = found[0], shift / np.linalg.norm(shift), True
-            half.append(point)
-            travelled += length
-            length = min(max(length, travelled / 8.0), 1.0 / _STEPS)
-        halves.append(half)
-    points = np.array([*halves[0][::-1], first[0], *halves[1]])
-    return (points, first[1]) if len(points) > 8 else None
-
-
 def _explored(
     exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> tuple[Attractor | None, NDArray[np.float64]]:
     """Return the attracting segment through a place, None for none, and the points of what was followed."""
-    traced = _traced(exact, place, period, extent)
-    if traced is None:
+    curve = traced(exact, place, period, extent)
+    if curve is None:
         return None, place[None]
-    points, matrix = traced
-    dense = _dense(points, exact, extent)
+    points, matrix = curve
+    dense = densely(points, exact, extent)
     size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
     segments = [Segment(exact, dense, size)]
     for _ in range(period - 1):
@@ -236,7 +164,7 @@ def _explored(
     multipliers = multipliers_of(matrix)
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers)) / period
-    kept = np.linspace(0, _DENSE - 1, max(_SAMPLE // period, 2)).round().astype(int)
+    kept = np.linspace(0, DENSE - 1, max(_SAMPLE // period, 2)).round().astype(int)
     sample = np.concatenate([segment.points[kept] for segment in segments])
     rotations = tuple(image.rotations.tolist())
     attractor = Attractor(
@@ -245,24 +173,15 @@ def _explored(
     return attractor, line
 
 
-def _dense(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return many points along straight lines between some, at equal distances."""
-    steps = difference(points[1:], points[:-1], exact.coordinates)
-    path = np.concatenate([points[:1], points[0] + np.cumsum(steps, axis=0)])
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps / extent, axis=1))])
-    where = np.linspace(0.0, length[-1], _DENSE)
-    return wrap(np.stack([np.interp(where, length, column) for column in path.T], axis=-1), exact.coordinates)
-
-
 def _cover(segment: Segment, period: int) -> Cover | None:
     """Return the boxes of the widest tube around a segment that is seen to contract, but for its ends."""
-    exact, each = segment.exact, (_DENSE - 1) / (_ALONG - 1)
+    exact, each = segment.exact, (DENSE - 1) / (_ALONG - 1)
     unit = float(np.linalg.norm(difference(segment.points[1], segment.points[0], exact.coordinates) / segment.size))
     for radius in _RADII:
         begin = wrap(segment.surface(np.array([radius])).reshape(-1, exact.dimension), exact.coordinates)
         # What the middle needs all of it needs: it is in every part that is long enough.
         steps, moved = _halving(segment, begin.reshape(_ALONG, -1, exact.dimension)[_ALONG // 2], radius, period)
-        if not steps or 2 * _left_out(moved, radius / unit) >= _DENSE // 2:
+        if not steps or 2 * _left_out(moved, radius / unit) >= DENSE // 2:
             continue
         orbits, made, before = Orbits.starting(begin.copy()), 0, segment.feet(begin)[1]
         while steps <= _LONGEST:
@@ -277,7 +196,7 @@ def _cover(segment: Segment, period: int) -> Cover | None:
             if len(inner) > _ALONG // 2 and halved[inner[0] : inner[-1] + 1].all():
                 margin = _left_out(along[inner].max(), radius / unit)
                 low, high = int(np.ceil(inner[0] * each)) + margin, int(inner[-1] * each) - margin
-                if high - low > _DENSE // 2:
+                if high - low > DENSE // 2:
                     shorter = Segment(exact, segment.points[low : high + 1], segment.size)
                     return cover_of_tube(shorter, Tube(radius, steps, 0.5))
                 break  # in more steps they move as far, or farther
