@@ -28,6 +28,7 @@ _SAME = 1e-6  # distance of places that are taken for one, in units of the regio
 _CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, relative to the resolution
 _RADII = tuple(0.1 * 0.5**k for k in range(7))  # of the tube, in units of the segment
 _ALONG, _DIRECTIONS = 17, 24  # points and directions at which the tube is tried
+_FEW = 4  # one in so many directions is tried first
 _LONGEST = 512  # steps in which distances have to be halved
 _SETTLED, _STANDS = 64, 0.95  # periods after which distances that twice as many leave as they are will not be halved
 _PERIODS = 16  # in which orbits near the ends have to come closer
@@ -175,33 +176,49 @@ def _explored(
 
 def _cover(segment: Segment, period: int) -> Cover | None:
     """Return the boxes of the widest tube around a segment that is seen to contract, but for its ends."""
-    exact, each = segment.exact, (DENSE - 1) / (_ALONG - 1)
+    exact, d = segment.exact, segment.exact.dimension
     unit = float(np.linalg.norm(difference(segment.points[1], segment.points[0], exact.coordinates) / segment.size))
     for radius in _RADII:
-        begin = wrap(segment.surface(np.array([radius])).reshape(-1, exact.dimension), exact.coordinates)
+        begin = wrap(segment.surface(np.array([radius])).reshape(-1, d), exact.coordinates)
         # What the middle needs all of it needs: it is in every part that is long enough.
-        steps, moved = _halving(segment, begin.reshape(_ALONG, -1, exact.dimension)[_ALONG // 2], radius, period)
+        steps, moved = _halving(segment, begin.reshape(_ALONG, -1, d)[_ALONG // 2], radius, period)
         if not steps or 2 * _left_out(moved, radius / unit) >= DENSE // 2:
             continue
-        orbits, made, before = Orbits.starting(begin.copy()), 0, segment.feet(begin)[1]
+        # In more steps points move as far along it, or farther, in all directions as in some.
+        few = begin.reshape(_ALONG, -1, d)[:, ::_FEW].reshape(-1, d)
+        kept = _between_ends(segment, few, Orbits.starting(few.copy()), steps, radius, unit)
+        if kept is not None and kept[1] - kept[0] <= DENSE // 2:
+            continue
+        orbits, made = Orbits.starting(begin.copy()), 0
         while steps <= _LONGEST:
-            check_stop()
-            advance_on_threads(exact.advance, orbits, steps - made)
-            made = steps
-            apart, after = segment.feet(orbits.points)
-            # Points beside the ends may leave; all of those between them have to come closer.
-            along = np.abs(after - before).reshape(_ALONG, -1)
-            halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
-            inner = np.flatnonzero(halved)
-            if len(inner) > _ALONG // 2 and halved[inner[0] : inner[-1] + 1].all():
-                margin = _left_out(along[inner].max(), radius / unit)
-                low, high = int(np.ceil(inner[0] * each)) + margin, int(inner[-1] * each) - margin
+            kept = _between_ends(segment, begin, orbits, steps - made, radius, unit)
+            if kept is not None:
+                low, high = kept
                 if high - low > DENSE // 2:
                     shorter = Segment(exact, segment.points[low : high + 1], segment.size)
                     return cover_of_tube(shorter, Tube(radius, steps, 0.5))
-                break  # in more steps they move as far, or farther
-            steps *= 2
+                break
+            made, steps = steps, 2 * steps
     return None
+
+
+def _between_ends(
+    segment: Segment, begin: NDArray[np.float64], orbits: Orbits, steps: int, radius: float, unit: float
+) -> tuple[int, int] | None:
+    """Return the first and last point of a segment between whose ends some more steps have halved all distances.
+
+    Points beside the ends may leave; all of those between them have to come closer, else there is None.
+    """
+    check_stop()
+    advance_on_threads(segment.exact.advance, orbits, steps)
+    apart, after = segment.feet(orbits.points)
+    along = np.abs(after - segment.feet(begin)[1]).reshape(_ALONG, -1)
+    halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
+    inner, each = np.flatnonzero(halved), (DENSE - 1) / (_ALONG - 1)
+    if len(inner) <= _ALONG // 2 or not halved[inner[0] : inner[-1] + 1].all():
+        return None
+    margin = _left_out(along[inner].max(), radius / unit)
+    return int(np.ceil(inner[0] * each)) + margin, int(inner[-1] * each) - margin
 
 
 def _left_out(moved: float, radius: float) -> int:
