@@ -49,7 +49,8 @@ $(INSTALLED)%: pyproject.toml $(PINS) | $(RUN)
 	$(INSTALL) --editable '.[$*]'
 	@touch $@
 
-env: $(INSTALLED)test
+# Together, because one installation is faster than two.
+env: $(INSTALLED)docs,test
 
 basins: $(INSTALLED)library
 	$(RUN) -m studies figure_19
@@ -100,7 +101,7 @@ bench: $(INSTALLED)bench
 		--benchmark-group-by=group --benchmark-columns=min,median,rounds --benchmark-sort=min
 
 # Studies and programs of pages run in one process, with all threads.
-docs: $(INSTALLED)docs
+docs: env
 	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 

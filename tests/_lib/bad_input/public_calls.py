@@ -192,7 +192,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "arnold_tongue": lambda: {
         **{"point_map": delayed_logistic(), "rotations": 1, "period": 7, "parameters": ("a", "e")},
         **{"first": (2.15, 2.22), "second": (-0.01, 0.01), "initial_condition": (0.5, 0.4)},
-        **{"transient": 3000, "periods": 400, "max_points": 4},
+        **{"transient": 1000, "periods": 100, "max_points": 2},
     },
     "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "max_period": 2},
     "AttractorAtlas.fraction": lambda: {"family": 0},
