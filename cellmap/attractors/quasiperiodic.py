@@ -111,7 +111,8 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
     points = np.concatenate([places[:, 0] for places, _, _ in recorded(exact.advance, orbits, _VOLUME_PERIODS)])
     if not orbits.alive.all():
         return False
-    rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
+    with np.errstate(invalid="ignore"):  # orbits that have ended have no derivative
+        rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
     return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 

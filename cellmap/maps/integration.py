@@ -262,7 +262,7 @@ class Flow:
         sizes = np.minimum(np.abs(x), self.largest[:, np.newaxis])
         with np.errstate(invalid="ignore", over="ignore"):
             ratios = (errors / (motion.atol + motion.rtol * sizes)).max(axis=1).ravel()[: len(points)]
-        ratios = np.where(ratios < np.inf, ratios, np.inf)
+        ratios = np.where(ratios < 1e300, ratios, np.inf)
         return float(np.sort(steps * (motion.safety * ratios) ** (1.0 / motion.order))[len(points) * 9 // 10])
 
     def __call__(self, orbits: Orbits) -> None:

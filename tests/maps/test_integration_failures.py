@@ -176,3 +176,4 @@ def test_capsizing_ships_end_and_the_others_come_back() -> None:
     assert 10 < sum(expected) < 54
     assert np.array_equal(np.isin(images.status, [Status.OUT_OF_STEPS, Status.DIVERGED]), expected)
     assert (images.status[~np.array(expected)] == Status.OK).all()
+    assert (images.status[expected] == Status.DIVERGED).mean() > 0.9

@@ -10,6 +10,9 @@ LANES = 32
 """Initial conditions that step together, in vectors.  A vector is always full (the last one is repeated), so each of
 them passes through the same machine code wherever it stands, and its image has the same bits."""
 
+BLOWN_UP = -1.0
+"""Error, and ratio of error to tolerance, of a state that blows up: more steps would not save it."""
+
 MOST_TURNS = 1e15
 """Full rotations from which on an angle has no phase: floating-point numbers of that size lie a tenth of a period
 apart."""
@@ -29,6 +32,8 @@ def pack(points, members, blocks):
 def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
     """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
 
+    A ratio of BLOWN_UP, as the error of the first component, stands for a state that more steps would not save.
+
     The relative part of the tolerance refers to abs(x), but to no more than `largest`: half the period of an angle.
     """
     for m in range(members.size):
@@ -41,7 +46,7 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
             # A NaN wins and stays: no comparison with it is true.
             worst = ratio if ratio > worst or ratio != ratio else worst
             worst = worst if abs(x) < np.inf else np.nan
-        ratios[row] = worst
+        ratios[row] = BLOWN_UP if errors[b, 0, i] == BLOWN_UP else worst
 
 
 @loop

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..loops import loop
+from .blocks import BLOWN_UP
 
 MET, DIVERGED, MISSED = -1, -2, -3
 
@@ -27,7 +28,9 @@ def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safe
         member, rung = members[m], taken[m]
         ratio = ratios[member]
         finite = ratio < np.inf
-        if ratio <= 1.0 and not first:
+        if ratio == BLOWN_UP and not first:
+            rungs[m] = DIVERGED
+        elif ratio <= 1.0 and not first:
             rungs[m] = MET
         elif rung == last and not first:
             rungs[m] = MISSED if finite else DIVERGED

@@ -19,7 +19,7 @@ import functools
 import numpy as np
 
 from ..loops import inlined, loop_by_address
-from .blocks import LANES
+from .blocks import BLOWN_UP, LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
 from .collisions import begin_at_impacts, collide
 from .coupled_switches import doubt, settle, wake
@@ -33,6 +33,8 @@ FREE, GENERAL, BEGIN, SURFACES = range(4)
 CONTEXT = 12  # numbers, and one more for each surface
 MANY = 512
 """Steps, or events, from which on a lane without a right digit is given up: after a blow-up they never end."""
+
+_HUGE = 1e6  # growth of a state that blows up, if its steps do not lead it to the end
 
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
@@ -193,7 +195,8 @@ def period(single):
                 for i in range(used):
                     if series[flag + i] > 0.0 or (watched != 0 and series[moved + i] > 0.0):
                         t = _load(lanes, i, state, signs, slides, errors, fresh)
-                        if _is_lost(state, errors) and (steps[b] >= MANY or spent > steps[b] + MANY):
+                        lost = _is_lost(state, errors) and (steps[b] >= MANY or spent > steps[b] + MANY)
+                        if lost or t == series[moved + LANES + i]:
                             lanes[size * LANES + i] = np.nan  # it takes no more steps, and does not arrive
                             continue
                         landed = land(
@@ -279,10 +282,14 @@ def period(single):
                         project(state, errors, values, normals, gains, hits, slides, counts, on_surface, held)
                         for j in range(size):
                             lanes[j * LANES + i] = state[j]
-            for j in range(size):
-                for i in range(used):
-                    through = lanes[size * LANES + i] >= end
+            for i in range(used):
+                through, before, total = lanes[size * LANES + i] >= end, 1.0, 0.0
+                for j in range(size):
+                    before += abs(x[b, j, i])
                     x[b, j, i] = lanes[j * LANES + i]
                     error[b, j, i] = lanes[(errors_row + j) * LANES + i] if through else 1e300
+                    total += abs(x[b, j, i])
+                if not through and _HUGE * before < total < np.inf:
+                    error[b, 0, i] = BLOWN_UP
 
     return advance
