@@ -320,6 +320,6 @@ def _lane_step(series: Series, size: int, counts: Sequence[bool], tolerance: flo
         yield from (f"e{j} = e{j} + unseen{e} * (abs(s{j}_1) + abs(s{j}_2))" for j in range(size))
     yield from (f"sum{j} = sum{j} + e{j}" for j in range(size))
     yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
-    # A lane whose mode has just begun is looked at in any case, which ends its beginning, and one whose time stays as it is.
+    # A lane whose mode has just begun is looked at in any case, which ends its beginning; so is one at a blow-up.
     begun = " + ".join(f"begun{e}" for e in range(count))
     yield f"flag = 0.0 if quiet > 0.0 and {begun} == 0.0 and t1 > t0 else 1.0"
