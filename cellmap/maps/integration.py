@@ -227,7 +227,8 @@ class Flow:
         margin = self.kernel.margin(tolerance)
         context = self.kernel.advance.context
         if self.kernel.own_steps:
-            numbers = [self.rtol / margin, self.atol / margin, _OWN_STEPS * self.max_steps, *self.largest]
+            longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
+            numbers = [self.rtol / margin, self.atol / margin, _OWN_STEPS * self.max_steps, longest, *self.largest]
             context = np.array(numbers, dtype=np.float64).view(np.int64)
         return Motion(
             function=self.kernel.advance.address,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, pi
+from math import cos, exp, pi
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap._compiled.codegen import rosenbrock
@@ -99,10 +100,31 @@ def test_order_five_on_a_nonlinear_forced_equation() -> None:
         x = np.full((1, 1, 32), 0.6)
         errors, steps = np.zeros_like(x), np.ones(1, np.int64)
         kernel = motion.kernel.advance
-        numbers = np.array([tolerance, tolerance, 1e6, np.inf]).view(np.int64)
+        numbers = np.array([tolerance, tolerance, 1e6, np.inf, np.inf]).view(np.int64)
         assert len(numbers) == NUMBERS + 1
         type(kernel)(kernel.address, kernel.code, numbers)(x, steps, 0.0, 2.0, motion.parameters, errors)
         pairs.append((float(steps[0]), abs(float(x[0, 0, 0]) - exact)))
     steps_taken, found = np.log(np.array(pairs)).T
     slope = np.polyfit(steps_taken, found, 1)[0]
     assert -6.5 < slope < -4.5
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("narrowness", [500.0, 2e4])
+def test_a_short_pulse_is_not_passed_over(narrowness: float, tolerance: float) -> None:
+    """A fast variable follows a pulse of a hundredth of the period, from rest: a linear system, in closed form."""
+
+    def pulse(t: float) -> float:
+        return exp(narrowness * (cos(2 * pi * (t - 0.37)) - 1))
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return -p.k * (x[0] - 5 * exp(p.w * (cos(2 * pi * (t - 0.37)) - 1))), x[0] - 0.5 * x[1]
+
+    k, system = 1000.0, ForcedSystem(rhs, {"k": 1000.0, "w": narrowness}, 1.0, ("fast", "slow"))
+    strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance)
+    found = strobe.iterate([2.0, 1.0], 1)
+    passed = quad(lambda s: pulse(s) * exp(-0.5 * (1 - s)), 0.25, 0.5, points=[0.37], epsabs=1e-13)[0]
+    slow = exp(-0.5) + (2.0 * exp(-0.5) + 5.0 * k * passed) / (k - 0.5)
+    assert method_of(strobe) == "Rosenbrock"
+    assert found.status == Status.OK
+    assert found.points == pytest.approx([0.0, slow], abs=2 * tolerance)
