@@ -25,11 +25,8 @@ OPTIONS = re.compile(r"\A(?::[^\n]*\n|---\n.*?^---\n)+", re.DOTALL | re.MULTILIN
 
 def programs(page: Path) -> Iterator[ast.Module]:
     text = page.read_text(encoding="utf-8")
-    for match in re.finditer(r"^( *)```(?:python|\{code-cell\}[^\n]*)\n(.*?)^\1```", text, re.DOTALL | re.MULTILINE):
-        program = re.sub(
-            r"\A(?::[^\n]*\n|---\n.*?^---\n)+", "", textwrap.dedent(match[2]), flags=re.DOTALL | re.MULTILINE
-        )
-        yield ast.parse(program)
+    for match in BLOCK.finditer(text):
+        yield ast.parse(OPTIONS.sub("", textwrap.dedent(match[2])))
 
 
 def imported(program: ast.Module, names: dict[str, Any]) -> None:
