@@ -16,11 +16,16 @@ from dataclasses import dataclass, replace
 from math import log, pi
 from typing import Any
 
+import numpy as np
+
 from .expression import Comparison, Expression, Graph, UntraceableError, in_order
 
 MOST_PATHS = 256
 MOST_SWITCHES = 24
 _NEUTRAL = {"add": 0.0, "sub": 0.0, "mul": 1.0, "div": 1.0}
+_BETWEEN_STEPS = 1e-9  # by which the zero of what changes in steps is moved off its values
+_ABOVE_ZERO = 1e-12
+_SAMPLES = 16  # places at which expressions are compared
 _MOVING = frozenset({"state", "time", "sign"})
 _INPUTS = frozenset({"state", "time", "parameter", "constant", "sign", "slide"})
 
@@ -80,8 +85,10 @@ class BranchingGraph(Graph):
 
     def choose(self, function: Expression, a: Any, b: Any) -> Expression:
         """Return a where an expression is positive, else b."""
-        number, factor = self._switch(function, False)
         sides = (self.lift(a), self.lift(b))
+        if function.operation == "constant":
+            return sides[0] if function.value > 0.0 else sides[1]
+        number, factor = self._switch(function, False)
         if self.conditions[number] in self.followed:
             return sides[0] if self._side(number, factor) else sides[1]
         return self.selection(self.switches[number].sign, *(sides if factor > 0 else sides[::-1]))
@@ -105,6 +112,12 @@ class BranchingGraph(Graph):
         arguments = tuple(self.lift(a) for a in operands)
         if rule is None or all(a.operation == "constant" for a in arguments):
             return super().apply(operation, *arguments)
+        if operation in _BY_SERIES and arguments[0].operation == "select":
+            # A side that does not move may be where the series of the other has a pole.
+            sign, *sides = arguments[0].arguments
+            if operation == "pow" and any(side.vanishes for side in sides):
+                return super().apply(operation, *arguments)
+            return self.selection(sign, *(self.apply(operation, side, *arguments[1:]) for side in sides))
         return rule(self, *arguments)
 
     def plain(self, operation: str, *operands: Any) -> Expression:
@@ -185,7 +198,13 @@ class BranchingGraph(Graph):
         )
 
     def _switch(self, function: Expression, counts: bool) -> tuple[int, int]:
-        """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be."""
+        """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be.
+
+        What changes in steps alone may be zero for a time: the surface is moved off there, to the side that the
+        comparison says.
+        """
+        if self.modes and is_made_of_steps(function):
+            function = self.plain("add", function, _BETWEEN_STEPS if counts else -_BETWEEN_STEPS)
         forms = [(function, 1)]
         if self.modes and not counts:
             forms.append((self.plain("neg", function), -1))
@@ -196,6 +215,12 @@ class BranchingGraph(Graph):
                 if switch.counts == counts and (switch.function is form or (switch.sign is form and not counts)):
                     self._met.append((number, None))
                     return number, factor
+        if self.modes and not counts:
+            for number, condition in enumerate(self.conditions):
+                ratio = 0.0 if self.switches[number].counts else _ratio(function, condition)
+                if ratio != 0.0:
+                    self._met.append((number, None))
+                    return number, 1 if ratio > 0.0 else -1
         return self._new(function, counts), 1
 
     def _new(self, function: Expression, counts: bool) -> int:
@@ -210,6 +235,28 @@ class BranchingGraph(Graph):
         self.conditions.append(function)
         self._met.append((number, None))
         return number
+
+
+def _ratio(a: Expression, b: Expression) -> float:
+    """Return the factor between expressions that are multiples of each other, 0 for others."""
+    from .trace import evaluated
+
+    inputs, others = ({e for e in in_order([f]) if e.operation in _INPUTS - {"constant"}} for f in (a, b))
+    if inputs != others:
+        return 0.0
+    rng = np.random.default_rng(0)
+    ordered = [e for e in in_order([a]) if e in inputs]
+    first, second = evaluated([a, b], {e: rng.normal(size=_SAMPLES) for e in ordered})
+    with np.errstate(all="ignore"):
+        ratios = np.asarray(first / second)
+    alike = np.isfinite(ratios).all() and np.ptp(ratios) <= 1e-12 * np.abs(ratios).min()
+    return float(np.median(ratios)) if alike else 0.0
+
+
+def is_made_of_steps(function: Expression) -> bool:
+    """Whether an expression depends on the sides of switches, and otherwise on neither state nor time."""
+    moves = {e.operation for e in in_order([function])} & _MOVING
+    return moves == {"sign"}
 
 
 def initial_functions(graph: BranchingGraph, modes: Sequence[Switch]) -> list[Expression]:
@@ -244,7 +291,7 @@ def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression
 
 
 def _sign(graph: BranchingGraph, a: Expression) -> Expression:
-    at_most_zero = -1.0 if graph.modes else graph.choose(graph.apply("neg", a), -1.0, 0.0)
+    at_most_zero = -1.0 if graph.modes and not is_made_of_steps(a) else graph.choose(graph.apply("neg", a), -1.0, 0.0)
     return graph.choose(a, 1.0, at_most_zero)
 
 
@@ -253,7 +300,9 @@ def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
 
 
 def _truncated(graph: BranchingGraph, a: Expression) -> Expression:
-    return graph.choose(a, graph.whole_part(a), _negative_of_whole_part(graph, a))
+    # It touches the step at zero, where rounding must not pass it.
+    size = graph.whole_part(graph.apply("add", graph.apply("fabs", a), _ABOVE_ZERO))
+    return graph.choose(a, size, graph.apply("neg", size))
 
 
 def _remainder(
@@ -274,7 +323,7 @@ def _cube_root(graph: BranchingGraph, a: Expression) -> Expression:
 
 def _arc_sine(graph: BranchingGraph, a: Expression) -> Expression:
     rest = graph.apply("sqrt", graph.apply("mul", graph.apply("sub", 1.0, a), graph.apply("add", 1.0, a)))
-    return graph.apply("atan", graph.apply("div", a, rest))
+    return graph.apply("mul", 2.0, graph.apply("atan", graph.apply("div", a, graph.apply("add", 1.0, rest))))
 
 
 def _inverse_tanh(graph: BranchingGraph, a: Expression) -> Expression:
@@ -287,8 +336,13 @@ def _inverse_sinh(graph: BranchingGraph, a: Expression) -> Expression:
     return graph.apply("mul", 2.0, _inverse_tanh(graph, graph.apply("div", a, graph.apply("add", root, 1.0))))
 
 
+def _exponential_less_one(graph: BranchingGraph, a: Expression) -> Expression:
+    half = graph.apply("mul", 0.5, a)
+    return graph.apply("mul", 2.0, graph.apply("mul", graph.apply("exp", half), graph.apply("sinh", half)))
+
+
 def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
-    if not any(e.operation in _MOVING for e in in_order([b])):
+    if not any(e.operation in {"state", "time"} for e in in_order([b])):
         return graph.plain("pow", a, b)
     return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
 
@@ -298,7 +352,7 @@ _BY_SERIES: dict[str, Callable[..., Expression]] = {
     "hypot": _root_of_sum,
     "cbrt": _cube_root,
     "exp2": lambda graph, a: graph.apply("exp", graph.apply("mul", log(2.0), a)),
-    "expm1": lambda graph, a: graph.apply("sub", graph.apply("exp", a), 1.0),
+    "expm1": _exponential_less_one,
     "log1p": lambda graph, a: graph.apply("log", graph.apply("add", 1.0, a)),
     "log2": lambda graph, a: graph.apply("mul", 1.0 / log(2.0), graph.apply("log", a)),
     "log10": lambda graph, a: graph.apply("mul", 1.0 / log(10.0), graph.apply("log", a)),

@@ -119,8 +119,8 @@ def switching_trace(
     base = empty_trace(dimension, len(names), modes=True)
     graph = base.graph
     given, outputs = _both(base, rhs, switches, names)
-    while jumps := _across_jumps(graph):
-        graph.followed |= jumps
+    while differing := _to_follow(graph):
+        graph.followed |= differing
         graph.restart()
         given, outputs = _both(base, rhs, switches, names)
     struck = () if impacts is None else graph.trace_paths(base.run(impacts, names))
@@ -133,7 +133,7 @@ def switching_trace(
     if not strikes:
         return traced
     places = [next(i for i, mode in enumerate(modes) if mode.sign is guard) for guard in guards]
-    return _with_impacts(traced, dict(zip(places, strikes, strict=True)))
+    return _with_impacts(traced, modes, dict(zip(places, strikes, strict=True)))
 
 
 def _both(
@@ -150,10 +150,11 @@ def _both(
     return given, graph.trace_paths(base.run(rhs, names, given))
 
 
-def _across_jumps(graph: BranchingGraph) -> set[Expression]:
-    """Return functions of switches, not followed so far, across which the function of another switch jumps.
+def _to_follow(graph: BranchingGraph) -> set[Expression]:
+    """Return functions of switches, not followed so far, on whose sides the function of another switch differs.
 
-    A state that slides along such a switch has another condition on either side, and each needs a switch of its own.
+    It jumps there, so that a state that slides between them has another condition on either side; or it keeps to
+    steps on one of them, where it may be zero for a time.
     """
     found = set()
     for own, function in zip(graph.switches, graph.conditions, strict=True):
@@ -164,12 +165,15 @@ def _across_jumps(graph: BranchingGraph) -> set[Expression]:
                     graph.substituted([function], {switch.sign: graph.constant(side)}, graph.plain)[0]
                     for side in (-1.0, 1.0)
                 )
-                if not is_continuous(replace(switch, function=condition), (graph.minus(high, low),)):
+                still = "constant" in (low.operation, high.operation)
+                if still or not is_continuous(replace(switch, function=condition), (graph.minus(high, low),)):
                     found.add(condition)
     return found
 
 
-def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Expression]]) -> SwitchingTrace:
+def _with_impacts(
+    traced: SwitchingTrace, modes: Sequence[Switch], strikes: Mapping[int, Sequence[Expression]]
+) -> SwitchingTrace:
     """Add impacts at some of the switches.
 
     A state rests beside switches that slide only if neither acts on the other, or their surface is the rest itself.
@@ -180,7 +184,7 @@ def _with_impacts(traced: SwitchingTrace, strikes: Mapping[int, Sequence[Express
     rates, gains, events = list(traced.rates), [list(row) for row in traced.gains], list(traced.events)
     components = list(traced.motion.outputs)
     for e, (guard, solid, *reset) in strikes.items():
-        impact = impacts[e] = replace(impact_of(base, guard, reset), solid=bool(solid.value))
+        impact = impacts[e] = replace(impact_of(base, guard, reset, modes), solid=bool(solid.value))
         beside = [beside_rest(base, impact, traced.surfaces[k], traced.normals[k], traced.jumps[k]) for k in sliding]
         impact = impacts[e] = impact.with_bound(len(impacts), dict(zip(sliding, beside, strict=True)))
         rates[e], gains[e][e] = impact.rate, impact.acceleration

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .branches import Switch
 from .derivative import along
 from .expression import Expression, Graph, in_order
 from .trace import Trace, evaluated
@@ -57,8 +58,11 @@ class Impact:
         return replace(self, bound=tuple(sides.get(k) or 0 for k in range(count)))
 
 
-def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression]) -> Impact:
-    """Return the expressions of an impact in a motion, whose outputs are those of a mode in which nothing is held."""
+def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], modes: Sequence[Switch] = ()) -> Impact:
+    """Return the expressions of an impact in a motion, whose outputs are those of a mode in which nothing is held.
+
+    After the impact switches are on the sides to which the reset takes the state.
+    """
     graph, d, one = base.graph, len(base.states), base.graph.constant(1.0)
     motion = dict(zip((base.time, *base.states), (one, *base.outputs), strict=True))
     deviation = tuple(graph.node("state", value=d + j) for j in range(d))
@@ -67,7 +71,12 @@ def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression]) -> Im
     (acceleration,) = along(graph, [rate], motion)
     (toward,) = along(graph, [guard], ahead)
     carried, moving = along(graph, reset, ahead), along(graph, reset, motion)
-    after = graph.substituted(base.outputs, dict(zip(base.states, reset, strict=True)))
+    landed = dict(zip(base.states, reset, strict=True))
+    for mode in modes:
+        (there,) = graph.substituted([mode.function], landed)
+        if mode.function is not guard and there is not mode.function:
+            landed[mode.sign] = graph.plain("floor" if mode.counts else "side", there)
+    after = graph.substituted(base.outputs, landed)
     delay = graph.apply("div", toward, rate)
     turned = tuple(
         graph.apply("add", c, graph.times(delay, graph.minus(f, m)))

@@ -23,8 +23,6 @@ def settle(
     surface jumps away, or is no surface any more.  Return whether no mode was found in which all agree.
     """
     count, changed, moved = signs.size, 0, 0
-    for e in range(count):
-        were[e] = values[e]
     for _ in range(count):
         changed = 0
         for _ in range(count):
@@ -76,6 +74,29 @@ def wake(
                 if not follow(values, asleep, counts, signs):
                     break
             signs[e] = side
+
+
+@loop
+def doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors):
+    """Give a sliding state an error that no tolerance allows, where another switch jumps at the same surface.
+
+    Filippov's solution has one weight for both; the equivalent control would have two.
+    """
+    wrong = False
+    for e in range(slides.size):
+        for k in range(slides.size):
+            away = abs(abs(values[k]) - 0.5) if counts[k] == COUNTS else abs(values[k])
+            if k != e and slides[e] and away < _AWAY:
+                both, first, second, jump = 0.0, 0.0, 0.0, 0.0
+                for j in range(normals.shape[1]):
+                    jump += abs(jumps[k, j])
+                    both += normals[e, j] * normals[k, j]
+                    first += normals[e, j] * normals[e, j]
+                    second += normals[k, j] * normals[k, j]
+                wrong = wrong or (jump > 0.0 and both * both >= (1.0 - 1e-12) * first * second)
+    if wrong:
+        for j in range(state.size):
+            errors[j] += _DOUBTFUL * (1.0 + abs(state[j]))
 
 
 @loop

@@ -21,8 +21,8 @@ import numpy as np
 from ..loops import inlined, loop_by_address
 from .blocks import BLOWN_UP, LANES
 from .calls import PERIOD, array_at, call_begin, call_step, call_surfaces
-from .collisions import begin_at_impacts, collide
-from .coupled_switches import doubt, settle, wake
+from .collisions import SIGN, begin_at_impacts, collide
+from .coupled_switches import doubt, doubt_of_one_surface, settle, wake
 from .events import NO_EVENT, land
 from .grazing import RECORDS, watch
 from .switching import begin_on_surface, enter, leave, pass_event, project
@@ -171,10 +171,26 @@ def period(single):
                 if series[flag + i] > 0.0:
                     t = _load(lanes, i, state, signs, slides, errors, fresh)
                     call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
+                    if coupled:
+                        for e in range(count):
+                            hits[e] = 1.0 if values[e] == 0.0 and counts[e] == SIGN else 0.0
+                        wake(
+                            addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
+                            slides, hits, counts, after,
+                        )  # fmt: skip
+                        call_surfaces(addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals)
                     begin_on_surface(
                         values, rates, gains, jumps, normals, counts, signs, slides, fresh, state,
                         hits, on_surface, held, after,
                     )  # fmt: skip
+                    if coupled:
+                        hits[:] = 0.0
+                        for e in range(count):
+                            values_before[e] = values[e]
+                        settle(
+                            addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
+                            slides, fresh, hits, counts, on_surface, values_before, after,
+                        )  # fmt: skip
                     if impacts != 0:
                         begin_at_impacts(
                             impacts, addresses[SURFACES], t, state, p, counts, bound, signs, slides, fresh, values,
@@ -235,6 +251,8 @@ def period(single):
                                 call_surfaces(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals
                                 )
+                            for e in range(count):
+                                values_before[e] = values[e]
                             entered, fallen = leave(
                                 values, rates, gains, hits, counts, signs, slides, fresh, on_surface, held
                             )
@@ -246,6 +264,8 @@ def period(single):
                                 enter(
                                     rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
                                 )  # fmt: skip
+                            if count > 1:
+                                doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors)
                             if coupled:
                                 unsettled = settle(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
