@@ -7,9 +7,9 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.codegen.evaluation import evaluated
 from .._compiled.codegen.expression import Expression, in_order
 from .._compiled.codegen.filippov import SwitchingTrace
-from .._compiled.codegen.trace import evaluated
 from .._lib.checks import warn_caller
 from .formulas import Formulas
 

@@ -13,20 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi
 from typing import Any
 
 import numpy as np
 
+from .evaluation import evaluated
 from .expression import Comparison, Expression, Graph, UntraceableError, in_order
+from .pieces import BY_SERIES, MOVING, PIECES, is_made_of_steps
 
 MOST_PATHS = 256
 MOST_SWITCHES = 24
 _NEUTRAL = {"add": 0.0, "sub": 0.0, "mul": 1.0, "div": 1.0}
 _BETWEEN_STEPS = 1e-9  # by which the zero of what changes in steps is moved off its values
-_ABOVE_ZERO = 1e-12
 _SAMPLES = 16  # places at which expressions are compared
-_MOVING = frozenset({"state", "time", "sign"})
 _INPUTS = frozenset({"state", "time", "parameter", "constant", "sign", "slide"})
 
 
@@ -108,11 +107,11 @@ class BranchingGraph(Graph):
 
     def apply(self, operation: str, *operands: Any) -> Expression:
         """Apply an operation; those with kinks and jumps become selections, and with modes all become series."""
-        rule = _PIECES.get(operation) or (_BY_SERIES.get(operation) if self.modes else None)
+        rule = PIECES.get(operation) or (BY_SERIES.get(operation) if self.modes else None)
         arguments = tuple(self.lift(a) for a in operands)
         if rule is None or all(a.operation == "constant" for a in arguments):
             return super().apply(operation, *arguments)
-        if operation in _BY_SERIES and arguments[0].operation == "select":
+        if operation in BY_SERIES and arguments[0].operation == "select":
             # A side that does not move may be where the series of the other has a pole.
             sign, *sides = arguments[0].arguments
             if operation == "pow" and any(side.vanishes for side in sides):
@@ -227,7 +226,7 @@ class BranchingGraph(Graph):
         number = len(self.switches)
         if number >= MOST_SWITCHES:
             raise UntraceableError(f"it makes more than {MOST_SWITCHES} comparisons")
-        if self.modes and any(e.operation in _MOVING for e in in_order([function])):
+        if self.modes and any(e.operation in MOVING for e in in_order([function])):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain("floor" if counts else "side", function)
@@ -239,8 +238,6 @@ class BranchingGraph(Graph):
 
 def _ratio(a: Expression, b: Expression) -> float:
     """Return the factor between expressions that are multiples of each other, 0 for others."""
-    from .trace import evaluated
-
     inputs, others = ({e for e in in_order([f]) if e.operation in _INPUTS - {"constant"}} for f in (a, b))
     if inputs != others:
         return 0.0
@@ -251,12 +248,6 @@ def _ratio(a: Expression, b: Expression) -> float:
         ratios = np.asarray(first / second)
     alike = np.isfinite(ratios).all() and np.ptp(ratios) <= 1e-12 * np.abs(ratios).min()
     return float(np.median(ratios)) if alike else 0.0
-
-
-def is_made_of_steps(function: Expression) -> bool:
-    """Whether an expression depends on the sides of switches, and otherwise on neither state nor time."""
-    moves = {e.operation for e in in_order([function])} & _MOVING
-    return moves == {"sign"}
 
 
 def initial_functions(graph: BranchingGraph, modes: Sequence[Switch]) -> list[Expression]:
@@ -283,96 +274,3 @@ def initial_functions(graph: BranchingGraph, modes: Sequence[Switch]) -> list[Ex
 def _at_rest(graph: BranchingGraph, switch: Switch) -> Expression:
     """Return a function that leaves the sign of a switch as it is."""
     return graph.plain("add", switch.sign, 0.5) if switch.counts else switch.sign
-
-
-def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
-    size = graph.apply("fabs", a)
-    return graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
-
-
-def _sign(graph: BranchingGraph, a: Expression) -> Expression:
-    at_most_zero = -1.0 if graph.modes and not is_made_of_steps(a) else graph.choose(graph.apply("neg", a), -1.0, 0.0)
-    return graph.choose(a, 1.0, at_most_zero)
-
-
-def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
-    return graph.apply("neg", graph.whole_part(graph.apply("neg", a)))
-
-
-def _truncated(graph: BranchingGraph, a: Expression) -> Expression:
-    # It touches the step at zero, where rounding must not pass it.
-    size = graph.whole_part(graph.apply("add", graph.apply("fabs", a), _ABOVE_ZERO))
-    return graph.choose(a, size, graph.apply("neg", size))
-
-
-def _remainder(
-    whole: Callable[[BranchingGraph, Expression], Expression],
-) -> Callable[[BranchingGraph, Expression, Expression], Expression]:
-    """Return a - b whole(a/b)."""
-    return lambda graph, a, b: graph.apply("sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b))))
-
-
-def _root_of_sum(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
-    return graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), graph.apply("mul", b, b)))
-
-
-def _cube_root(graph: BranchingGraph, a: Expression) -> Expression:
-    size = graph.apply("pow", graph.apply("fabs", a), 1.0 / 3.0)
-    return graph.choose(a, size, graph.apply("neg", size))
-
-
-def _arc_sine(graph: BranchingGraph, a: Expression) -> Expression:
-    rest = graph.apply("sqrt", graph.apply("mul", graph.apply("sub", 1.0, a), graph.apply("add", 1.0, a)))
-    return graph.apply("mul", 2.0, graph.apply("atan", graph.apply("div", a, graph.apply("add", 1.0, rest))))
-
-
-def _inverse_tanh(graph: BranchingGraph, a: Expression) -> Expression:
-    quotient = graph.apply("div", graph.apply("add", 1.0, a), graph.apply("sub", 1.0, a))
-    return graph.apply("mul", 0.5, graph.apply("log", quotient))
-
-
-def _inverse_sinh(graph: BranchingGraph, a: Expression) -> Expression:
-    root = graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), 1.0))
-    return graph.apply("mul", 2.0, _inverse_tanh(graph, graph.apply("div", a, graph.apply("add", root, 1.0))))
-
-
-def _exponential_less_one(graph: BranchingGraph, a: Expression) -> Expression:
-    half = graph.apply("mul", 0.5, a)
-    return graph.apply("mul", 2.0, graph.apply("mul", graph.apply("exp", half), graph.apply("sinh", half)))
-
-
-def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
-    if not any(e.operation in {"state", "time"} for e in in_order([b])):
-        return graph.plain("pow", a, b)
-    return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
-
-
-_BY_SERIES: dict[str, Callable[..., Expression]] = {
-    "pow": _power,
-    "hypot": _root_of_sum,
-    "cbrt": _cube_root,
-    "exp2": lambda graph, a: graph.apply("exp", graph.apply("mul", log(2.0), a)),
-    "expm1": _exponential_less_one,
-    "log1p": lambda graph, a: graph.apply("log", graph.apply("add", 1.0, a)),
-    "log2": lambda graph, a: graph.apply("mul", 1.0 / log(2.0), graph.apply("log", a)),
-    "log10": lambda graph, a: graph.apply("mul", 1.0 / log(10.0), graph.apply("log", a)),
-    "asin": _arc_sine,
-    "acos": lambda graph, a: graph.apply("sub", 0.5 * pi, _arc_sine(graph, a)),
-    "asinh": _inverse_sinh,
-    "atanh": _inverse_tanh,
-}
-"""Operations in terms of those that have recurrences of series."""
-
-_PIECES: dict[str, Callable[..., Expression]] = {
-    "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),
-    "fmax": lambda graph, a, b: graph.choose(graph.difference(a, b), a, b),
-    "fmin": lambda graph, a, b: graph.choose(graph.difference(b, a), a, b),
-    "copysign": _copysign,
-    "sign": _sign,
-    "floor": BranchingGraph.whole_part,
-    "ceil": _negative_of_whole_part,
-    "trunc": _truncated,
-    "mod": _remainder(BranchingGraph.whole_part),
-    "fmod": _remainder(_truncated),
-}
-"""How operations with kinks and jumps are written."""

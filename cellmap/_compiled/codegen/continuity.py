@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from .branches import Switch
+from .evaluation import evaluated
 from .expression import Expression, in_order
-from .trace import evaluated
 
 _SAMPLES = 64
 _HALVINGS = 60

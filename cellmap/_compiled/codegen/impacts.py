@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from .branches import Switch
 from .derivative import along
+from .evaluation import evaluated
 from .expression import Expression, Graph, in_order
-from .trace import Trace, evaluated
+from .trace import Trace
 
 _SAMPLES = 16
 

@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from .captured import kept
 from .derivative import along
 from .elementary import elementary_functions
+from .evaluation import evaluated
 from .expression import Expression, Graph, UntraceableError, ordered
 from .kernel import PeriodKernel, finished, traced_function
 from .methods import choose_method, taylor_order
 from .period import compiled_period
 from .rebind import rebind
 from .taylor import taylor_steps
-from .trace import Trace, evaluated, parameter_record
+from .trace import Trace, parameter_record
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,13 +26,14 @@ from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
 from ..machine_code import machine_code, vector_width
 from .defects import elsewhere, hides, is_affine
 from .emit import assignment, input_name
+from .evaluation import ROUNDING
 from .expression import Expression, in_order
 from .filippov import SwitchingTrace
 from .instructions import Instructions, Value, module_text
 from .period import CompiledPeriod, parameter_scope
 from .statements import Scope, translate
 from .taylor import Series
-from .trace import CONSTANT, ROUNDING, STATEFUL
+from .trace import CONSTANT, STATEFUL
 
 _STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")

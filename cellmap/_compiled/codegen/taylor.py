@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from .emit import assignment, dot, in_chains, input_name, library
+from .evaluation import ROUNDING
 from .expression import ANALYTIC, Expression, in_order
 from .lanes import StepCode
-from .trace import CONSTANT, ROUNDING, STATEFUL, TIMED, Trace
+from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
 MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}

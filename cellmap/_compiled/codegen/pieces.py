@@ -1,0 +1,128 @@
+"""Operations with kinks and jumps as selections, and others in terms of those that have recurrences of series."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import log, pi
+from typing import Any, Protocol
+
+from .expression import Expression, in_order
+
+
+class BranchingGraph(Protocol):
+    """What is used here of :class:`cellmap._compiled.codegen.branches.BranchingGraph`."""
+
+    modes: bool
+
+    def apply(self, operation: str, *operands: Any) -> Expression: ...
+
+    def plain(self, operation: str, *operands: Any) -> Expression: ...
+
+    def choose(self, function: Expression, a: Any, b: Any) -> Expression: ...
+
+    def whole_part(self, a: Expression) -> Expression: ...
+
+    def difference(self, a: Any, b: Any) -> Expression: ...
+
+
+MOVING = frozenset({"state", "time", "sign"})
+_ABOVE_ZERO = 1e-12
+
+
+def is_made_of_steps(function: Expression) -> bool:
+    """Whether an expression depends on the sides of switches, and otherwise on neither state nor time."""
+    moves = {e.operation for e in in_order([function])} & MOVING
+    return moves == {"sign"}
+
+
+def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    size = graph.apply("fabs", a)
+    return graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
+
+
+def _sign(graph: BranchingGraph, a: Expression) -> Expression:
+    at_most_zero = -1.0 if graph.modes and not is_made_of_steps(a) else graph.choose(graph.apply("neg", a), -1.0, 0.0)
+    return graph.choose(a, 1.0, at_most_zero)
+
+
+def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
+    return graph.apply("neg", graph.whole_part(graph.apply("neg", a)))
+
+
+def _truncated(graph: BranchingGraph, a: Expression) -> Expression:
+    # It touches the step at zero, where rounding must not pass it.
+    size = graph.whole_part(graph.apply("add", graph.apply("fabs", a), _ABOVE_ZERO))
+    return graph.choose(a, size, graph.apply("neg", size))
+
+
+def _remainder(
+    whole: Callable[[BranchingGraph, Expression], Expression],
+) -> Callable[[BranchingGraph, Expression, Expression], Expression]:
+    """Return a - b whole(a/b)."""
+    return lambda graph, a, b: graph.apply("sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b))))
+
+
+def _root_of_sum(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    return graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), graph.apply("mul", b, b)))
+
+
+def _cube_root(graph: BranchingGraph, a: Expression) -> Expression:
+    size = graph.apply("pow", graph.apply("fabs", a), 1.0 / 3.0)
+    return graph.choose(a, size, graph.apply("neg", size))
+
+
+def _arc_sine(graph: BranchingGraph, a: Expression) -> Expression:
+    rest = graph.apply("sqrt", graph.apply("mul", graph.apply("sub", 1.0, a), graph.apply("add", 1.0, a)))
+    return graph.apply("mul", 2.0, graph.apply("atan", graph.apply("div", a, graph.apply("add", 1.0, rest))))
+
+
+def _inverse_tanh(graph: BranchingGraph, a: Expression) -> Expression:
+    quotient = graph.apply("div", graph.apply("add", 1.0, a), graph.apply("sub", 1.0, a))
+    return graph.apply("mul", 0.5, graph.apply("log", quotient))
+
+
+def _inverse_sinh(graph: BranchingGraph, a: Expression) -> Expression:
+    root = graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), 1.0))
+    return graph.apply("mul", 2.0, _inverse_tanh(graph, graph.apply("div", a, graph.apply("add", root, 1.0))))
+
+
+def _exponential_less_one(graph: BranchingGraph, a: Expression) -> Expression:
+    half = graph.apply("mul", 0.5, a)
+    return graph.apply("mul", 2.0, graph.apply("mul", graph.apply("exp", half), graph.apply("sinh", half)))
+
+
+def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+    if not any(e.operation in {"state", "time"} for e in in_order([b])):
+        return graph.plain("pow", a, b)
+    return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
+
+
+BY_SERIES: dict[str, Callable[..., Expression]] = {
+    "pow": _power,
+    "hypot": _root_of_sum,
+    "cbrt": _cube_root,
+    "exp2": lambda graph, a: graph.apply("exp", graph.apply("mul", log(2.0), a)),
+    "expm1": _exponential_less_one,
+    "log1p": lambda graph, a: graph.apply("log", graph.apply("add", 1.0, a)),
+    "log2": lambda graph, a: graph.apply("mul", 1.0 / log(2.0), graph.apply("log", a)),
+    "log10": lambda graph, a: graph.apply("mul", 1.0 / log(10.0), graph.apply("log", a)),
+    "asin": _arc_sine,
+    "acos": lambda graph, a: graph.apply("sub", 0.5 * pi, _arc_sine(graph, a)),
+    "asinh": _inverse_sinh,
+    "atanh": _inverse_tanh,
+}
+"""Operations in terms of those that have recurrences of series."""
+
+PIECES: dict[str, Callable[..., Expression]] = {
+    "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),
+    "fmax": lambda graph, a, b: graph.choose(graph.difference(a, b), a, b),
+    "fmin": lambda graph, a, b: graph.choose(graph.difference(b, a), a, b),
+    "copysign": _copysign,
+    "sign": _sign,
+    "floor": lambda graph, a: graph.whole_part(a),
+    "ceil": _negative_of_whole_part,
+    "trunc": _truncated,
+    "mod": _remainder(lambda graph, a: graph.whole_part(a)),
+    "fmod": _remainder(_truncated),
+}
+"""How operations with kinks and jumps are written."""
