@@ -93,7 +93,7 @@ def doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors):
                     both += normals[e, j] * normals[k, j]
                     first += normals[e, j] * normals[e, j]
                     second += normals[k, j] * normals[k, j]
-                wrong = wrong or (jump > 0.0 and both * both >= (1.0 - 1e-12) * first * second)
+                wrong = wrong or (jump > 0.0 and both * both >= (1.0 - 1e-12) * first * second > 0.0)
     if wrong:
         for j in range(state.size):
             errors[j] += _DOUBTFUL * (1.0 + abs(state[j]))
