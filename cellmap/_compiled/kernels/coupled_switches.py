@@ -77,10 +77,11 @@ def wake(
 
 
 @loop
-def doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors):
+def doubt_of_one_surface(values, rates, gains, jumps, normals, slides, counts, held, state, errors):
     """Give a sliding state an error that no tolerance allows, where another switch jumps at the same surface.
 
-    Filippov's solution has one weight for both; the equivalent control would have two.
+    Filippov's solution has one weight for both; the equivalent control would have two.  Surfaces that only meet have
+    other normals, or one of them moves.
     """
     wrong = False
     for e in range(slides.size):
@@ -93,7 +94,12 @@ def doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors):
                     both += normals[e, j] * normals[k, j]
                     first += normals[e, j] * normals[e, j]
                     second += normals[k, j] * normals[k, j]
-                wrong = wrong or (jump > 0.0 and both * both >= (1.0 - 1e-12) * first * second > 0.0)
+                speed, size = rates[k], abs(rates[k])
+                for j in range(slides.size):
+                    speed += gains[k, j] * held[j]
+                    size += abs(gains[k, j] * held[j])
+                alike = both * both >= (1.0 - 1e-12) * first * second > 0.0 and abs(speed) <= 1e-9 * size
+                wrong = wrong or (jump > 0.0 and alike)
     if wrong:
         for j in range(state.size):
             errors[j] += _DOUBTFUL * (1.0 + abs(state[j]))

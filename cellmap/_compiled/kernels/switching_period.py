@@ -264,8 +264,10 @@ def period(single):
                                 enter(
                                     rates, gains, hits, counts, signs, slides, fresh, on_surface, held, after
                                 )  # fmt: skip
-                            if count > 1:
-                                doubt_of_one_surface(values, jumps, normals, slides, counts, state, errors)
+                                if count > 1:
+                                    doubt_of_one_surface(
+                                        values, rates, gains, jumps, normals, slides, counts, after, state, errors
+                                    )  # fmt: skip
                             if coupled:
                                 unsettled = settle(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,
