@@ -154,8 +154,7 @@ def _tested(
     reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
     reasons[back] = Reason.PERIODIC
-    # However slowly: what has come back after some periods has come back after one.
-    reasons[creeps] = Reason.CREEPING
+    reasons[creeps] = Reason.CREEPING  # so slowly that some of them seem to have come back
     return exponents, reasons
 
 

@@ -35,7 +35,7 @@ _MORE = "raise max_periods={}"
 _REMEDIES = {
     Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
     Reason.LATE: _MORE,
-    Reason.CREEPING: _MORE + ", or use classify_by_features: the edge of a set at which orbits rest is never reached",
+    Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
     Reason.ENDING: _MORE,
     Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
