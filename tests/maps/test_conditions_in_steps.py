@@ -95,6 +95,17 @@ def test_several_jumps_at_one_surface_are_reported(first):
         assert stroboscopic_map(system).iterate([0.0, 0.07], 1).status == Status.INACCURATE
 
 
+def test_a_whole_part_that_differs_on_both_sides_of_a_step_is_reported():
+    """y rests at 1, where floor(x + floor(y)/2) is 0 below the step and 1 above: a mode has one of them."""
+
+    def rhs(t, x, p):
+        return -1.0, 0.5 - floor(x[1]) + 0.4 * floor(x[0] + 0.5 * floor(x[1])), floor(x[1])
+
+    system = ForcedSystem(rhs, {}, 0.4, ("x", "y", "z"))
+    with pytest.warns(UserWarning, match="did not meet the tolerance"):
+        assert stroboscopic_map(system).iterate([0.95, 0.9, 0.0], 1).status == Status.INACCURATE
+
+
 def test_functions_up_to_the_end_of_their_domain():
     """The arc sine at 1, a power of zero, and small numbers whose exponential is nearly 1."""
     found = image(lambda t, x, p: (-asin(min(x[0], 1.0)),), 0.4 / asin(1.0), [1.4])

@@ -120,7 +120,9 @@ def doubt(surfaces, t, state, p, signs, values, rates, gains, jumps, normals, sl
                 signs[e] = kept + way if counts[e] == COUNTS else 1.0 - 2.0 * way
                 call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
                 for k in range(signs.size):
-                    if not (slides[k] or counts[k]):
+                    if counts[k] == COUNTS and not slides[k]:
+                        wrong = wrong or abs(values[k]) > 0.5 + _DOUBTFUL
+                    elif not (slides[k] or counts[k]):
                         wrong = wrong or values[k] * signs[k] < -_DOUBTFUL
             signs[e] = kept
     if wrong:
