@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap import ForcedSystem, Status, discrete_map, stroboscopic_map
 from cellmap.maps import Impact, jacobian
 
 
@@ -70,6 +70,19 @@ def test_a_square_wave_of_whole_numbers(first):
 )
 def test_conditions_on_whole_numbers_of_the_state(rate, place, expected):
     assert image(lambda t, x, p: (rate(x[0]),), 1.0, [place]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("nearest", [round, np.round, np.rint])
+def test_a_state_is_held_where_it_is_rounded_the_other_way(nearest):
+    assert image(lambda t, x, p: (0.3 - nearest(x[0]),), 2.0, [1.7]) == pytest.approx(0.5, abs=1e-9)
+    found = image(lambda t, x, p: (0.03 - np.round(x[0], 1),), 4.0, [0.0])
+    assert found == pytest.approx(0.05, abs=1e-9)
+
+
+def test_of_two_numbers_that_are_as_near_the_even_one():
+    rounded = discrete_map(lambda x, p: (round(x[0]) + 0.0, np.round(x[1])), {}, ("x", "y"))
+    places = np.array([[0.5, 1.5], [2.5, -0.5], [-1.5, 3.5], [0.49, 1.51]])
+    np.testing.assert_array_equal(rounded(places), np.round(places))
 
 
 def test_a_step_that_falls_lets_go_of_what_slides():

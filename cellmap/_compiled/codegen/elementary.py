@@ -52,7 +52,19 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
             chosen = where(condition, choice, chosen)
         return chosen
 
-    table["norm"], table["select"] = norm, select
+    def nearest(value: Any, digits: int = 0) -> Any:
+        if not isinstance(value, Expression):
+            return round(value, digits) if digits else round(value)
+        scale = 10.0**digits
+        scaled = value * scale
+        whole = table["floor"](scaled + 0.5)
+        if (
+            not value.graph.modes
+        ):  # of two numbers that are as near, the even one; a flow only passes through such places
+            whole = where(whole - scaled >= 0.5, whole - whole % 2.0, whole)
+        return whole / scale
+
+    table["norm"], table["select"], table["round"] = norm, select, nearest
     table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])
     return {**table, "where": where, "float": _Float, "int": _Int}
 

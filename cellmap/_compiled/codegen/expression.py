@@ -201,6 +201,9 @@ for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow".spli
 class Graph:
     """Maker of expressions.  The same operation on the same nodes is one node, so common terms are computed once."""
 
+    modes = False
+    """Whether the sides of conditions are inputs, as they are for a motion."""
+
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Expression] = {}
 

@@ -37,6 +37,7 @@ def _canonical_names() -> dict[Any, str]:
     names[np.power] = names[pow] = "pow"
     names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
     names[np.select], names[np.linalg.norm] = "select", "norm"
+    names[round] = names[np.round] = names[np.rint] = "round"
     return names
 
 

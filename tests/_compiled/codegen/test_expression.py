@@ -111,7 +111,19 @@ def test_what_no_expression_can_hold_is_refused(x: Expression, use: Callable[[An
 
 def test_elementary_functions_build_expressions_or_compute(x: Expression) -> None:
     table = elementary_functions()
-    assert set(table) == {*FUNCTIONS, "pow", "clip", "where", "heaviside", "float", "int", "select", "norm", "dist"}
+    assert set(table) == {
+        *FUNCTIONS,
+        "pow",
+        "clip",
+        "where",
+        "heaviside",
+        "float",
+        "int",
+        "select",
+        "norm",
+        "dist",
+        "round",
+    }
     assert table["sin"](x).operation == "sin"
     assert table["atan2"](1.0, x).operation == "atan2"
     assert table["sin"](0.5) == math.sin(0.5)
