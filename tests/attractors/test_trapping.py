@@ -22,6 +22,7 @@ from cellmap import (
 )
 from cellmap._compiled.codegen.rebind import rebind
 from cellmap.attractors.trapping import _COARSE_AHEAD, trapping_neighbourhood
+from cellmap.maps import side_by_side
 from cellmap.maps.coordinates import difference
 from cellmap.orbits.newton import stable_orbit
 
@@ -147,8 +148,9 @@ def test_neighbourhood_stays_in_the_basin_of_a_cubic_map(a):
     assert n.contraction < 1
 
 
-def test_surfaces_of_a_line_are_looked_at_by_the_hundred():
+def test_surfaces_of_a_line_are_looked_at_by_the_hundred(monkeypatch):
     """They are 1 % apart and have two points each: some hundred lie between the first and the last."""
+    monkeypatch.setattr(side_by_side, "thread_count", lambda: 1)  # several would share a batch that takes long
     sizes, exact = [], cubic(0.5)
 
     def counted(orbits, periods):
