@@ -43,7 +43,7 @@ def stroboscopic_map(
 
     Every image satisfies ``error <= atol + rtol * abs(image)`` in each component by the integrator's estimate,
     summed over the period with a margin for the growth of errors along the flow (for an angle, ``abs(image)``
-    counts as half a period at most).  The margin covers flows that expand distances up to some 500-fold within a
+    counts as half a period at most).  The margin covers flows that expand distances up to some 250-fold within a
     period, by row sums of :func:`~cellmap.maps.jacobian`; beyond, an image with the status OK can be off by as many
     tolerances as the expansion is larger.  The number of steps of each initial condition follows from its own
     error, so that its image does not depend on the others.  An initial condition that misses the tolerance with
