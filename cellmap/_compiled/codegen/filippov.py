@@ -197,7 +197,6 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
     motion, events = base, free_events
     if any(not gains[i][i].vanishes for i in range(count)):
         counts = [s.counts for s in modes]
-        middles = [graph.apply("add", sign, 0.5) for sign in signs]
         held = _held_signs(graph, rates, gains, signs, slides, counts)
         parts, begin = held, smooth
         if below is not None:
@@ -221,18 +220,25 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
                 )
         motion = replace(base, outputs=tuple(components))
         events = tuple(
-            e
-            if slide is zero
-            else _sum(graph, [graph.times(graph.minus(one, slide), e), graph.times(slide, graph.minus(value, middle))])
-            if s.counts
-            else graph.apply("add", e, graph.times(slide, graph.minus(one, graph.apply("mul", value, value))))
-            for s, e, slide, value, middle in zip(modes, free_events, slides, held, middles, strict=True)
+            event if slide is zero else _event_of_both(graph, switch, event, slide, value)
+            for switch, event, slide, value in zip(modes, free_events, slides, held, strict=True)
         )
     beginnings = tuple(initial_functions(graph, modes))
     return SwitchingTrace(
         motion, events, base, free_events, surfaces, rates, gains, jumps, normals, beginnings,
         tuple(switch.counts for switch in modes),
     )  # fmt: skip
+
+
+def _event_of_both(
+    graph: BranchingGraph, switch: Switch, free: Expression, slide: Expression, held: Expression
+) -> Expression:
+    """Return the event of a switch that is free or slides, where it ends with the value that holds it."""
+    one = graph.constant(1.0)
+    if switch.counts:
+        from_middle = graph.minus(held, graph.apply("add", switch.sign, 0.5))
+        return _sum(graph, [graph.times(graph.minus(one, slide), free), graph.times(slide, from_middle)])
+    return graph.apply("add", free, graph.times(slide, graph.minus(one, graph.apply("mul", held, held))))
 
 
 def _from_nearest_whole(graph: BranchingGraph, function: Expression) -> Expression:

@@ -20,26 +20,16 @@ def with_sides(
 ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
     """Trace the switching functions that are given, and the right-hand side, on as many paths as conditions ask for."""
     graph = base.graph
-    traced = _both(base, rhs, switches, names)
-    while differing := _to_follow(graph):
+    while True:
+        given: tuple[Expression, ...] = ()
+        if switches is not None:
+            given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
+        outputs = graph.trace_paths(base.run(rhs, names, *([given] if switches is not None else [])))
+        differing = _to_follow(graph)
+        if not differing:
+            return given, outputs
         graph.followed |= differing
         graph.restart()
-        traced = _both(base, rhs, switches, names)
-    return traced
-
-
-def _both(
-    base: Trace,
-    rhs: Callable[..., Sequence[Any]],
-    switches: Callable[..., Sequence[Any]] | None,
-    names: Sequence[str],
-) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
-    """Trace the switching functions that are given, and the right-hand side."""
-    graph = base.graph
-    if switches is None:
-        return (), graph.trace_paths(base.run(rhs, names))
-    given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
-    return given, graph.trace_paths(base.run(rhs, names, given))
 
 
 def _to_follow(graph: BranchingGraph) -> set[Expression]:

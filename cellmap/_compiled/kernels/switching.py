@@ -40,6 +40,14 @@ def equivalent_control(rates, gains, slides, signs, held):
 
 
 @inlined
+def _interval(counts, sign):
+    """Return the middle and half the width of the values that a switch has on its surface."""
+    middle = sign + 0.5 if counts == 1 else 0.0
+    reach = 0.5 if counts == 1 else 1.0
+    return middle, reach
+
+
+@inlined
 def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
@@ -50,15 +58,14 @@ def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
     """
     count = rates.size
     for i in range(count):
-        held[i] = signs[i]
-        if on_surface[i]:
-            held[i] = signs[i] + 0.5 if counts[i] == 1 else 0.0
+        middle, _ = _interval(counts[i], signs[i])
+        held[i] = middle if on_surface[i] else signs[i]
     for _ in range(_ROUNDS):
         change = 0.0
         for i in range(count):
             if on_surface[i]:
-                own, reach = gains[i, i], 0.5 if counts[i] == 1 else 1.0
-                middle = signs[i] + 0.5 if counts[i] == 1 else 0.0
+                own = gains[i, i]
+                middle, reach = _interval(counts[i], signs[i])
                 rest = rates[i] + own * middle
                 for j in range(count):
                     if j != i:
@@ -164,8 +171,7 @@ def leave(values, rates, gains, hits, counts, signs, slides, fresh, on_surface, 
         on_surface[e] = slides[e]
         if hits[e] and slides[e]:
             # What pushes it off both sides at once, after the jump of another, has a gain of either sign.
-            reach = 0.5 if counts[e] == 1 else 1.0
-            middle = signs[e] + 0.5 if counts[e] == 1 else 0.0
+            middle, reach = _interval(counts[e], signs[e])
             beyond = abs(before[e] - middle) > reach + _JUMP
             signs[e] = before[e] = middle + (reach if (before[e] - middle) * gains[e, e] < 0.0 else -reach)
             slides[e] = 0.0

@@ -251,8 +251,8 @@ def period(single):
                                 call_surfaces(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals
                                 )
-                            for e in range(count):
-                                values_before[e] = values[e]
+                                for e in range(count):
+                                    values_before[e] = values[e]
                             entered, fallen = leave(
                                 values, rates, gains, hits, counts, signs, slides, fresh, on_surface, held
                             )
