@@ -8,8 +8,9 @@ RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed-
 # Python compiles what is imported, when it is: most of what is installed never is.
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile
+OLDEST_PYTHON := 3.11.0
+NEWEST_PYTHON := 3.14
 UNKNOWN_PYTHON := 3.15
-ALL_EXTRAS := bench,cluster,docs,explorer,notebook,test,video,xarray
 
 export MPLBACKEND ?= Agg
 export PYTHONDONTWRITEBYTECODE :=
@@ -18,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env basins figures test test-all test-newest check check-code check-site bench docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest check check-code check-pins check-site bench docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -26,13 +27,14 @@ help:
 	@echo "make test         fast tests and the examples in docstrings"
 	@echo "make test-all     slow tests as well"
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
-	@echo "make check        check-code and check-site"
+	@echo "make check        check-code, check-pins and check-site"
 	@echo "make check-code   format, lint, types, import contracts"
+	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"
 	@echo "make check-site   documentation, without what the studies print"
 	@echo "make bench        speed against other programs, as ratios"
 	@echo "make docs         the site, into docs/_build/html/"
 	@echo "make pins         renew constraints.txt: the newest version of every package"
-	@echo "make env          the environment alone, in .venv/"
+	@echo "make env          the environment alone, in .venv/; make env-docs adds what the site needs"
 	@echo "make clean        remove what the other verbs have made, except .venv/"
 
 $(RUN):
@@ -49,8 +51,11 @@ $(INSTALLED)%: pyproject.toml $(PINS) | $(RUN)
 	$(INSTALL) --editable '.[$*]'
 	@touch $@
 
-# Together, because one installation is faster than two.
-env: $(INSTALLED)docs,test
+env: $(INSTALLED)test
+
+# One after the other, with make -j as well.
+$(INSTALLED)docs: | $(INSTALLED)test
+env-docs: $(INSTALLED)docs
 
 basins: $(INSTALLED)library
 	$(RUN) -m studies figure_19
@@ -73,18 +78,28 @@ test-newest:
 	rm -rf .venv-newest
 	$(MAKE) --no-print-directory VENV=.venv-newest PINS= test
 
-# Pythons that came later than these versions take what is the newest for them.
+# The same versions for all Pythons where that is possible; those that came later than these take what is the newest.
+PIN = pip compile --quiet --no-annotate --no-header --all-extras pyproject.toml - -o
 pins:
 	rm -rf .venv-pins
-	$(MAKE) --no-print-directory VENV=.venv-pins PINS= .venv-pins/.installed-$(ALL_EXTRAS)
-	PIP_CONSTRAINT= .venv-pins/bin/python -m pip install --quiet --disable-pip-version-check hatchling editables
+	$(MAKE) --no-print-directory VENV=.venv-pins .venv-pins/bin/python
+	PIP_CONSTRAINT= .venv-pins/bin/python -m pip install --quiet --disable-pip-version-check uv
+	echo editables | .venv-pins/bin/uv $(PIN) .venv-pins/new --upgrade --universal --fork-strategy fewest --python-version $(OLDEST_PYTHON) \
+		> /dev/null
 	{ echo "# Exact versions of all packages, written by \`make pins\`."; \
-		.venv-pins/bin/python -m pip freeze --exclude cellmap-dynamics | sed 's/$$/ ; python_version < "$(UNKNOWN_PYTHON)"/'; \
+		sed -e "/ ; python_full_version >= '$(UNKNOWN_PYTHON)'/d" -e 's/ ; \(.*\)$$/ ; (\1) and/' -e '/ ; /!s/$$/ ;/' \
+			-e 's/$$/ python_version < "$(UNKNOWN_PYTHON)"/' .venv-pins/new; \
 	} > constraints.txt
 	rm -rf .venv-pins
 
+# As an installation would choose, with the rules of each Python; nothing is installed.
+check-pins: env
+	for python in $(OLDEST_PYTHON) $(NEWEST_PYTHON); do \
+		echo editables | UV_PYTHON_DOWNLOADS=never $(VENV)/bin/uv $(PIN) /dev/null --constraints constraints.txt \
+			--python-version $$python --only-binary :all: > /dev/null || exit 1; done
+
 # With `make -j2 check` the site is built while types are checked.
-check: check-code check-site
+check: check-code check-pins check-site
 
 check-code: env
 	$(RUN) -m ruff format --check
@@ -92,7 +107,7 @@ check-code: env
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports
 
-check-site: env
+check-site: env-docs
 	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory docs
 
 # Peers raise warnings of their own, which are not errors of ours.
@@ -101,7 +116,7 @@ bench: $(INSTALLED)bench
 		--benchmark-group-by=group --benchmark-columns=min,median,rounds --benchmark-sort=min
 
 # Studies and programs of pages run in one process, with all threads.
-docs: env
+docs: env-docs
 	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 

@@ -18,7 +18,6 @@ PROGRAMS = sorted(p for folder in ("tutorials", "examples") for p in (DOCS / fol
 
 
 def extension(name):
-    pytest.importorskip("sphinx")
     place = DOCS / "_extensions" / f"{name}.py"
     module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location(name, place))
     spec.loader.exec_module(module)
@@ -131,12 +130,12 @@ def public_constants(rooms):
 def test_each_plotting_function_has_a_figure_on_its_page(monkeypatch):
     """From the gallery, or from the first program on a page of the guide that calls it."""
     monkeypatch.syspath_prepend(DOCS / "_extensions")
-    figures = extension("reference_figures").known_figures()
+    figures = extension("page_figures").known_figures()
     programs = "".join(program.read_text(encoding="utf-8") for program in PROGRAMS)
     listed = re.findall(r"^   cellmap\.plot\.(\S+)$", (DOCS / "reference.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert len(listed) > 40
     without = {name for name in listed if f"plot.{name}" not in figures and f"plot.{name}(" not in programs}
     assert without == {"animate", "draw"}  # a film; and what calls the others
     text = "```python\nplot.a(f(1))\nplot.b(2)\n```\n<!-- figure: first -->\n<!-- figure: second -->\n"
-    found = {name: figure.alternative for name, figure in extension("reference_figures").figures_of(text, "p").items()}
+    found = {name: figure.alternative for name, figure in extension("page_figures").figures_of(text, "p").items()}
     assert found == {"plot.a": "first", "f": "first", "plot.b": "second"}

@@ -6,6 +6,7 @@ changed. Builds that only check the pages (``CELLMAP_STUDIES=skip``) leave the f
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 import shutil
@@ -14,13 +15,18 @@ from io import StringIO
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib.pyplot as plt
-from sphinx.application import Sphinx
 from study_pages import GENERATED, ROOT, computes
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 STATED = re.compile(r"^<!-- figure: (.+?) -->$", re.MULTILINE)
 PROGRAM = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+CALLED = re.compile(r"(?<![\w.])(plot\.)?(\w+)\(")
+DRAWS = re.compile(r"\bplot\.\w+\((?!.*\bax=)|\bplt\.(?:figure|subplots)\(")
 
 
 def fill(app: Sphinx, docname: str, source: list[str]) -> None:
@@ -71,6 +77,43 @@ def draw_all(text: str, folder: Path) -> None:
             for number, place in zip(drawn, numbers, strict=False):
                 plt.figure(number).savefig(folder / f"{place:03d}.png", dpi=100, bbox_inches="tight")
             plt.close("all")
+
+
+class PageFigure(NamedTuple):
+    """A figure of a page: its number there, its alternative text, and the page."""
+
+    number: int
+    alternative: str
+    page: str
+
+
+def figures_of(text: str, page: str) -> dict[str, PageFigure]:
+    """Return what the programs of a page call, each with the figure that shows it: ``plot.boxes``, ``stable_set``."""
+    found: dict[str, PageFigure] = {}
+    pieces, before = PROGRAM.split(text), 0
+    for program, after in zip(pieces[1::2], pieces[2::2], strict=True):
+        texts = STATED.findall(after)
+        begins = [match.start() for match in DRAWS.finditer(program)]
+        for call in CALLED.finditer(program):
+            if call[0] == "plot.animate(":
+                continue  # a film
+            # The figures of a program are those of its drawing calls in their order, where there are as many.
+            drawing = sum(begin <= call.start() for begin in begins) - 1 if len(begins) == len(texts) else 0
+            place = min(max(drawing, 0), len(texts) - 1)
+            if place >= 0:
+                figure = PageFigure(before + place, " ".join(texts[place].split()), page)
+                found.setdefault(f"{call[1] or ''}{call[2]}", figure)
+        before += len(texts)
+    return found
+
+
+@functools.cache
+def known_figures() -> dict[str, PageFigure]:
+    """Return the figures of all pages of the guide by what they show."""
+    found: dict[str, PageFigure] = {}
+    for path in sorted(GENERATED.parent.glob("*.md")):
+        found = {**figures_of(path.read_text(encoding="utf-8"), path.stem), **found}
+    return found
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

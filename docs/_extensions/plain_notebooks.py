@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
 
 TITLED = re.compile(r":(?:class|doc|func|meth):`([^`<]+?) <[^`>]*>`")
 NAMED = re.compile(r":(?:class|doc|func|meth):`~?[^`]*?([\w-]+)`")

@@ -9,9 +9,11 @@ import re
 import sys
 from pathlib import Path
 from textwrap import dedent
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
-from sphinx.util import logging
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
 
 DOCS = Path(__file__).parents[1]
 EXPECTED = DOCS / "_printed"
@@ -50,6 +52,8 @@ def executed_pages() -> dict[Path, Path]:
 
 def compare(app: Sphinx) -> None:
     """Warn of each page that prints something else than it must."""
+    from sphinx.util import logging
+
     for page, target in executed_pages().items():
         expected = target.read_text(encoding="utf-8") if target.exists() else ""
         if not same(expected.strip(), (found := printed(page)).strip()):

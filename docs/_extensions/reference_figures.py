@@ -5,57 +5,15 @@ What has examples in the gallery is left to them; builds that only check the pag
 
 from __future__ import annotations
 
-import functools
-import re
 from pathlib import Path
-from typing import NamedTuple
 
 from docutils import nodes
-from page_figures import PROGRAM, STATED, drawn
+from page_figures import STATED, drawn, known_figures
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from study_pages import GENERATED, computes
 
 DOCS = GENERATED.parent
-CALLED = re.compile(r"(?<![\w.])(plot\.)?(\w+)\(")
-DRAWS = re.compile(r"\bplot\.\w+\((?!.*\bax=)|\bplt\.(?:figure|subplots)\(")
-
-
-class PageFigure(NamedTuple):
-    """A figure of a page: its number there, its alternative text, and the page."""
-
-    number: int
-    alternative: str
-    page: str
-
-
-def figures_of(text: str, page: str) -> dict[str, PageFigure]:
-    """Return what the programs of a page call, each with the figure that shows it: ``plot.boxes``, ``stable_set``."""
-    found: dict[str, PageFigure] = {}
-    pieces, before = PROGRAM.split(text), 0
-    for program, after in zip(pieces[1::2], pieces[2::2], strict=True):
-        texts = STATED.findall(after)
-        begins = [match.start() for match in DRAWS.finditer(program)]
-        for call in CALLED.finditer(program):
-            if call[0] == "plot.animate(":
-                continue  # a film
-            # The figures of a program are those of its drawing calls in their order, where there are as many.
-            drawing = sum(begin <= call.start() for begin in begins) - 1 if len(begins) == len(texts) else 0
-            place = min(max(drawing, 0), len(texts) - 1)
-            if place >= 0:
-                figure = PageFigure(before + place, " ".join(texts[place].split()), page)
-                found.setdefault(f"{call[1] or ''}{call[2]}", figure)
-        before += len(texts)
-    return found
-
-
-@functools.cache
-def known_figures() -> dict[str, PageFigure]:
-    """Return the figures of all pages of the guide by what they show."""
-    found: dict[str, PageFigure] = {}
-    for path in sorted(DOCS.glob("*.md")):
-        found = {**figures_of(path.read_text(encoding="utf-8"), path.stem), **found}
-    return found
 
 
 class ReferenceFigure(SphinxDirective):

@@ -14,12 +14,14 @@ from contextlib import redirect_stdout
 from enum import Enum
 from pathlib import Path
 from types import ModuleType
-
-from sphinx.application import Sphinx
+from typing import TYPE_CHECKING
 
 import systems.lab
 from studies import hard_cases
 from studies.__main__ import study_names
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 LABORATORY = "<!-- everything that systems.lab exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
