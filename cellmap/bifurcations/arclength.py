@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from .._lib.stopping import check_stop
+from .._lib.threads import progress_bar
 
 Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 """Returns residuals (n,) and their derivatives (n, n + 1) at unknowns (n + 1,), all scaled to be of order 1."""
@@ -20,6 +24,8 @@ _STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which
 _SHORTEST = 1e-9
 _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
+_REFUSALS = 6  # halvings of a step that is refused, or on which the edge of the box is not located
+_SLACK = 1e-13  # relative distance from the edge of a box that counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,22 +114,6 @@ class ContinuationStep:
         except (FloatingPointError, ValueError):
             return None
 
-    def cut(self, first: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> ContinuationStep | None:
-        """Return the step up to where the unknowns from number `first` on leave an interval; None if it has none."""
-        ends = []
-        for k, (low, high) in enumerate(zip(lower, upper, strict=True), first):
-            value = self.end.unknowns[k]
-            if not low <= value <= high:
-                edge = low if value < low else high
-                last = self.located(lambda place, k=k, edge=edge: place.unknowns[k] - edge)  # type: ignore[misc]
-                if last is not None:
-                    last.unknowns[k] = edge
-                    ends.append((self.along(last.unknowns), last))
-        if not ends:
-            return None
-        length, last = min(ends, key=lambda e: e[0])
-        return replace(self, end=last, length=length)
-
     def along(self, unknowns: NDArray[np.float64]) -> float:
         """Return how far along the tangent unknowns are."""
         return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
@@ -159,3 +149,112 @@ def continuation_steps(
         here = there
         largest = longest * float(np.abs(here.unknowns[growing]).max(initial=1.0))
         length = min(largest, length * (1.5 if turned > 0.99 else 0.9))
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Intervals of the parameters, which are the last unknowns, in units of the unknowns."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, intervals: ArrayLike, units: ArrayLike) -> Box:
+        """Return the box of intervals (m, 2) of the parameters, whose units are (m,)."""
+        low, high = np.asarray(intervals, dtype=float).T / units
+        slack = _SLACK * np.maximum(np.abs(low), np.abs(high))
+        return cls(low - slack, high + slack)
+
+    def holds(self, place: SolutionPoint) -> bool:
+        """Return whether a solution point lies in the box or on its edge."""
+        there = place.unknowns[-len(self.lower) :]
+        return bool((there >= self.lower).all() and (there <= self.upper).all())
+
+    def contains(self, place: SolutionPoint) -> bool:
+        """Return whether a solution point lies inside the box."""
+        there = place.unknowns[-len(self.lower) :]
+        return bool((there > self.lower).all() and (there < self.upper).all())
+
+    def cut(self, step: ContinuationStep) -> ContinuationStep | None:
+        """Return a step up to where it leaves the box; None where that point is not found."""
+        ends = []
+        for k, (low, high) in enumerate(zip(self.lower, self.upper, strict=True), -len(self.lower)):
+            value = step.end.unknowns[k]
+            if not low <= value <= high:
+                edge = low if value < low else high
+                last = step.located(lambda place, k=k, edge=edge: place.unknowns[k] - edge)  # type: ignore[misc]
+                if last is None:
+                    return None
+                last.unknowns[k] = edge
+                ends.append((step.along(last.unknowns), last))
+        length, last = min(ends, key=lambda e: e[0])
+        return replace(step, end=last, length=length)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Reason why a curve ends on a step, and its last point there, if it has one."""
+
+    reason: str
+    last: SolutionPoint | None = None
+
+
+Visit = Callable[[ContinuationStep, bool], End | Literal["refused"] | None]
+"""Looks at a step; returns why the curve ends there, or refuses the step, if it may, so that a shorter one is tried."""
+
+
+def trace(
+    problem: Problem,
+    start: SolutionPoint,
+    box: Box,
+    longest: float,
+    most: int,
+    label: str | None = None,
+    growing: NDArray[np.bool_] | None = None,
+    circles: NDArray[np.float64] | None = None,
+    visit: Visit = lambda step, may_refuse: None,
+) -> tuple[list[SolutionPoint], str]:
+    """Trace a curve from a solution point along its tangent; return its points and the reason why they end.
+
+    Steps are at most `longest`, and in proportion to the unknowns that are `growing`; the last one is cut at the edge
+    of the box.  A curve whose step leads out of the box where no point of its edge is found, as where solutions are not
+    isolated, ends before it.  `circles` are the periods of the unknowns that are angles, 0 for others.
+    """
+    places, shortest = [start], longest * 2.0**-_REFUSALS
+    left = "left the interval" if len(box.lower) == 1 else "left the intervals"
+    turns = np.zeros(len(start.unknowns)) if circles is None else circles
+    still = np.zeros(len(start.unknowns), bool) if growing is None else growing
+    ahead = continuation_steps(problem, start, longest, still)
+    step = next(ahead, None)
+    with progress_bar(most, label) as tick:
+        while step is not None:
+            check_stop()
+            part = step if box.holds(step.end) else box.cut(step)
+            may_refuse = part is step and step.length > shortest
+            if part is None and step.length <= shortest:
+                return places, left
+            verdict = "refused" if part is None else visit(part, may_refuse)
+            if part is None or verdict == "refused":
+                step = _following(ahead, refused=True)
+                continue
+            last = verdict.last if isinstance(verdict, End) else part.end
+            if last is not None and part.length > 0.0:
+                places.append(last)
+                tick(1)
+            if isinstance(verdict, End):
+                return places, verdict.reason
+            if part is not step or not box.contains(part.end):
+                return places, left
+            if len(places) > 3 and part.passes(start, turns):
+                return places, "closed"
+            if len(places) > most:
+                return places, "most points"
+            step = _following(ahead, refused=False)
+    return places, "no convergence"
+
+
+def _following(ahead: Generator[ContinuationStep, bool | None, None], refused: bool) -> ContinuationStep | None:
+    try:
+        return ahead.send(refused)
+    except StopIteration:
+        return None

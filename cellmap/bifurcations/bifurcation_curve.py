@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from .._lib.checks import finite_number, pair_of, shown, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
-from .._lib.threads import progress_bar
 from ..maps.coordinates import Coordinate, wrap
-from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
+from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
-from .kinds import BifurcationKind
+from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
 from .orbit_equations import orbit_problem
 from .parameter_spans import spans
@@ -65,13 +64,24 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         return self._problem.orbits.period
 
     @functools.cached_property
+    def _codimension_two(self) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
+        problem = self._problem
+        if isinstance(problem, SingularSegments):
+            return (), frozenset()
+        return points_on(problem, self.parameters, self._places)
+
+    @property
     def codimension_two(self) -> tuple[CodimensionTwo, ...]:
         """Bifurcations of codimension two in the order of the curve; computed when they are first asked for.
 
         None are located on curves of orbits in segments, those with multipliers of more than 1e6.
         """
-        problem = self._problem
-        return points_on(problem, self.parameters, self._places) if isinstance(problem, SingularOrbits) else ()
+        return self._codimension_two[0]
+
+    @property
+    def degeneracies(self) -> frozenset[CodimensionTwoKind]:
+        """Kinds of codimension two whose condition holds along the whole curve, which has no points of them."""
+        return self._codimension_two[1]
 
     def __repr__(self) -> str:
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
@@ -115,7 +125,8 @@ def continue_bifurcation(
     Returns
     -------
     BifurcationCurve
-        The curve.  A curve of Neimark-Sacker bifurcations ends where the multipliers meet on the real axis.
+        The curve.  A curve of Neimark-Sacker bifurcations ends where the multipliers meet on the real axis, one of
+        pitchforks where the symmetry is broken: with a parameter that breaks it, at the bifurcation itself.
 
     Raises
     ------
@@ -189,37 +200,32 @@ class CurveTracer:
     progress: bool
     birth: OrbitBirth | None = None
 
+    @property
+    def _box(self) -> Box:
+        return Box.of(self.box, self.problem.orbits.scale[self.problem.orbits.states :])
+
     def side(self, start: SolutionPoint) -> tuple[list[SolutionPoint], str]:
         """Trace the curve along the tangent of a point; return the points and the reason why they end."""
-        problem, first = self.problem, self.problem.orbits.states
-        low, high = np.array(self.box).T / problem.orbits.scale[first:]
-        places, end = [start], "no convergence"
-        with progress_bar(self.most, f"curve of {problem.kind}" if self.progress else None) as tick:
-            for part in continuation_steps(problem, start, self.longest, problem.orbits.growing):
-                there = part.end.unknowns[-2:]
-                cut = None if (there >= low).all() and (there <= high).all() else part.cut(first, low, high)
-                last = part.end if cut is None else cut.end
-                if self.birth and (why := self.birth.end(part.begin, last)):
-                    return places, why
-                if isinstance(problem, SingularOrbits) and problem.has_met(last):
-                    places += self._resonance(problem, part, last)
-                    return places, "multipliers met on the real axis"
-                places.append(last)
-                tick(1)
-                if cut is not None:
-                    return places, "left the intervals"
-                if len(places) > 3 and part.passes(start, problem.orbits.circles):
-                    return places, "closed"
-                if len(places) > self.most:
-                    return places, "most points"
-        return places, end
+        problem, orbits = self.problem, self.problem.orbits
+        label = f"curve of {problem.kind}" if self.progress else None
+        return trace(
+            problem, start, self._box, self.longest, self.most, label, orbits.growing, orbits.circles, self._end
+        )
 
-    @staticmethod
-    def _resonance(problem: SingularOrbits, part: ContinuationStep, last: SolutionPoint) -> list[SolutionPoint]:
-        """Return the point at which the multipliers meet on a step to a last point with real ones."""
-        real = np.sign(cosine_of_pair(problem.matrix(last)))
-        place = part.located(lambda p: cosine_of_pair(problem.matrix(p)) - real)
-        return [] if place is None or part.along(place.unknowns) <= 0.0 else [place]
+    def _end(self, step: ContinuationStep, may_refuse: bool) -> End | None:
+        """Return why the curve ends on a step, None where it goes on."""
+        problem = self.problem
+        if self.birth and (why := self.birth.end(step.begin, step.end)):
+            return End(why)
+        if isinstance(problem, SingularSegments):
+            return None
+        if problem.has_met(step.end):
+            # The last point is that at which the multipliers meet.
+            real = np.sign(cosine_of_pair(problem.matrix(step.end)))
+            place = step.located(lambda p: cosine_of_pair(problem.matrix(p)) - real)
+            known = place is not None and step.along(place.unknowns) > 0.0
+            return End("multipliers met on the real axis", place if known else None)
+        return None if problem.is_symmetric(step.end) else End("symmetry broken")
 
     def curve(self, start: SolutionPoint) -> BifurcationCurve:
         """Trace the curve on both sides of a point."""
@@ -233,7 +239,7 @@ class CurveTracer:
         return BifurcationCurve(
             kind=self.problem.kind,
             parameters=self.names,
-            values=states[:, orbits.states :],
+            values=np.clip(states[:, orbits.states :], *np.transpose(self.box)),
             points=wrap(states[:, : orbits.dimension], orbits.point_map.coordinates),
             multipliers=np.array([self.problem.multipliers(p) for p in places]),
             ends=(first_end, last_end),

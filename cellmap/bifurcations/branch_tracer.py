@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
-from .arclength import ContinuationStep, SolutionPoint, continuation_steps, corrected
+from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from .branch import Bifurcation, Branch, BranchPart
 from .detection import TESTS, Detector
 from .kinds import BifurcationKind
 from .orbit_equations import OrbitProblem
 
-_REFUSALS = 6  # halvings of a step on which more seems to happen than is found
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE = "large multipliers"
 _BESIDE = 0.37  # part of a step beside an initial point that is a bifurcation
@@ -59,81 +55,55 @@ class BranchTracer:
         return Detector(self.problem)
 
     @property
-    def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        low, high = (v / self.problem.scale[-1:] for v in self.interval)
-        slack = 1e-13 * np.maximum(np.abs(low), np.abs(high))
-        return low - slack, high + slack
+    def _box(self) -> Box:
+        return Box.of([self.interval], self.problem.scale[-1:])
 
     def trace(self, start: SolutionPoint) -> BranchSegment:
-        """Trace the branch along the tangent of a solution point."""
-        low, high = self._edges
-        places, found = [start], []
-        with progress_bar(self.most, self.label) as tick:
-            for step, events in self._steps(start):
-                found += [replace(b, place=len(places) - 1) for b in events]
-                places.append(step.end)
-                tick(1)
-                if any(b.kind in self.stop_at and not b.before for b in events):
-                    return BranchSegment(places, found, "bifurcation")
-                if not low < step.end.unknowns[-1] < high:
-                    return BranchSegment(places, found, "left the interval")
-                if len(places) > 3 and step.passes(start, self.problem.circles):
-                    return BranchSegment(places, found, "closed")
-                if self.problem.growth(step.end) > self.largest_growth:
-                    return BranchSegment(places, found, LARGE)
-                if len(places) > self.most:
-                    return BranchSegment(places, found, "most points")
-        inside = low < places[-1].unknowns[-1] < high
-        return BranchSegment(places, found, "no convergence" if inside else "left the interval")
+        """Trace the branch along the tangent of a solution point.
+
+        A step is repeated with half its length where a test function vanishes at its end, where one seems to have
+        been to zero and back, and where the bifurcations found do not explain the number of unstable multipliers.
+        """
+        detector, found = self.detector, list[Bifurcation]()
+        before, slopes, number = detector.values_at(start), np.zeros(len(TESTS)), 0
+
+        def visit(step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
+            nonlocal before, slopes, number
+            after = detector.values_at(step.end)
+            events, clear = detector.events(step, before, after)
+            # A line through the last two values tells where a function heads.
+            headed = np.where(before.tests + slopes * step.length < 0.0, -1, 1)
+            back = (headed != before.sides) & (after.sides == before.sides) & before.informative & after.informative
+            if may_refuse and (after.is_singular(before) or not clear or bool(back.any())):
+                return "refused"
+            if step.length > 0.0:
+                found.extend(replace(b, place=number) for b in events)
+                before, slopes, number = after, (after.tests - before.tests) / step.length, number + 1
+            if any(b.kind in self.stop_at and not b.before for b in events):
+                return End("bifurcation", step.end)
+            if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:
+                return End(LARGE, step.end)
+            return None
+
+        box, problem = self._box, self.problem
+        places, end = trace(
+            problem, start, box, self.longest, self.most, self.label, problem.growing, problem.circles, visit
+        )
+        return BranchSegment(places, found, end)
 
     def clear_start(self, start: SolutionPoint) -> SolutionPoint:
         """Return a point beside the initial one if that is a bifurcation, so that it is passed; else itself."""
-        low, high = self._edges
-        here = self.detector.values_at(start)
+        box, here = self._box, self.detector.values_at(start)
         for sign in (-1.0, 1.0):
             length = sign * _BESIDE * self.longest
             there = corrected(self.problem, start.unknowns + length * start.tangent, start.tangent)
-            if there is not None and low < there.unknowns[-1] < high:
+            if there is not None and box.contains(there):
                 beside = self.detector.values_at(there)
                 if not here.is_singular(beside):
                     return start
                 if not beside.is_singular(beside):
                     return there
         return start
-
-    def _steps(self, start: SolutionPoint) -> Iterator[tuple[ContinuationStep, list[Bifurcation]]]:
-        """Yield continuation steps with the bifurcations on them, the last one cut at the interval.
-
-        A step is repeated with half its length where a test function vanishes at its end, where one seems to have
-        been to zero and back, and where the bifurcations found do not explain the number of unstable multipliers.
-        """
-        detector, (low, high) = self.detector, self._edges
-        ahead = continuation_steps(self.problem, start, self.longest, self.problem.growing)
-        step: ContinuationStep | None = next(ahead, None)
-        before, slopes = detector.values_at(start), np.zeros(len(TESTS))
-        while step is not None:
-            part = step
-            if not low <= step.end.unknowns[-1] <= high:
-                cut = step.cut(self.problem.states, low, high)
-                if cut is None:
-                    step = _send(ahead, True)
-                    continue
-                part = cut
-            after = detector.values_at(part.end)
-            events, clear = detector.events(part, before, after)
-            # A line through the last two values tells where a function heads.
-            headed = np.where(before.tests + slopes * part.length < 0.0, -1, 1)
-            back = (headed != before.sides) & (after.sides == before.sides) & before.informative & after.informative
-            doubtful = after.is_singular(before) or not clear or bool(back.any())
-            if doubtful and part is step and step.length > self.longest * 2.0**-_REFUSALS:
-                step = _send(ahead, True)
-                continue
-            if part.length > 0.0:
-                yield part, events
-            if part is not step:
-                return
-            before, slopes = after, (after.tests - before.tests) / part.length
-            step = _send(ahead, False)
 
     def resumed(self, old: OrbitProblem, last: SolutionPoint) -> SolutionPoint | None:
         """Return the solution point at which a branch goes on that was followed by other equations; None for none."""
@@ -182,13 +152,6 @@ def joined(back: Pieces, ahead: Pieces) -> Branch:
         point_map=first.point_map,
         _parts=tuple(parts),
     )
-
-
-def _send(ahead: Any, refused: bool) -> ContinuationStep | None:
-    try:
-        return ahead.send(refused)
-    except StopIteration:
-        return None
 
 
 def born_orbit(

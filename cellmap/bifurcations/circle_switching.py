@@ -7,12 +7,10 @@ from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
-from .._lib.stopping import check_stop
-from .._lib.threads import progress_bar
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-from .arclength import SolutionPoint, continuation_steps, corrected
+from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from .branch import Bifurcation, Branch
 from .circle_branches import CircleBranch, CircleStatus, decay_of
 from .circle_equations import CircleProblem, across_exponent
@@ -22,6 +20,7 @@ from .orbit_equations import natural_sizes
 _FEWEST, _MOST = 9, 273  # phases
 _SMALL_TAIL = 1e-10  # of harmonics, from which there should be more phases,
 _LARGE_TAIL = 1e-4  # and from which the circle is not resolved
+_COARSE = "more phases are needed"
 _FIRST_STEP, _NEAREST = 0.05, 1e-6  # amplitude of the first circle, scaled, and the smallest
 
 
@@ -98,10 +97,10 @@ def switch_circle(
     start = _born(exact, branch, bifurcation, high - low)
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: no circle is found beside it, as at a strong resonance")
-    edges = np.array([[low], [high]]) / (high - low)
+    box = Box.of([[low, high]], high - low)
     label = f"invariant circle over {branch.parameter}" if progress else None
-    found, end = _traced(*start, edges, longest, most, label)
-    return _record(exact, branch.parameter, found, end)
+    found, end = _traced(*start, box, longest, most, label)
+    return _record(exact, branch.parameter, (low, high), found, end)
 
 
 def _born(
@@ -136,41 +135,30 @@ def _born(
 def _traced(
     problem: CircleProblem,
     start: SolutionPoint,
-    edges: NDArray[np.float64],
+    box: Box,
     longest: float,
     most: int,
     label: str | None,
 ) -> tuple[list[tuple[CircleProblem, NDArray[np.float64]]], str]:
     """Return the circles with their equations, and the reason why they end."""
-    low, high = edges
     problem, here = _resolved(problem, start) or (problem, start)
     found = [(problem, here.unknowns)]
-    with progress_bar(most, label) as tick:
-        while True:
-            refined = False
-            for part in continuation_steps(problem, here, longest, np.zeros(len(here.unknowns), bool)):
-                check_stop()
-                tail = problem.tail(part.end.unknowns)
-                if tail > _SMALL_TAIL and problem.phases < _MOST:
-                    refined = True
-                    break
-                if tail > _LARGE_TAIL:
-                    return found, "not resolved"
-                inside = low <= part.end.unknowns[-1:] <= high
-                last = None if inside else part.cut(len(part.end.unknowns) - 1, low, high)
-                here = part.end if last is None else last.end
-                found.append((problem, here.unknowns))
-                tick(1)
-                if last is not None:
-                    return found, "left the interval"
-                if len(found) > most:
-                    return found, "most points"
-            if not refined:
-                return found, "no convergence"
-            finer = _finer(problem, here)
-            if finer is None:
-                return found, "no convergence"
-            problem, here = finer
+
+    def visit(step: ContinuationStep, may_refuse: bool) -> End | None:
+        tail = problem.tail(step.end.unknowns)
+        if tail > _SMALL_TAIL and problem.phases < _MOST:
+            return End(_COARSE)
+        return End("not resolved") if tail > _LARGE_TAIL else None
+
+    while True:
+        places, end = trace(problem, here, box, longest, most - len(found) + 1, label, visit=visit)
+        found += [(problem, place.unknowns) for place in places[1:]]
+        if end != _COARSE:
+            return found, end
+        finer = _finer(problem, places[-1])
+        if finer is None:
+            return found, "no convergence"
+        problem, here = finer
 
 
 def _resolved(problem: CircleProblem, place: SolutionPoint) -> tuple[CircleProblem, SolutionPoint] | None:
@@ -193,10 +181,14 @@ def _finer(problem: CircleProblem, place: SolutionPoint) -> tuple[CircleProblem,
 
 
 def _record(
-    exact: PointMap, parameter: str, found: list[tuple[CircleProblem, NDArray[np.float64]]], end: str
+    exact: PointMap,
+    parameter: str,
+    interval: tuple[float, float],
+    found: list[tuple[CircleProblem, NDArray[np.float64]]],
+    end: str,
 ) -> CircleBranch:
     """Return the circles as a record."""
-    values = np.array([unknowns[-1] * problem.scale[-1] for problem, unknowns in found])
+    values = np.clip([unknowns[-1] * problem.scale[-1] for problem, unknowns in found], *interval)
     circles, exponents = [], []
     for (problem, unknowns), value in zip(found, values.tolist(), strict=True):
         here = exact.with_params(**{parameter: value})

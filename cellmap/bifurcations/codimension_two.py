@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ _AT_PLACE = 1e-8  # part of its value at a neighbour that a test function may ha
 _SMALL = 1e-3  # the same after a zero has been located
 _SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real
+_RESONANT = 1e-3  # distance of the cube of a multiplier from 1 at which terms that cancel leave rounding alone
+_ROUNDING = 1e-8  # of test functions, relative to their terms
+_FEW = 4  # places that are too few to conclude that a test function vanishes along a curve
 
 _FOLD, _FLIP = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
 _TORUS = BifurcationKind.NEIMARK_SACKER
@@ -36,6 +39,15 @@ _CURVES = {
     CodimensionTwoKind.FLIP_NEIMARK_SACKER: {_FLIP, _TORUS},
 }
 """Curves of bifurcations of the same orbits through points of codimension two."""
+
+_PITCHFORK = CodimensionTwoKind.DEGENERATE_PITCHFORK
+_COSINES = {
+    CodimensionTwoKind.RESONANCE_1_1: 1.0,
+    CodimensionTwoKind.RESONANCE_1_2: -1.0,
+    CodimensionTwoKind.RESONANCE_1_3: -0.5,
+    CodimensionTwoKind.RESONANCE_1_4: 0.0,
+}
+"""Cosines of the angles of multipliers at strong resonances."""
 
 _PAIRS = {CodimensionTwoKind.FOLD_NEIMARK_SACKER, CodimensionTwoKind.FLIP_NEIMARK_SACKER}
 _MET = {CodimensionTwoKind.RESONANCE_1_1, CodimensionTwoKind.RESONANCE_1_2}
@@ -92,32 +104,53 @@ class CodimensionTwo:
 
 def points_on(
     problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint]
-) -> tuple[CodimensionTwo, ...]:
-    """Return the points of codimension two on a curve through places, in its order."""
+) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
+    """Return the points of codimension two on a curve through places, in its order.
+
+    Also those kinds whose condition holds along the whole curve, of which there are no points.
+    """
     tests = _Tests(problem)
     unknowns = np.array([p.unknowns for p in places])
     matrices, forms = problem.matrices(unknowns), tests.forms(unknowns)
+    frames = [tests.frame(matrix) for matrix in matrices]
+    own = [tests.values(matrix, forms, k, frames[k]) for k, matrix in enumerate(matrices)]
+    everywhere = _vanishing(own)
     found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
-    for k, (begin, end) in enumerate(pairwise(places)):
-        frame = tests.frame(matrices[k])
-        before, after = (tests.values(matrices[j], forms, j, frame) for j in (k, k + 1))
-        part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
-        for kind in before.keys() & after.keys():
-            size = max(abs(before[kind]), abs(after[kind]))
-            at_begin, at_end = (abs(values[kind]) <= _AT_PLACE * size for values in (before, after))
-            if at_begin or at_end:
-                found[k + at_end, 0.0, kind] = end if at_end else begin
-            elif before[kind] * after[kind] < 0.0:
-                place = part.located(lambda p, kind=kind, frame=frame: tests.at(p, frame).get(kind, np.nan))  # type: ignore[misc]
-                # A test function changes its sign at a pole as well.
-                if place is not None and abs(tests.at(place, frame).get(kind, np.nan)) < _SMALL * size:
-                    found[k, abs(part.along(place.unknowns)), kind] = place
+    known: dict[CodimensionTwoKind, int] = {}
+    for j, end in enumerate(places):
+        here = own[j].keys() - everywhere
+        # Where a test function is not known, the next place where it is has the last one as its neighbour.
+        for k in {known[kind] for kind in here & known.keys()}:
+            begin, frame, after = places[k], frames[k], tests.values(matrices[j], forms, j, frames[k])
+            part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+            for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
+                values = own[k][kind].value, after[kind].value
+                size = max(map(abs, values))
+                at_begin, at_end = (abs(value) <= _AT_PLACE * size for value in values)
+                if at_begin or at_end:
+                    found[j if at_end else k, 0.0, kind] = end if at_end else begin
+                elif values[0] * values[1] < 0.0:
+                    place = part.located(lambda p, kind=kind, frame=frame: tests.at(p, frame, kind))  # type: ignore[misc]
+                    # A test function changes its sign at a pole as well.
+                    if place is not None and abs(tests.at(place, frame, kind)) < _SMALL * size:
+                        found[k, abs(part.along(place.unknowns)), kind] = place
+        known |= dict.fromkeys(here, j)
     last = len(places) - 2
-    return tuple(
+    points = (
         _point(problem, names, min(k, last), kind, place)
         for (k, _, kind), place in sorted(found.items(), key=lambda f: f[0])
         if tests.confirms(kind, place)
     )
+    return tuple(points), everywhere
+
+
+def _vanishing(values: Sequence[dict[CodimensionTwoKind, _TestValue]]) -> frozenset[CodimensionTwoKind]:
+    """Return the kinds whose test functions are of the size of rounding at most places of a curve."""
+    kinds = {kind for there in values for kind in there}
+    small = {
+        kind: [abs(there[kind].value) <= there[kind].rounding for there in values if kind in there] for kind in kinds
+    }
+    return frozenset(kind for kind, there in small.items() if len(there) > _FEW and 2 * sum(there) > len(there))
 
 
 def _point(
@@ -135,6 +168,13 @@ def _point(
         _problem=problem,
         _unknowns=at.unknowns,
     )
+
+
+class _TestValue(NamedTuple):
+    """Value of a test function, and the size of what is rounding in it."""
+
+    value: float
+    rounding: float = _ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +203,14 @@ class _Tests:
         )
 
     def at(
-        self, place: SolutionPoint, frame: tuple[NDArray[np.float64], NDArray[np.float64]]
-    ) -> dict[CodimensionTwoKind, float]:
-        """Return the test functions at a place."""
-        return self.values(self.problem.matrix(place), self.forms(place.unknowns[None]), 0, frame)
+        self,
+        place: SolutionPoint,
+        frame: tuple[NDArray[np.float64], NDArray[np.float64]],
+        kind: CodimensionTwoKind,
+    ) -> float:
+        """Return a test function at a place, NaN where it is not known."""
+        found = self.values(self.problem.matrix(place), self.forms(place.unknowns[None]), 0, frame).get(kind)
+        return np.nan if found is None else found.value
 
     def values(
         self,
@@ -174,13 +218,13 @@ class _Tests:
         forms: MultilinearForms,
         number: int,
         frame: tuple[NDArray[np.float64], NDArray[np.float64]],
-    ) -> dict[CodimensionTwoKind, float]:
-        """Return the test functions at one of the points of the forms."""
-        kind = self.problem.kind
+    ) -> dict[CodimensionTwoKind, _TestValue]:
+        """Return the test functions at one of the points of the forms, those that are known."""
+        kind, at = self.problem.kind, forms.at(0, number)
         if not np.isfinite(matrix).all():
             return {}
         if kind is _TORUS:
-            return self._of_pairs(matrix, forms, number)
+            return self._of_pairs(matrix, at)
         unit = np.eye(len(matrix))
         shifted = matrix - self._critical * unit
         bordered = np.block([[shifted, frame[1][:, None]], [frame[0][None], np.zeros((1, 1))]])
@@ -190,44 +234,39 @@ class _Tests:
             return {}
         q, p = inverse[:-1, -1], inverse[-1, :-1]
         others = _without(multipliers_of(matrix), self._critical)
-        found = {} if len(others) < 2 else {_with_pair(kind): float(pairs_beside_one(others))}
-        reduced = coefficient(kind, self._critical, forms.at(0, number), q, p).real
-        if kind is BifurcationKind.PITCHFORK:
-            return {CodimensionTwoKind.DEGENERATE_PITCHFORK: reduced}
+        found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(float(pairs_beside_one(others)))}
+        reduced = coefficient(kind, self._critical, at, q, p).real
         if kind is _FOLD:
-            found |= {CodimensionTwoKind.CUSP: reduced, CodimensionTwoKind.RESONANCE_1_1: float(p @ q)}
+            found[CodimensionTwoKind.CUSP] = _TestValue(reduced, _ROUNDING * float(np.abs(at[1]).max()))
+            found[CodimensionTwoKind.RESONANCE_1_1] = _TestValue(float(p @ q))
         else:
-            found |= {CodimensionTwoKind.RESONANCE_1_2: float(p @ q)}
-            if abs(factor := _without_pole(matrix)) > _SINGULAR:
-                found[CodimensionTwoKind.GENERALISED_FLIP] = reduced * factor
-        return found | {CodimensionTwoKind.FOLD_FLIP: float(np.linalg.det(matrix + self._critical * unit))}
-
-    def resonances(self, matrix: NDArray[np.float64]) -> dict[CodimensionTwoKind, float]:
-        """Return the test functions of strong resonances on a curve of Neimark-Sacker bifurcations."""
-        if self.problem.kind is not _TORUS or not np.isfinite(matrix).all():
-            return {}
-        cosine = cosine_of_pair(matrix)
-        return {
-            CodimensionTwoKind.RESONANCE_1_1: cosine - 1.0,
-            CodimensionTwoKind.RESONANCE_1_2: cosine + 1.0,
-            CodimensionTwoKind.RESONANCE_1_3: cosine + 0.5,
-            CodimensionTwoKind.RESONANCE_1_4: cosine,
-        }
+            factor = _without_pole(matrix) if kind is _FLIP else 1.0
+            if abs(factor) > _SINGULAR:
+                degenerate = CodimensionTwoKind.GENERALISED_FLIP if kind is _FLIP else _PITCHFORK
+                found[degenerate] = _TestValue(reduced * factor, _ROUNDING * _cubic_size(at))
+            if kind is not _FLIP:
+                return found
+            found[CodimensionTwoKind.RESONANCE_1_2] = _TestValue(float(p @ q))
+        return found | {CodimensionTwoKind.FOLD_FLIP: _TestValue(float(np.linalg.det(matrix + self._critical * unit)))}
 
     def _of_pairs(
-        self, matrix: NDArray[np.float64], forms: MultilinearForms, number: int
-    ) -> dict[CodimensionTwoKind, float]:
-        found = self.resonances(matrix)
-        multipliers = multipliers_of(matrix)
-        others = np.delete(multipliers, pair_on_circle(multipliers))
+        self, matrix: NDArray[np.float64], forms: tuple[NDArray[np.float64], ...]
+    ) -> dict[CodimensionTwoKind, _TestValue]:
+        cosine, multipliers = cosine_of_pair(matrix), multipliers_of(matrix)
+        found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
+        pair = list(pair_on_circle(multipliers))
+        others = np.delete(multipliers, pair)
         if len(others):
-            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = float(np.prod(others - 1.0).real)
-            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = float(np.prod(others + 1.0).real)
-        sizes = self.problem.orbits.scale[: len(matrix)]
-        reduced = Reduction.of(self.problem.kind, forms.at(0, number), sizes)
+            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(float(np.prod(others - 1.0).real))
+            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(float(np.prod(others + 1.0).real))
+        reduced = Reduction.of(self.problem.kind, forms, self.problem.orbits.scale[: len(matrix)])
         factor = _without_pole(matrix)
-        if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR:
-            found[CodimensionTwoKind.CHENCINER] = reduced.coefficient.real * factor
+        # At a 1:3 resonance the coefficient is a quotient of numbers that vanish.
+        resonant = abs(multipliers[pair[0]] ** 3 - 1.0) < _RESONANT
+        if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR and not resonant:
+            right, left = (float(np.linalg.norm(v)) for v in (reduced.right, reduced.left))
+            terms = abs(factor) * left * right**3 * _cubic_size(forms)
+            found[CodimensionTwoKind.CHENCINER] = _TestValue(reduced.coefficient.real * factor, _ROUNDING * terms)
         return found
 
     def confirms(self, kind: CodimensionTwoKind, place: SolutionPoint) -> bool:
@@ -243,6 +282,11 @@ def cosine_of_pair(matrix: NDArray[np.float64]) -> float:
     """Return half the sum of the two multipliers whose product is nearest to 1."""
     multipliers = multipliers_of(matrix)
     return float(multipliers[list(pair_on_circle(multipliers))].sum().real / 2.0)
+
+
+def _cubic_size(forms: tuple[NDArray[np.float64], ...]) -> float:
+    """Return the size of the terms of a cubic coefficient, for vectors of length 1."""
+    return float(np.abs(forms[1]).max() ** 2 + np.abs(forms[2]).max())
 
 
 def _without_pole(matrix: NDArray[np.float64]) -> float:

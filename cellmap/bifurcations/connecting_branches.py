@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from .._lib.checks import finite_number, known_parameter, pair_of, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
-from .._lib.threads import progress_bar
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
-from .arclength import SolutionPoint, continuation_steps, corrected
+from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
 from .parameter_spans import spans
@@ -171,24 +170,28 @@ def continue_connection(
     start = corrected(problem, unknowns, problem.parameter_direction)
     if start is None:
         raise ValueError(f"connection={connection!r}: it is not found again with {parameter} free")
-    label, limits = (
-        f"connecting orbits over {parameter}" if progress else None,
-        np.array([[low], [high]]) / (high - low),
-    )
-    sides, tangencies = [], []
-    for sign in (-1.0, 1.0):
+    label, box = f"connecting orbits over {parameter}" if progress else None, Box.of([[low, high]], high - low)
+
+    def side(sign: float) -> tuple[list[SolutionPoint], str, list[Tangency]]:
+        found = list[Tangency]()
+
+        def visit(step: ContinuationStep, may_refuse: bool) -> End | None:
+            if step.begin.tangent[-1] * step.end.tangent[-1] < 0.0:
+                fold = step.located(lambda place: float(place.tangent[-1]))
+                found.extend([] if fold is None else [_tangency(exact, problem, fold, parameter)])
+            return _end_at_saddles(problem, step)
+
         begin = replace(start, tangent=sign * start.tangent)
-        places, folds, end = _traced(problem, begin, limits, longest, most, label, lambda p: float(p.tangent[-1]))
-        sides.append((places, end))
-        tangencies.append([_tangency(exact, problem, fold, parameter) for fold in folds])
-    (back, first), (ahead, last) = sides
+        return *trace(problem, begin, box, longest, most, label, visit=visit), found
+
+    (back, first, before), (ahead, last, after) = side(-1.0), side(1.0)
     every = [*back[:0:-1], *ahead]
     return ConnectionBranch(
         parameter=parameter,
-        values=np.array([p.unknowns[-1] for p in every]) * (high - low),
+        values=np.clip(np.array([p.unknowns[-1] for p in every]) * (high - low), low, high),
         angles=np.array([problem.angle(p.unknowns) for p in every]),
         points=np.array([problem.states(p.unknowns)[2:, :-1] for p in every]),
-        tangencies=(*tangencies[0][::-1], *tangencies[1]),
+        tangencies=(*before[::-1], *after),
         ends=(first, last),
     )
 
@@ -251,69 +254,40 @@ def continue_tangency(
         known_parameter("parameters", name, exact.params)
     if one == two:
         raise ValueError(f"parameters={parameters!r}: give two different parameters")
-    box = [
+    intervals = [
         _interval(f"{label}[0]", f"{label}[1]", *pair_of(label, given), exact.params[name])
         for label, given, name in (("first", first, one), ("second", second, two))
     ]
     longest = finite_number("step", step, above=0.0, at_most=1.0)
     most = whole_number("max_points", max_points, at_least=1)
-    spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
+    spans = tuple(high - low for low, high in intervals)
     orbit = tangency.orbit
     orbits, unknowns = problem_of(exact, (one, two), spans, orbit.steps, orbit._scale, _points(orbit))
     problem = TangencyProblem.at(orbits, unknowns)
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"tangency={tangency!r}: it is not found again with both parameters free")
-    label, limits = f"tangencies over {one} and {two}" if progress else None, np.array(box).T / np.array(spans)
+    box = Box.of(intervals, spans)
+    label, visit = f"tangencies over {one} and {two}" if progress else None, partial(_end_at_saddles, problem)
     (back, first_end), (ahead, last_end) = (
-        _traced(problem, replace(start, tangent=sign * start.tangent), limits, longest, most, label, None)[::2]
+        trace(problem, replace(start, tangent=sign * start.tangent), box, longest, most, label, visit=visit)
         for sign in (-1.0, 1.0)
     )
     every = [*back[:0:-1], *ahead]
     return TangencyCurve(
         parameters=(one, two),
-        values=np.array([p.unknowns[-2:] for p in every]) * spans,
+        values=np.clip(np.array([p.unknowns[-2:] for p in every]) * spans, *np.transpose(intervals)),
         points=np.array([orbits.states(p.unknowns)[2:, :-2] for p in every]),
         ends=(first_end, last_end),
         coordinates=exact.coordinates,
     )
 
 
-def _traced(
-    problem: ConnectingProblem | TangencyProblem,
-    begin: SolutionPoint,
-    limits: NDArray[np.float64],
-    longest: float,
-    most: int,
-    label: str | None,
-    test: Callable[[SolutionPoint], float] | None,
-) -> tuple[list[SolutionPoint], list[SolutionPoint], str]:
-    """Return the places on one side of a curve, those at which a test function changes its sign, and why it ends."""
-    low, high = limits
-    places, zeros, end = [begin], list[SolutionPoint](), "no convergence"
-    none, first = np.zeros(len(begin.unknowns)), len(begin.unknowns) - len(low)
-    with progress_bar(most, label) as tick:
-        for part in continuation_steps(problem, begin, longest, np.zeros(len(none), bool)):
-            there = part.end.unknowns[first:]
-            cut = None if (there >= low).all() and (there <= high).all() else part.cut(first, low, high)
-            whole = part if cut is None else cut
-            if not problem.has_saddles(whole.end.unknowns):
-                return places, zeros, "a saddle changes its stability"
-            if test is not None and test(whole.begin) * test(whole.end) < 0.0:
-                zero = whole.located(test)
-                zeros += [] if zero is None else [zero]
-            places.append(whole.end)
-            tick(1)
-            if cut is not None:
-                end = "left the intervals"
-            elif len(places) > 3 and part.passes(begin, none):
-                end = "closed"
-            elif len(places) > most:
-                end = "most points"
-            else:
-                continue
-            break
-    return places, zeros, end
+def _end_at_saddles(
+    problem: ConnectingProblem | TangencyProblem, step: ContinuationStep, may_refuse: bool = False
+) -> End | None:
+    """Return the end of a curve on a step to a place at which a saddle is none any more."""
+    return None if problem.has_saddles(step.end.unknowns) else End("a saddle changes its stability")
 
 
 def _tangency(exact: PointMap, problem: ConnectingProblem, fold: SolutionPoint, parameter: str) -> Tangency:

@@ -14,6 +14,9 @@ from .orbit_equations import OrbitProblem
 
 _DIFFERENCE = 1e-5  # of test functions, in scaled unknowns
 _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
+_BESIDE = 1e-3  # displacement, scaled, along the null vector, at which a symmetry shows
+_EVEN = 1e-4  # even part of the residual there, in squares of it, that is rounding and terms of the fourth order
+_CLOSED = 1e-9  # residual of an orbit
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,22 @@ class SingularOrbits:
             return False
         found = multipliers_of(self.matrix(place))
         return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
+
+    def is_symmetric(self, place: SolutionPoint) -> bool:
+        """Return whether a place is an orbit, about which the residual is odd along the null vector of a pitchfork.
+
+        A symmetry has this effect, in the limit of small displacements; without one there is no curve of pitchforks.
+        """
+        if self.kind is not BifurcationKind.PITCHFORK:
+            return True
+        d = self.orbits.dimension
+        matrix = self.orbits(place.unknowns)[1][:, :d]
+        left, _, right = np.linalg.svd(matrix)
+        along = np.append(_BESIDE * right[-1], [0.0, 0.0])
+        here, ahead, behind = self.orbits(place.unknowns + np.outer([0.0, 1.0, -1.0], along))[0] @ left[:, -1]
+        size = 1.0 + float(np.linalg.norm(matrix))
+        curved = abs(ahead + behind - 2.0 * here) / (2.0 * _BESIDE**2)
+        return bool(abs(here) <= _CLOSED * size and curved <= _EVEN * size)
 
     def matrices(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the monodromy matrices at unknowns (..., d + 2)."""

@@ -144,7 +144,7 @@ def test_a_branch_ends_where_a_saddle_changes_its_stability() -> None:
     one, two = periodic_orbit(exact, [0.6, 0.2]), periodic_orbit(exact, [-0.5, 0.3], 2)
     orbit = connecting_orbits(exact, one, two, max_steps=16, n_samples=2048)[0]
     branch = continue_connection(orbit, "a", 0.7, 1.3)
-    assert branch.ends == ("a saddle changes its stability", "left the intervals")
+    assert branch.ends == ("a saddle changes its stability", "left the interval")
     # The period-2 orbit doubles its period there, in closed form.
     assert 0.0 < branch.values[0] - (0.7**2 + 0.25 * 1.3**2) < 0.05
 
