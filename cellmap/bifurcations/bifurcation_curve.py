@@ -12,14 +12,14 @@ from .._lib.checks import finite_number, pair_of, shown, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
-from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.orbit_equations import orbit_problem
+from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
-from .orbit_equations import orbit_problem
 from .parameter_spans import spans
-from .shooting import ShootingProblem
 from .singular_orbits import SingularOrbits
 from .singular_segments import SingularSegments
 

@@ -13,10 +13,10 @@ from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
+from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
-from .orbit_equations import OrbitProblem
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arclength import Problem
+from ..orbits.arclength import Problem
 
 _DIFFERENCE = 1e-4  # in the unknowns, between derivatives whose derivatives are wanted
 _ROUNDS = 8

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
-from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
 from .detection import TESTS, Detector
 from .kinds import BifurcationKind
-from .orbit_equations import OrbitProblem
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE = "large multipliers"

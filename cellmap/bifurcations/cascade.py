@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
+from ..orbits.arclength import corrected
 from ..orbits.attractor import Attractor
+from ..orbits.orbit_equations import begin_orbit, orbit_problem
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .arclength import corrected
 from .branch import Bifurcation, Branch
 from .branch_tracer import BranchTracer, born_orbit
 from .kinds import BifurcationKind
-from .orbit_equations import begin_orbit, orbit_problem
 
 _STEP = 0.02  # of the parameter's interval that is looked at
 _AHEAD = 2.0  # gaps between doublings that are looked through for the next one

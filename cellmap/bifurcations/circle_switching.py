@@ -10,12 +10,12 @@ from .._lib.signatures import checked
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.orbit_equations import natural_sizes
 from .branch import Bifurcation, Branch
 from .circle_branches import CircleBranch, CircleStatus, decay_of
 from .circle_equations import CircleProblem, across_exponent
 from .kinds import BifurcationKind
-from .orbit_equations import natural_sizes
 
 _FEWEST, _MOST = 9, 273  # phases
 _SMALL_TAIL = 1e-10  # of harmonics, from which there should be more phases,

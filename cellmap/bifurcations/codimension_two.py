@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms, multilinear_forms
+from ..orbits.arclength import ContinuationStep, SolutionPoint
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
-from .arclength import ContinuationStep, SolutionPoint
 from .born_curves import NewCurve, born_curves
 from .centre_manifold import coefficient
 from .codimension_two_forms import CodimensionTwoForm, form_of_two

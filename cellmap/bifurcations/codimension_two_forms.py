@@ -14,10 +14,10 @@ from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import multipliers_of, pair_on_circle
+from ..orbits.orbit_equations import OrbitProblem, natural_sizes
 from .homological import Centre, Term, exponents, normal_form_terms
 from .kinds import CodimensionTwoKind as Kind
 from .located_forms import CERTAIN, LocatedForms, Tensors
-from .orbit_equations import OrbitProblem, natural_sizes
 
 _RESONANT = 1e-6  # difference of a multiplier and a product of multipliers that are taken for equal
 _ELSEWHERE = 1e-2  # error of critical multipliers, from which they are others

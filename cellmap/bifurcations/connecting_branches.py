@@ -13,7 +13,7 @@ from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
-from .arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
 from .parameter_spans import spans

@@ -15,8 +15,8 @@ from ..maps.orbit_batch import Orbits
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
+from ..orbits.arclength import corrected
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .arclength import corrected
 from .connecting_problem import ConnectingProblem
 
 _BEGINNING = 1e-6  # scaled distance of the first and the last point from the saddles

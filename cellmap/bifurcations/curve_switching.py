@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from .._lib.signatures import checked
-from .arclength import corrected
+from ..orbits.arclength import corrected
 from .bifurcation_curve import BifurcationCurve, CurveTracer, interval_of, limits_of
 from .born_curves import NewCurve, born_curves
 from .codimension_two import CodimensionTwo

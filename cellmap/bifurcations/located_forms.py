@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..maps.point_map import PointMap
-from .orbit_equations import OrbitProblem
+from ..orbits.orbit_equations import OrbitProblem
 
 CERTAIN = 3.0
 """Errors that a coefficient is away from zero, from which on it counts as not zero."""

@@ -12,10 +12,10 @@ from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
+from ..orbits.orbit_equations import OrbitProblem, natural_sizes
 from .centre_manifold import coefficient
 from .kinds import BifurcationKind
 from .located_forms import CERTAIN, LocatedForms
-from .orbit_equations import OrbitProblem, natural_sizes
 
 _LARGEST = 1e6  # derivative of a map that is known well enough
 _SINGULAR = 1e-7  # product of the unit eigenvectors of a multiplier that is not simple

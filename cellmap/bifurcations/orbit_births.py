@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..orbits.arclength import SolutionPoint, continuation_steps, corrected
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
-from .arclength import SolutionPoint, continuation_steps, corrected
+from ..orbits.orbit_equations import OrbitProblem
 from .kinds import BifurcationKind
-from .orbit_equations import OrbitProblem
 from .singular_orbits import SingularOrbits
 
 _DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in natural sizes

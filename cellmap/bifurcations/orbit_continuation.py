@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import finite_number, finite_points, whole_number
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
+from ..orbits.arclength import SolutionPoint, corrected, tangent_of
 from ..orbits.attractor import Attractor
+from ..orbits.orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .arclength import SolutionPoint, corrected, tangent_of
+from ..orbits.shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 from .branch import Bifurcation, Branch
 from .branch_tracer import LARGE, BranchTracer, Pieces, born_orbit, joined
-from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
-from .shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
 

@@ -14,9 +14,9 @@ from ..maps.coordinates import difference
 from ..maps.orbit_batch import CHUNK, Status
 from ..maps.point_map import PointMap, follow
 from ..orbits.attractor import Attractor
+from ..orbits.orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import Matrices
-from .orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 
 _ITERATIONS = 8
 _ROUNDING = 1e-13  # residual, scaled, that no step makes smaller

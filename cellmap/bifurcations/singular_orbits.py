@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..orbits.arclength import SolutionPoint
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
-from .arclength import SolutionPoint
+from ..orbits.orbit_equations import OrbitProblem
 from .kinds import BifurcationKind
-from .orbit_equations import OrbitProblem
 
 _DIFFERENCE = 1e-5  # of test functions, in scaled unknowns
 _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis

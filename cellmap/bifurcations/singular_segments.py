@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from .._lib.checks import shown
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
-from .arclength import SolutionPoint
+from ..orbits.arclength import SolutionPoint
+from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation
 from .kinds import BifurcationKind
-from .shooting import ShootingProblem
 
 _DIFFERENCE = 1e-5  # of derivatives, in scaled unknowns
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ _ITERATIONS = 25
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
 _DAMPED_ITERATIONS = 60
 _SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
+_SMALL = 1e-8  # step that may be the last one, if the next would be rounding;
+_STALLED = 1e-7  # steps below this that do not get shorter are what the errors of images leave,
+_PATIENCE = 4  # if so many of them follow one another
+_ROUNDING = 1e-15
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
@@ -44,7 +49,7 @@ def newton(
     points = np.array(guesses, dtype=float)
     settled = np.zeros(len(points), bool)
     active = np.arange(len(points))
-    last = np.full(len(points), np.inf)
+    last, before, stalled = np.full(len(points), np.inf), np.full(len(points), np.inf), np.zeros(len(points), np.int64)
     identity = np.eye(exact.dimension)
     for iteration in range(_ITERATIONS):
         if not len(active):
@@ -64,11 +69,26 @@ def newton(
         step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
         points[active] += step
         near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * extent).all(axis=-1)
-        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
-        done = near & (np.abs(step) <= 1e-8 * scale).all(axis=-1)
+        length = np.abs(step / scale).max(axis=-1, initial=0.0)
+        stalls = (before[active] <= _STALLED) & (length > 0.5 * before[active])
+        stalled[active] = np.where(stalls, stalled[active] + 1, 0)
+        done = near & (have_settled(length, before[active]) | (stalled[active] >= _PATIENCE))
+        before[active] = length
         settled[active[done]] = ~(attracting & (_largest_multiplier(matrices[done]) > _UNSTABLE))
         active = active[near & ~done]
     return wrap(points, exact.coordinates), settled
+
+
+def have_settled(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return where Newton's method has come to its end, from the lengths (n,) of its last steps and of those before.
+
+    The last step is rounding, or the next would be, by quadratic convergence.  Close to a fold, or to a critical point
+    of the map, convergence is quadratic only at the very end.
+    """
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(before), lengths / np.maximum(before, 1e-300), 1.0)
+    foreseen = (lengths <= _SMALL) & (lengths * ratio**2 <= _ROUNDING)
+    return np.asarray(foreseen | (lengths <= _ROUNDING))
 
 
 def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -88,13 +108,33 @@ def damped_newton(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d) that may be far away.
 
-    A step is halved until the next one, foreseen with the old derivative, is shorter, so that saddles are found from as
-    far as other orbits: the natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004),
-    3.3.  No step is longer than a quarter of the extent of the region.  Returns what :func:`newton` returns.
+    No step is longer than a quarter of the extent of the region.  Returns what :func:`newton` returns.
     """
     exact = point_map.without_table
-    d, identity = exact.dimension, np.eye(exact.dimension)
+    identity = np.eye(exact.dimension)
+
+    def system(rows: NDArray[np.int64], points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        images, matrices = tangent(exact, points, periods[rows])
+        return difference(images, points, exact.coordinates), matrices - identity
+
+    points, settled = damped_solutions(system, guesses, extent)
+    return wrap(points, exact.coordinates), settled
+
+
+def damped_solutions(
+    system: Callable[[NDArray[np.int64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    guesses: NDArray[np.float64],
+    extent: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Solve d equations in d unknowns from guesses (n, d) that may be far away, by a damped Newton method.
+
+    `system` returns the residuals (m, d) of some rows at points (m, d), and their derivatives (m, d, d).  A step is
+    halved until the next one, foreseen with the old derivative, is shorter, so that saddles are found from as far as
+    other orbits: the natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004), 3.3.  No
+    step is longer than a quarter of the extent.  Returns solutions (n, d) and which of them converged.
+    """
     base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
+    d = base.shape[-1]
     steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
     fraction = np.ones(len(base))
     settled = np.zeros(len(base), bool)
@@ -102,9 +142,8 @@ def damped_newton(
     for _ in range(_DAMPED_ITERATIONS):
         if not len(active):
             break
-        images, matrices = tangent(exact, points[active], periods[active])
-        residual = difference(images, points[active], exact.coordinates)
-        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1))
+        residual, slopes = system(active, points[active])
+        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
         with np.errstate(all="ignore"):
             foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
             length = np.linalg.norm(steps[active] / extent, axis=-1)
@@ -116,23 +155,26 @@ def damped_newton(
         again = active[~taken & ~closed]
         fraction[again] *= 0.5
         points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
-        accepted = active[taken]
-        slopes = identity - matrices[taken]
+        accepted, slopes = active[taken], -slopes[taken]
         solvable = np.abs(np.linalg.det(slopes)) > 1e-14
         accepted, slopes, residual = accepted[solvable], slopes[solvable], residual[taken][solvable]
         inverses[accepted] = np.linalg.inv(slopes)
         step = np.einsum("nij,nj->ni", inverses[accepted], residual)
+        scale = resolution(points[accepted], extent)
+        lengths, before = (np.abs(v / scale).max(axis=-1, initial=0.0) for v in (step, steps[accepted]))
         longest = np.abs(step / extent).max(axis=-1, initial=0.0)
         base[accepted], steps[accepted] = points[accepted], step
         fraction[accepted] = np.minimum(np.minimum(1.0, 2.0 * fraction[accepted]), 0.25 / np.maximum(longest, 1e-300))
-        # Quadratic convergence: a step of 1e-8 leaves an error of the order of rounding.
-        done = (np.abs(step) <= 1e-8 * resolution(points[accepted], extent)).all(axis=-1)
+        done = have_settled(lengths, before)
         fraction[accepted[done]] = 1.0
         points[accepted] = base[accepted] + fraction[accepted, None] * step
         settled[accepted[done]] = True
-        trying = again[(fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)]
+        hopeful = (fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)
+        trying, ended = again[hopeful], again[~hopeful]
+        points[ended] = base[ended]
+        settled[ended] = (np.abs(steps[ended]) <= _STALLED * resolution(base[ended], extent)).all(axis=-1)
         active = np.sort(np.concatenate([trying, accepted[~done]]))
-    return wrap(points, exact.coordinates), settled
+    return points, settled
 
 
 def closed_orbit(

@@ -14,16 +14,24 @@ from ..maps.coordinates import difference, state_points, turns_of, wrap
 from ..maps.grid import CellGrid, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
-from .newton import closed_orbit, damped_newton, resolution
+from ..maps.tangent import tangent
+from .newton import closed_orbit, damped_newton, damped_solutions, resolution
+from .orbit_equations import OrbitProblem
 from .orbit_kinds import PeriodicOrbit
+from .shooting import ShootingProblem
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
+_SEGMENTS = 16  # of a step of the map, where it can be divided
+_LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 
 
 @checked
 def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> PeriodicOrbit:
     """Return the periodic orbit to which a damped Newton method converges from a guess.
+
+    Where deviations grow much in the period, the method is applied to the orbit in segments as well (multiple
+    shooting), and the solution nearest to the guess counts.
 
     Parameters
     ----------
@@ -57,13 +65,33 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
         raise ValueError(f"guess has shape {state.shape}: give one state")
     rounds = whole_number("period", period, at_least=1)
     extent = _extent(point_map, np.ones(point_map.dimension) + np.abs(state))
-    solutions, settled = damped_newton(point_map, state[None], np.array([rounds]), extent)
-    if not settled[0]:
+    solutions = _from_guess(point_map.without_table, state, rounds, extent)
+    if not len(solutions):
         raise ValueError(
             f"guess={state.tolist()}: no orbit of period {rounds} is found from there; give a guess nearer to one, or "
             "search a window with find_periodic_orbits"
         )
-    return closed_orbit(point_map, solutions[0], rounds, extent)
+    away = np.abs(difference(solutions, state, point_map.coordinates) / extent).max(axis=-1)
+    return closed_orbit(point_map, solutions[np.argmin(away)], rounds, extent)
+
+
+def _from_guess(
+    exact: PointMap, state: NDArray[np.float64], rounds: int, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the points (n, d) of orbits that Newton's method finds from a guess, in one segment and in several."""
+    points, settled = damped_newton(exact, state[None], np.array([rounds]), extent)
+    growth = float(np.linalg.norm(tangent(exact, state, rounds)[1]))
+    single = OrbitProblem(exact, exact, rounds, extent)
+    count = next((n for n in (_SEGMENTS, 1) if ShootingProblem.can_divide(single, n)), None)
+    if count is None or (settled[0] and growth < _LARGE_GROWTH):
+        return points[settled]
+    problem = ShootingProblem.of(single, count, state, sized=True)
+    # From the nodes of the orbit through the guess, and from nodes that stay there.
+    guesses = np.stack([problem.through(state), np.tile(state, problem.nodes) / problem.scale])
+    guesses = guesses[np.isfinite(guesses).all(axis=-1)]
+    others, found = damped_solutions(lambda _, unknowns: problem(unknowns), guesses, np.ones(problem.states))
+    firsts = wrap((others * problem.scale)[:, : exact.dimension], exact.coordinates)
+    return np.concatenate([points[settled], firsts[found]])
 
 
 @checked

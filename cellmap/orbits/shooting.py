@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
 from ..maps.point_map import PointMap
-from ..orbits.multipliers import multipliers_of_product
-from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected
+from .multipliers import multipliers_of_product
 from .orbit_equations import OrbitProblem
+from .orbit_kinds import PeriodicOrbit
 
 DIVISIONS = (1, 4, 16, 64)
 """Parts of a step of the map in segments of an orbit, tried one after the other."""

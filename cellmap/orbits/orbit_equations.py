@@ -12,11 +12,11 @@ from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-from ..orbits.attractor import Attractor
-from ..orbits.multipliers import multipliers_of, pairs_beside_one
-from ..orbits.newton import closed_orbit
-from ..orbits.orbit_kinds import PeriodicOrbit
 from .arclength import SolutionPoint, corrected
+from .attractor import Attractor
+from .multipliers import multipliers_of, pairs_beside_one
+from .newton import closed_orbit
+from .orbit_kinds import PeriodicOrbit
 
 _UNCOUPLED = 1e-8  # part of the largest entry of a balanced derivative below which there is no coupling
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
