@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import ceil, lcm, log
 
@@ -23,6 +24,8 @@ _BEGINNING = 1e-6  # scaled distance of the first and the last point from the sa
 _BISECTIONS = 60
 _SAME = 1e-6  # difference of places on the fundamental segment within which orbits are equal
 _MOST_POINTS = 400  # of an orbit
+_TOUCHING = 1e-9  # angle in radians below which manifolds do not cross;
+_FEW = 3  # if so many orbits are found, and all of them are such, the manifolds coincide
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,8 @@ def connecting_orbits(
     Raises
     ------
     ValueError
-        For orbits that are no saddles with one unstable multiplier, and for a map that has no parameter.
+        For orbits that are no saddles with one unstable multiplier, for a map that has no parameter, and for manifolds
+        that coincide, as those of integrable maps.
 
     References
     ----------
@@ -131,19 +135,22 @@ def connecting_orbits(
     p, q = np.array(source.points[0]), np.array(end.points[0])
     begin, near = _Splitting.at(exact, p, steps), _Splitting.at(exact, q, steps)
     size = _visited(exact, p, begin.unstable, begin.factor, steps, most, turns_of(exact.coordinates)[1])
-    found = []
+    orbits: list[tuple[int, ConnectingOrbit]] = []
     for side in (1.0, -1.0) if begin.factor > 0.0 else (1.0,):
         direction = side * begin.unstable / np.linalg.norm(begin.unstable / size)
         segment = _Segment(exact, p, direction, abs(begin.factor) ** (1 if begin.factor > 0.0 else 2), steps)
-        crossings = segment.crossings(near, size, reach, most, samples)
-        found += [(number, segment.chain(place, number)) for place, number in crossings]
-    orbits: list[ConnectingOrbit] = []
-    for _, chain in sorted(found, key=lambda f: f[0]):
-        guess = _to_target(chain, near, size)
-        orbit = None if guess is None else connection(exact, steps, size, p, q, guess)
-        if orbit is not None and not any(_equal(orbit, other) for other in orbits):
-            orbits.append(orbit)
-    return tuple(orbits)
+        for place, number in segment.crossings(near, size, reach, most, samples):
+            guess = _to_target(segment.chain(place, number), near, size)
+            orbit = None if guess is None else connection(exact, steps, size, p, q, guess)
+            if orbit is None or any(_equal(orbit, other) for _, other in orbits):
+                continue
+            orbits.append((number, orbit))
+            if len(orbits) >= _FEW and all(abs(other.angle) < _TOUCHING for _, other in orbits):
+                raise ValueError(
+                    f"source={source!r}, target={end!r}: their manifolds coincide within {_TOUCHING:g} rad, so that "
+                    "all of their points belong to connecting orbits; change a parameter that separates them"
+                )
+    return tuple(orbit for _, orbit in sorted(orbits, key=lambda found: found[0]))
 
 
 def _saddle(name: str, orbit: PeriodicOrbit, exact: PointMap) -> int:
@@ -224,11 +231,11 @@ class _Segment:
 
     def crossings(
         self, target: _Splitting, size: NDArray[np.float64], radius: float, most: int, samples: int
-    ) -> list[tuple[float, int]]:
-        """Return places, and the steps after which their images are near a saddle and on its stable manifold."""
+    ) -> Iterator[tuple[float, int]]:
+        """Yield places, and the steps after which their images are near a saddle and on its stable manifold."""
         places = np.linspace(0.0, 1.0, samples + 1)
         orbits = Orbits.starting(self.begin(places))
-        found: list[tuple[float, int]] = []
+        found: list[float] = []
         for number in range(1, most + 1):
             self.exact.advance(orbits, self.steps)
             with np.errstate(invalid="ignore"):
@@ -241,9 +248,9 @@ class _Segment:
             # The way out to the saddle's own neighbourhood is no way back to it.
             rows = rows[away[rows] > 1e-3 * away[near].max(initial=0.0)]
             for place in self._bisected(places[rows], places[rows + 1], number, target):
-                if not any(abs(place - other) <= _SAME for other, _ in found):
-                    found.append((place, number))
-        return found
+                if not any(abs(place - other) <= _SAME for other in found):
+                    found.append(place)
+                    yield place, number
 
     def _bisected(
         self, low: NDArray[np.float64], high: NDArray[np.float64], number: int, target: _Splitting

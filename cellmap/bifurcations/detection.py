@@ -19,6 +19,7 @@ from .kinds import BifurcationKind
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
+_BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and the residual there if all are orbits
 _KEPT = 1e-9  # distance of the product of all multipliers from 1 that rounding explains
 _BISECTIONS = 48
 
@@ -158,6 +159,11 @@ class Detector:
         """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
+    def _is_continuum(self, unknowns: NDArray[np.float64], direction: NDArray[np.float64]) -> bool:
+        """Return whether orbits at one parameter value fill a line, as they do not at a pitchfork."""
+        sides = [self.problem(unknowns + length * direction)[0] for length in (-_BESIDE, _BESIDE)]
+        return bool(np.abs(sides).max() < _ON_LINE)
+
     def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation | None:
         """Return what is known of a bifurcation, but for the counts; None where it is none."""
         problem, d = self.problem, self.problem.dimension
@@ -171,6 +177,8 @@ class Detector:
                 place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
                 if abs(branch_direction[-1]) > _VERTICAL:
                     kind = BifurcationKind.TRANSCRITICAL
+                elif self._is_continuum(unknowns, branch_direction):
+                    kind, branch_direction = BifurcationKind.DEGENERATE, None
         multipliers = self.multipliers(place)
         if kind is BifurcationKind.NEIMARK_SACKER and not self._is_complex(multipliers):
             kind = BifurcationKind.DEGENERATE

@@ -19,7 +19,8 @@ class BifurcationKind(StrEnum):
     NEIMARK_SACKER = "Neimark-Sacker"
     """A complex pair of multipliers crosses the unit circle; without damping two pairs collide on it (Krein)."""
     DEGENERATE = "degenerate"
-    """Several multipliers cross together, by symmetry or coincidence; the bifurcating branches are not determined."""
+    """Several multipliers cross together, by symmetry or coincidence, or orbits fill a line at one parameter value; the
+    bifurcating branches are not determined."""
 
 
 class CodimensionTwoKind(StrEnum):

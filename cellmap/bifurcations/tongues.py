@@ -91,7 +91,8 @@ def arnold_tongue(
     point_map : PointMap
         The map, at a value of the second parameter at which the tongue is open.
     rotations, period : int
-        p and q of the rotation number p/q, without common divisor, 0 <= p <= q.
+        p and q of the rotation number p/q, without common divisor, 0 <= p <= q.  In a plane without angles orbits are
+        counted anticlockwise: where they turn p/q clockwise, the number is (q - p)/q.
     parameters : tuple of str
         Names of the two parameters.
     first, second : tuple of float
@@ -194,6 +195,10 @@ class _Numbers:
     transient: int
     periods: int
 
+    @property
+    def _has_angle(self) -> bool:
+        return bool(turns_of(self.exact.coordinates)[1].any())
+
     def _orbits(self, values: NDArray[np.float64]) -> tuple[PointMap, Orbits]:
         swept = swept_map(self.exact, self.name)
         states = np.column_stack([np.tile(self.state, (len(values), 1)), values])
@@ -215,8 +220,8 @@ class _Numbers:
             points.extend(places)
             rotations.extend(turned)
         history, turns = np.array(points)[..., :-1], np.array(rotations)[..., :-1]
-        turn = turns_of(self.exact.coordinates)[1]
-        if turn.any():
+        if self._has_angle:
+            turn = turns_of(self.exact.coordinates)[1]
             j = int(np.argmax(turn > 0.0))
             steps = np.diff(history[..., j], axis=0) / turn[j] + np.diff(turns[..., j], axis=0)
         else:
@@ -227,10 +232,11 @@ class _Numbers:
 
     def enclosed(self, ratio: float, low: float, high: float) -> tuple[float, float]:
         """Return a value at which the rotation number is locked to p/q, and the width of the interval where it is."""
-        left, right = low, high
+        left, right, remedy = low, high, ""
         for _ in range(_ROUNDS):
             values = np.linspace(left, right, _PARTS + 1)
-            apart = self.at(values) - ratio
+            numbers = self.at(values)
+            apart = numbers - ratio
             locked = np.flatnonzero(np.abs(apart) <= _LOCKED)
             if len(locked):
                 first, last = locked[0], locked[-1]
@@ -241,11 +247,17 @@ class _Numbers:
             # Rotation numbers are known up to whole numbers.
             crossing = crossing[np.abs(apart[crossing + 1] - apart[crossing]) < 0.5]
             if not len(crossing):
+                mirrored = (numbers + ratio - 1.0)[np.isfinite(numbers)]
+                if mirrored.min(initial=np.inf) <= 0.0 <= mirrored.max(initial=-np.inf) and not self._has_angle:
+                    remedy = (
+                        f"; in the plane of the first two coordinates orbits turn clockwise, with the rotation number "
+                        f"{1.0 - ratio:.9g}: give rotations=period - rotations"
+                    )
                 break
             left, right = float(values[crossing[0]]), float(values[crossing[0] + 1])
         raise ValueError(
             f"first={(low, high)!r}: no orbit with the rotation number {ratio:.9g} is found; give another interval of "
-            f"{self.name}, or another initial condition"
+            f"{self.name}, or another initial condition{remedy}"
         )
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, orbit_continuation, switch_branch
-from cellmap.orbits.shooting import ShootingProblem
 from cellmap.orbits.multipliers import multipliers_of_product
+from cellmap.orbits.shooting import ShootingProblem
 from systems import driven_pendulum, van_der_pol_oscillator
 
 

@@ -172,3 +172,39 @@ def test_where_derivatives_are_not_known() -> None:
 def test_bad_input_is_refused(pendulum: PointMap, call: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         call(pendulum)
+
+
+@pytest.mark.parametrize(
+    ("step", "window"),
+    [
+        (lambda x, p: (4.0 * x[0] * (1.0 - x[0]),), (-0.01, 1.01)),
+        (lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01)),
+    ],
+)
+def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float, float]) -> None:
+    # Both maps are conjugate to the tent map of slope 2: the number of orbits of period n is that of binary Lyndon
+    # words, and every multiplier is 2^n but that of the fixed point at the end of the interval, 4.
+    parabola = discrete_map(step, {}, ("x",))
+    found = find_periodic_orbits(parabola, CellGrid((window[0],), (window[1],), (20_000,)), max_period=11)
+    assert Counter(o.period for o in found) == dict(
+        zip(range(1, 12), (2, 1, 2, 3, 6, 9, 18, 30, 56, 99, 186), strict=True)
+    )
+    sizes = [abs(o.multipliers[0]) / 2.0**o.period for o in found]
+    assert sorted(sizes)[:-1] == pytest.approx([1.0] * (len(sizes) - 1), rel=1e-7)
+
+
+@pytest.mark.parametrize("omega", [0.5, 0.7, 0.9])
+@pytest.mark.parametrize("part", [0.0, 0.9, 1.0, 2.0])
+def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega: float, part: float) -> None:
+    # Between two wells, to first order in epsilon: x = -epsilon cos(omega t)/(1 + omega^2), with multipliers of some
+    # exp(2 pi/omega): 1e3 to 3e5.
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], x[0] - x[0] ** 3 + p.epsilon * (cos(p.omega * t) - x[1])
+
+    wells = ForcedSystem(
+        rhs, {"epsilon": 0.01, "omega": omega}, period=lambda p: 2.0 * pi / p.omega, coordinates=("x", "v")
+    )
+    expected = -0.01 / (1.0 + omega**2)
+    orbit = periodic_orbit(stroboscopic_map(wells), [part * expected, 0.0])
+    np.testing.assert_allclose(orbit.points, [[expected, 0.0]], atol=1e-4)
+    assert abs(orbit.multipliers[0]) == pytest.approx(exp(2.0 * pi / omega), rel=0.1)

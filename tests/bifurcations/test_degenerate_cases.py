@@ -1,0 +1,158 @@
+"""Broken symmetries, edges that are not found, resonances at ends of curves, and conditions that hold everywhere."""
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, PointMap, angle, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap.bifurcations import (
+    BifurcationCurve,
+    BifurcationKind,
+    CodimensionTwoKind,
+    arnold_tongue,
+    connecting_orbits,
+    continue_bifurcation,
+)
+
+Interval = tuple[float, float]
+
+
+def curve_of(
+    point_map: PointMap,
+    guess: list[float],
+    first: str,
+    second: str,
+    box: tuple[Interval, Interval],
+    kind: BifurcationKind,
+) -> BifurcationCurve:
+    branch = continue_orbit(point_map, periodic_orbit(point_map, guess), first, *box[0])
+    return continue_bifurcation(branch, branch.of_kind(kind)[0], second, *box)
+
+
+@pytest.mark.parametrize("broken", [lambda x, p: p.T, lambda x, p: p.T * x**2, lambda x, p: p.T * (1.0 - cos(x))])
+def test_a_pitchfork_is_one_point_where_a_parameter_breaks_the_symmetry(broken) -> None:  # type: ignore[no-untyped-def]
+    # T alone makes it the cusp of the folds 27 T^2 = 4 q^3; with even terms it is transcritical beside T = 0.
+    cubic = discrete_map(
+        lambda x, p: (x[0] + p.q * x[0] - x[0] ** 3 + broken(x[0], p),), {"q": -0.25, "T": 0.0}, ("x",)
+    )
+    curve = curve_of(cubic, [0.0], "q", "T", ((-1.0, 1.0), (-0.3, 0.3)), BifurcationKind.PITCHFORK)
+    assert curve.ends == ("symmetry broken", "symmetry broken")
+    np.testing.assert_allclose(curve.values, [[0.0, 0.0]], atol=1e-12)
+
+
+def test_a_pitchfork_is_followed_where_a_parameter_keeps_the_symmetry() -> None:
+    cubic = discrete_map(
+        lambda x, p: (x[0] + (p.q - p.T**2) * x[0] - x[0] ** 3 + p.T * x[0] ** 5,), {"q": -0.25, "T": 0.0}, ("x",)
+    )
+    curve = curve_of(cubic, [0.0], "q", "T", ((-1.0, 1.0), (-0.3, 0.3)), BifurcationKind.PITCHFORK)
+    assert curve.ends == ("left the intervals", "left the intervals")
+    np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-12)
+
+
+def test_a_constant_torque_ends_a_curve_of_pitchforks_of_the_pendulum() -> None:
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        theta, omega = x
+        return omega, -omega / p.quality - sin(theta) + p.amplitude * cos(p.frequency * t) + p.torque
+
+    pendulum = ForcedSystem(
+        rhs,
+        {"quality": 2.0, "amplitude": 0.9, "frequency": 2.0 / 3.0, "torque": 0.0},
+        period=lambda p: 2.0 * pi / p.frequency,
+        coordinates=(angle("theta"), "omega"),
+    )
+    exact = stroboscopic_map(pendulum)
+    box = ((0.9, 1.1), (-0.2, 0.2))
+    curve = curve_of(exact, [-0.5, 1.5], "amplitude", "torque", box, BifurcationKind.PITCHFORK)
+    assert curve.ends == ("symmetry broken", "symmetry broken") and len(curve.values) == 1
+    there = exact.with_params(amplitude=curve.values[0, 0], torque=curve.values[0, 1])
+    np.testing.assert_allclose(there(curve.points[0]), curve.points[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("lower", [0.0, 1e-14, -1e-3])
+def test_a_curve_ends_at_an_edge_at_which_its_orbits_are_not_isolated(lower: float) -> None:
+    # At F = 0 and q = 0 every state is a fixed point; for all other F the fold is at q = 0.
+    parabola = discrete_map(lambda x, p: (x[0] + p.q - p.F * x[0] ** 2,), {"q": 0.25, "F": 1.0}, ("x",))
+    curve = curve_of(parabola, [0.5], "q", "F", ((-1.0, 1.0), (lower, 3.0)), BifurcationKind.FOLD)
+    assert curve.values[:, 1].min() >= lower and curve.values[:, 1].max() == 3.0
+    assert len(curve.values) < 200
+    np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("highest", [7.0, 7.5])
+def test_a_resonance_at_the_end_of_a_curve_makes_no_other_point(highest: float) -> None:
+    # The Jacobian matrix at (1/d, r (1 - 1/d) - 1) has the determinant r (1 - 2/d) and the trace 2 - r/d: the curve is
+    # r = d/(d - 2), with the 1:4 resonance at d = 5/2, r = 5 and the 1:3 resonance at d = 7/3, r = 7.
+    prey = discrete_map(
+        lambda x, p: (p.r * x[0] * (1.0 - x[0]) - x[0] * x[1], p.d * x[0] * x[1]), {"r": 3.0, "d": 1.8}, ("x", "y")
+    )
+    box = ((1.5, 4.0), (1.5, highest))
+    curve = curve_of(prey, [1.0 / 1.8, 3.0 * (1.0 - 1.0 / 1.8) - 1.0], "d", "r", box, BifurcationKind.NEIMARK_SACKER)
+    d, r = curve.values.T
+    np.testing.assert_allclose(r, d / (d - 2.0), rtol=1e-9)
+    assert {p.kind: tuple(p.values.round(9)) for p in curve.codimension_two} == {
+        CodimensionTwoKind.RESONANCE_1_4: (2.5, 5.0),
+        CodimensionTwoKind.RESONANCE_1_3: (round(7.0 / 3.0, 9), 7.0),
+    }
+
+
+def test_conditions_that_hold_along_a_curve_are_named_once() -> None:
+    # Both maps square to products of maps of one variable: multipliers are +-i all along the curve.
+    duopoly = discrete_map(
+        lambda x, p: (sqrt(x[1] / p.a) - x[1], sqrt(x[0] / p.b) - x[0]), {"a": 1.0, "b": 5.0}, ("x", "y")
+    )
+    curve = curve_of(
+        duopoly, [5.0 / 36.0, 1.0 / 36.0], "b", "a", ((4.0, 6.2), (0.8, 1.1)), BifurcationKind.NEIMARK_SACKER
+    )
+    np.testing.assert_allclose(curve.values[:, 0] / curve.values[:, 1], 3.0 + 2.0 * sqrt(2.0), rtol=1e-12)
+    assert curve.codimension_two == () and CodimensionTwoKind.RESONANCE_1_4 in curve.degeneracies
+
+    shifted = discrete_map(
+        lambda x, p: (-(1.0 + p.q) * (1.0 + p.s) * x[1] + x[1] ** 3, x[0]), {"q": -0.1, "s": 0.0}, ("x", "y")
+    )
+    curve = curve_of(shifted, [0.0, 0.0], "q", "s", ((-0.3, 0.3), (-0.2, 0.2)), BifurcationKind.NEIMARK_SACKER)
+    assert curve.codimension_two == () and curve.degeneracies == {CodimensionTwoKind.RESONANCE_1_4}
+
+
+def test_a_line_of_orbits_is_no_pitchfork() -> None:
+    # The adaptive control map: the branch (1, 1, 1 - b - k) meets at k = 0 the fixed points (0, 0, z) for all z.
+    control = discrete_map(
+        lambda x, p: (
+            x[1],
+            p.b * x[0] + p.k + x[1] * x[2],
+            x[2] - p.k * x[1] / (p.c + x[1] ** 2) * (p.b * x[0] + p.k + x[2] * x[1] - 1.0),
+        ),
+        {"b": -0.2, "k": 0.5, "c": 0.1},
+        ("x", "y", "z"),
+    )
+    branch = continue_orbit(control, periodic_orbit(control, [1.0, 1.0, 0.7]), "k", -0.5, 1.0)
+    (found,) = branch.bifurcations
+    assert found.kind is BifurcationKind.DEGENERATE and found.value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_manifolds_that_coincide_are_named() -> None:
+    # McMillan's map is integrable, and its saddle's manifolds are one curve; a perturbation makes them cross.
+    mcmillan = discrete_map(
+        lambda x, p: (x[1], -x[0] + 2.0 * p.mu * x[1] / (1.0 + x[1] ** 2) + p.e * x[1] ** 3),
+        {"mu": 1.5, "e": 0.0},
+        ("x", "y"),
+    )
+    saddle = periodic_orbit(mcmillan, [0.0, 0.0])
+    for steps in (24, 30):
+        with pytest.raises(ValueError, match="manifolds coincide"):
+            connecting_orbits(mcmillan, saddle, max_steps=steps)
+    perturbed = mcmillan.with_params(e=1e-6)
+    angles = [
+        orbit.angle for orbit in connecting_orbits(perturbed, periodic_orbit(perturbed, [0.0, 0.0]), max_steps=24)
+    ]
+    assert len(angles) == 4 and 1e-7 < min(map(abs, angles)) < max(map(abs, angles)) < 1e-5
+
+
+def test_a_clockwise_rotation_is_named() -> None:
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        return x[1], -x[0] + (1.0 - x[0] ** 2) * x[1] + p.F * cos(p.w * t)
+
+    oscillator = ForcedSystem(rhs, {"F": 1.0, "w": 2.85}, period=lambda p: 2.0 * pi / p.w, coordinates=("x", "v"))
+    exact = stroboscopic_map(oscillator)
+    with pytest.raises(ValueError, match=r"clockwise, with the rotation number 0\.666666667: give rotations=period"):
+        arnold_tongue(exact, 1, 3, ("w", "F"), (2.6, 3.1), (0.5, 1.5), [1.0, 0.0], transient=200, periods=400)
