@@ -19,7 +19,7 @@ import numpy as np
 
 from .evaluation import evaluated
 from .expression import Comparison, Expression, Graph, UntraceableError, in_order
-from .pieces import BY_SERIES, MOVING, PIECES, is_made_of_steps
+from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, moves
 
 MOST_PATHS = 256
 MOST_SWITCHES = 24
@@ -107,7 +107,7 @@ class BranchingGraph(Graph):
 
     def apply(self, operation: str, *operands: Any) -> Expression:
         """Apply an operation; those with kinks and jumps become selections, and with modes all become series."""
-        rule = PIECES.get(operation) or (BY_SERIES.get(operation) if self.modes else None)
+        rule = PIECES.get(operation) or ((BY_SERIES | LOCATED).get(operation) if self.modes else None)
         arguments = tuple(self.lift(a) for a in operands)
         if rule is None or all(a.operation == "constant" for a in arguments):
             return super().apply(operation, *arguments)
@@ -226,7 +226,7 @@ class BranchingGraph(Graph):
         number = len(self.switches)
         if number >= MOST_SWITCHES:
             raise UntraceableError(f"it makes more than {MOST_SWITCHES} comparisons")
-        if self.modes and any(e.operation in MOVING for e in in_order([function])):
+        if self.modes and moves(function):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain("floor" if counts else "side", function)

@@ -76,8 +76,19 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
         case "select":
             sides = (graph.constant(0.0) if slope is None else slope for slope in inner[1:])
             return apply("select", a, *sides)
-        case "side" | "floor" | "sign":
+        case "side" | "floor" | "trunc" | "sign" | "floordiv":
             return None
+        case "fabs":
+            return None if da is None else apply("mul", da, apply("copysign", 1.0, a))
+        case "copysign":
+            ones = (apply("copysign", 1.0, e) for e in node.arguments)
+            return None if da is None else apply("mul", da, apply("mul", *ones))
+        case "mod" | "fmod":
+            if inner[1] is None:
+                return da
+            b = node.arguments[1]
+            quotient = apply("floor", apply("add", apply("div", apply("sub", a, node), b), 0.5))
+            return _sum(graph, [da, apply("neg", apply("mul", quotient, inner[1]))])
         case "hypot":
             products = _sum(graph, [times(slope, x) for slope, x in zip(inner, node.arguments, strict=True)])
             return None if products is None else apply("div", products, node)

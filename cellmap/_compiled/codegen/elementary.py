@@ -57,12 +57,11 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
             return round(value, digits) if digits else round(value)
         scale = 10.0**digits
         scaled = value * scale
-        whole = table["floor"](scaled + 0.5)
-        if (
-            not value.graph.modes
-        ):  # of two numbers that are as near, the even one; a flow only passes through such places
-            whole = where(whole - scaled >= 0.5, whole - whole % 2.0, whole)
-        return whole / scale
+        if value.graph.modes:  # a flow only passes through places where two numbers are as near
+            return table["floor"](scaled + 0.5) / scale
+        whole = table["floor"](scaled)
+        part = scaled - whole
+        return (whole + where(part > 0.5, 1.0, where(part < 0.5, 0.0, whole % 2.0))) / scale
 
     table["norm"], table["select"], table["round"] = norm, select, nearest
     table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])

@@ -8,6 +8,7 @@ from ..kernels import simd_math
 from .expression import Expression
 from .trace import STATEFUL
 
+_OWN = {"fmin", "fmax", "mod", "fmod", "floordiv"}  # those of the C library are others, slower, or not there
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
@@ -48,7 +49,7 @@ def dot(pairs: Iterable[tuple[str, str]]) -> str:
 
 def library(function: str, level: int) -> str:
     """Return where a function comes from: vectorisable where there is one and the state is involved, else libm."""
-    if function in {"fmin", "fmax"}:
+    if function in _OWN:
         return f"simd_math.{function}"
     return f"simd_math.{function}" if level == STATEFUL and hasattr(simd_math, function) else f"math.{function}"
 

@@ -30,6 +30,9 @@ ANALYTIC = frozenset(
 )
 """Operations with a power series wherever they are defined."""
 
+JUMPING = frozenset({"side", "floor", "fabs", "trunc", "copysign", "mod", "fmod", "floordiv"})
+"""Operations with kinks or jumps that are no selections."""
+
 _FOLD: dict[str, Callable[..., float]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
@@ -40,6 +43,7 @@ _FOLD: dict[str, Callable[..., float]] = {
     "fmin": min,
     "fmax": max,
     "mod": lambda a, b: a % b,
+    "floordiv": lambda a, b: a // b,
     "sign": lambda a: float(a > 0.0) - float(a < 0.0),
     "side": lambda a: 1.0 if a > 0.0 else -1.0,
     "select": lambda sign, a, b: a if sign > 0.0 else b,
@@ -102,10 +106,16 @@ class Expression:
         return self.graph.apply("mod", other, self)
 
     def __floordiv__(self, other: Any) -> Expression:
-        return self.graph.apply("floor", self.graph.apply("div", self, other))
+        return self.graph.apply("floordiv", self, other)
 
     def __rfloordiv__(self, other: Any) -> Expression:
-        return self.graph.apply("floor", self.graph.apply("div", other, self))
+        return self.graph.apply("floordiv", other, self)
+
+    def __divmod__(self, other: Any) -> tuple[Expression, Expression]:
+        return self // other, self % other
+
+    def __rdivmod__(self, other: Any) -> tuple[Expression, Expression]:
+        return other // self, other % self
 
     def __floor__(self) -> Expression:
         return self.graph.apply("floor", self)
@@ -252,6 +262,8 @@ class Graph:
                 return arguments[1]
             case ("add" | "sub", [None, 0.0]) | ("mul" | "div", [None, 1.0]):
                 return arguments[0]
+            case ("mod", [None, 1.0]):
+                return self.apply("sub", arguments[0], self.apply("floor", arguments[0]))
             case ("mul", [-1.0, None]):
                 return self.apply("neg", arguments[1])
             case ("neg", _) if arguments[0].operation == "neg":

@@ -140,6 +140,37 @@ class Instructions:
         what = f"{self.type_of(condition)} {condition.text}, {self.type_of(a)} {a.text}, {self.type_of(b)} {b.text}"
         return self._operation(f"select {what}", a.vector, a.flag)
 
+    def seldom(self, condition: Value, name: str, arguments: list[Value], otherwise: Value) -> Value:
+        """Call a function of the C library for the lanes where a condition holds, if there are any."""
+        condition, otherwise, *arguments = self.alike(condition, otherwise, *arguments)
+        if not condition.vector and self._before is not None:  # it stands before the loop, where no block may begin
+            return self.select(condition, self.libm(name, *arguments), otherwise)
+        self._count += 1
+        label, kind, known, before = f"seldom{self._count}", self.type_of(otherwise), self._broadcast, self.block
+        asked = self.over_lanes("or", condition) if condition.vector else condition.text
+        self.write(f"br i1 {asked}, label %{label}, label %{label}.not")
+        self.label(label)
+        found = self._called_for_lanes(name, *arguments) if condition.vector else self.libm(name, *arguments)
+        chosen = self.select(condition, found, otherwise)
+        self.jump(f"{label}.not")
+        self.label(f"{label}.not")
+        self._broadcast = known
+        return self.result(f"phi {kind} [{otherwise.text}, %{before}], [{chosen.text}, %{label}]", otherwise.vector)
+
+    def _called_for_lanes(self, name: str, *arguments: Value) -> Value:
+        """Call a function of the C library for all lanes in a function of its own: code that is seldom run is short."""
+        body, kind = Instructions(self.width), self.type(True)
+        parts = [Value(f"%a{i}", True) for i in range(len(arguments))]
+        total = body.libm(name, *parts).text
+        given = ", ".join(f"{kind} {part.text}" for part in parts)
+        lines = "\n".join([*body.lines, f"  ret {kind} {total}"])
+        function = f"@lanes.{name}.{self.width}"
+        self.declared |= {
+            *body.declared,
+            f"define internal {kind} {function}({given}) cold noinline #0 {{\n{lines}\n}}",
+        }
+        return self.result(f"call {kind} {function}({', '.join(f'{kind} {a.text}' for a in arguments)})", True)
+
     def intrinsic(self, name: str, *arguments: Value) -> Value:
         """Call a function of LLVM, such as sqrt or floor."""
         arguments = self.alike(*arguments)

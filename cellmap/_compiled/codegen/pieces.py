@@ -29,10 +29,14 @@ MOVING = frozenset({"state", "time", "sign"})
 _ABOVE_ZERO = 1e-12
 
 
+def moves(function: Expression) -> bool:
+    """Whether an expression depends on time, the state, or the sides of switches."""
+    return any(e.operation in MOVING for e in in_order([function]))
+
+
 def is_made_of_steps(function: Expression) -> bool:
     """Whether an expression depends on the sides of switches, and otherwise on neither state nor time."""
-    moves = {e.operation for e in in_order([function])} & MOVING
-    return moves == {"sign"}
+    return {e.operation for e in in_order([function])} & MOVING == {"sign"}
 
 
 def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
@@ -55,11 +59,21 @@ def _truncated(graph: BranchingGraph, a: Expression) -> Expression:
     return graph.choose(a, size, graph.apply("neg", size))
 
 
-def _remainder(
-    whole: Callable[[BranchingGraph, Expression], Expression],
-) -> Callable[[BranchingGraph, Expression, Expression], Expression]:
+Rule = Callable[..., Expression]
+
+
+def _remainder(whole: Rule) -> Rule:
     """Return a - b whole(a/b)."""
     return lambda graph, a, b: graph.apply("sub", a, graph.apply("mul", b, whole(graph, graph.apply("div", a, b))))
+
+
+def _located(operation: str, rule: Rule) -> Rule:
+    """Return the rule of an operation whose jumps are located, where its arguments move."""
+
+    def chosen(graph: BranchingGraph, *arguments: Expression) -> Expression:
+        return rule(graph, *arguments) if any(map(moves, arguments)) else graph.plain(operation, *arguments)
+
+    return chosen
 
 
 def _root_of_sum(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
@@ -97,7 +111,7 @@ def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
     return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
 
 
-BY_SERIES: dict[str, Callable[..., Expression]] = {
+BY_SERIES: dict[str, Rule] = {
     "pow": _power,
     "hypot": _root_of_sum,
     "cbrt": _cube_root,
@@ -113,16 +127,22 @@ BY_SERIES: dict[str, Callable[..., Expression]] = {
 }
 """Operations in terms of those that have recurrences of series."""
 
-PIECES: dict[str, Callable[..., Expression]] = {
-    "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),
+PIECES: dict[str, Rule] = {
     "fmax": lambda graph, a, b: graph.choose(graph.difference(a, b), a, b),
     "fmin": lambda graph, a, b: graph.choose(graph.difference(b, a), a, b),
-    "copysign": _copysign,
     "sign": _sign,
     "floor": lambda graph, a: graph.whole_part(a),
     "ceil": _negative_of_whole_part,
+}
+"""How operations with kinks and jumps are written."""
+
+_JUMPS: dict[str, Rule] = {
+    "fabs": lambda graph, a: graph.choose(a, a, graph.apply("neg", a)),
+    "copysign": _copysign,
     "trunc": _truncated,
     "mod": _remainder(lambda graph, a: graph.whole_part(a)),
     "fmod": _remainder(_truncated),
+    "floordiv": lambda graph, a, b: graph.whole_part(graph.apply("div", a, b)),
 }
-"""How operations with kinks and jumps are written."""
+LOCATED = {operation: _located(operation, rule) for operation, rule in _JUMPS.items()}
+"""How those are written for a motion that meets their jumps as events; for one application of a map they stay."""

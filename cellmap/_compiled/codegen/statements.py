@@ -37,6 +37,8 @@ _INTRINSICS = {
     "fabs": "fabs",
     "abs": "fabs",
     "copysign": "copysign",
+    "trunc": "trunc",
+    "fma": "fma",
 }
 """Functions that a processor has."""
 
@@ -94,6 +96,9 @@ class _Translator:
                 return functools.reduce(functools.partial(code.logical, _LOGICAL[type(operation)]), values)
             case ast.Compare(left=left, ops=[relation], comparators=[right]):
                 return code.compare(_RELATIONS[type(relation)], self.value(left, scope), self.value(right, scope))
+            case ast.IfExp(test=test, body=ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr=name)) as body):
+                condition, otherwise = self.value(test, scope), self.value(node.orelse, scope)
+                return code.seldom(condition, name, [self.value(a, scope) for a in body.args], otherwise)
             case ast.IfExp(test=test, body=body, orelse=otherwise):
                 return code.select(*(self.value(part, scope) for part in (test, body, otherwise)))
             case ast.Attribute(value=ast.Name(id="np" | "math"), attr=name):

@@ -15,6 +15,7 @@ from .branches import BranchingGraph
 from .elementary import elementary_functions
 from .evaluation import evaluated
 from .expression import (
+    JUMPING,
     Expression,
     UntraceableError,
     in_order,
@@ -83,7 +84,7 @@ class Trace:
     @property
     def has_branches(self) -> bool:
         """Whether state or time decide what is computed."""
-        return any(n.operation in {"side", "floor"} and level != CONSTANT for n, level in self.levels().items())
+        return any(n.operation in JUMPING and level != CONSTANT for n, level in self.levels().items())
 
     @property
     def resting(self) -> tuple[int, ...]:

@@ -1,13 +1,18 @@
 """Branch-free elementary functions that LLVM vectorises over lanes.
 
 Each function has the name and the meaning of its namesake in :mod:`math`, costs some twenty multiplications, and is
-right to about one unit in the last place over the range its comment states; beyond that range it returns NaN, which
-the error control of the integrators sees.  Arguments are reduced after Cody and Waite (1980): the divisor is split
+right to about two units in the last place.  Arguments are reduced after Cody and Waite (1980): the divisor is split
 into parts whose leading ones have so few bits that the product with the quotient is exact.  The polynomials are
 Chebyshev fits, with relative error below 3e-19 before rounding.
+
+Where ``math.f(x) if condition else y`` stands, the C library is called for the lanes that meet the condition, and not
+at all where none does.
 """
 
 from __future__ import annotations
+
+import math
+from fractions import Fraction
 
 import numpy as np
 
@@ -42,26 +47,26 @@ def _sine_of_remainder(r, half_periods):
 
 @ForNumba
 def sin(x):
-    """Sine, for abs(x) up to 3e6."""
+    """Sine."""
     n = np.floor(x * INVERSE_PI + 0.5)
     r = ((x - n * PI_1) - n * PI_2) - n * PI_3
     s = _sine_of_remainder(r, n)
-    return s if abs(x) < LARGEST_ANGLE else np.nan
+    return math.sin(x) if abs(x) >= LARGEST_ANGLE else s
 
 
 @ForNumba
 def cos(x):
-    """Cosine, for abs(x) up to 3e6."""
+    """Cosine."""
     n = np.floor(x * INVERSE_PI)
     m = n + 0.5
     r = ((x - m * PI_1) - m * PI_2) - m * PI_3
     s = -_sine_of_remainder(r, n)
-    return s if abs(x) < LARGEST_ANGLE else np.nan
+    return math.cos(x) if abs(x) >= LARGEST_ANGLE else s
 
 
 @ForNumba
 def tan(x):
-    """Tangent, for abs(x) up to 3e6."""
+    """Tangent."""
     return sin(x) / cos(x)
 
 
@@ -71,9 +76,9 @@ def _power_of_two(n):
 
 
 @ForNumba
-def exp(x):
-    """Exponential, for x from -708 to 709; 0 below, infinite above."""
-    bounded = min(max(x, -708.0), 709.0)
+def _scaled_exponential(x, doublings):
+    """Return 2**doublings times the exponential of x, for one or two doublings or halvings."""
+    bounded = min(max(x, -746.0), 711.0)
     n = np.floor(bounded * INVERSE_LN2 + 0.5)
     r = (bounded - n * LN2_1) - n * LN2_2
     s = 2.0921669745705126e-09
@@ -87,30 +92,34 @@ def exp(x):
     s = s * r + 0.04166666666666669
     s = s * r + 0.16666666666666702
     s = s * r + 0.5
-    # 2**n in two factors: 2**1024 itself is not a number that a double can hold.
+    # 2**n in two factors: neither 2**1024 nor 2**-1074 is the product of a mantissa and a power that a double can hold.
     half = np.floor(0.5 * n)
-    y = (1.0 + (r + r * r * s)) * _power_of_two(half) * _power_of_two(n - half)
-    y = y if x <= 709.0 else np.inf
-    y = y if x >= -708.0 else 0.0
+    y = (1.0 + (r + r * r * s)) * _power_of_two(half) * _power_of_two(n - half + doublings)
     return y if x == x else np.nan
+
+
+@ForNumba
+def exp(x):
+    """Exponential."""
+    return _scaled_exponential(x, 0.0)
 
 
 @ForNumba
 def sinh(x):
     """Hyperbolic sine."""
     a = abs(x)
-    e = exp(a)
+    e = _scaled_exponential(a, -1.0)
     z = x * x
     small = x * (1.0 + z * (1.0 / 6.0 + z * (1.0 / 120.0 + z * (1.0 / 5040.0 + z * (1.0 / 362880.0 + z / 39916800.0)))))
-    large = np.copysign(0.5 * (e - 1.0 / e), x)
+    large = np.copysign(e - 0.25 / e, x)
     return small if a < 0.3 else large
 
 
 @ForNumba
 def cosh(x):
     """Hyperbolic cosine."""
-    e = exp(abs(x))
-    return 0.5 * (e + 1.0 / e)
+    e = _scaled_exponential(abs(x), -1.0)
+    return e + 0.25 / e
 
 
 @ForNumba
@@ -180,3 +189,46 @@ def fmin(x, y):
 def fmax(x, y):
     """Larger of two numbers."""
     return x if x > y else y
+
+
+def fma(x, y, z):
+    """Fused multiply-add, which code for lanes has as an instruction."""
+    return float(Fraction(x) * Fraction(y) + Fraction(z))
+
+
+LARGEST_QUOTIENT = 2.0**53  # up to which a rounded quotient is off by one at most
+
+
+def mod(x, y):
+    """Remainder x % y with the sign of y, as Python has it.
+
+    It is exact, or rounded once, since the rounded quotient is the whole one or too large by one.
+    """
+    q = np.floor(x / y)
+    large = abs(q) >= LARGEST_QUOTIENT or abs(y) == np.inf
+    r = math.fmod(x, y) if large else fma(-q, y, x)
+    s = np.copysign(r, y)
+    return r + y if s != r else s
+
+
+def fmod(x, y):
+    """Remainder with the sign of x."""
+    a = abs(x)
+    b = abs(y)
+    q = np.floor(a / b)
+    large = q >= LARGEST_QUOTIENT or b == np.inf
+    r = math.fmod(a, b) if large else fma(-q, b, a)
+    r = r + b if r < 0.0 else r
+    return np.copysign(r, x)
+
+
+def floordiv(x, y):
+    """Quotient x // y, as Python has it, which rounds large ones."""
+    q = np.floor(x / y)
+    large = abs(q) >= 0.125 * LARGEST_QUOTIENT or abs(y) == np.inf
+    r = math.fmod(x, y) if large else fma(-q, y, x)
+    d = (x - r) / y if large else q
+    d = d - 1.0 if np.copysign(r, y) != r else d
+    f = np.floor(d)
+    f = f + 1.0 if d - f > 0.5 else f
+    return np.copysign(f, x / y) if f == 0.0 else f

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from cellmap import discrete_map
 from cellmap._compiled.for_numba import LOOP, numba
 from cellmap._compiled.kernels import simd_math
 
@@ -88,16 +89,30 @@ def test_sine_is_odd_and_cosine_even_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "tan"])
-def test_beyond_the_range_of_the_reduction_comes_nan(name: str) -> None:
-    values = [3.1e6, -3.1e6, 1e200, math.inf, -math.inf, math.nan]
-    assert np.isnan(over_array(name)(values)).all()
+def test_large_angles(name: str) -> None:
+    values = np.concatenate([10.0 ** np.random.default_rng(3).uniform(6.0, 300.0, 1000), [2.9999e6, 3e6, 1e22]])
+    values = np.concatenate([values, -values])
+    assert largest_error(name, values, over_array(name)(values)) <= 4.0
+    assert np.isnan(over_array(name)([math.nan])).all()
+    images = discrete_map(lambda x, p: (getattr(math, name)(x[0]),), {}, ("q",))
+    inside = np.abs(values) < 1e100
+    found = images(values[inside, np.newaxis])[:, 0]  # large ones and usual ones beside one another in vectors
+    assert largest_error(name, values[inside], found) <= 4.0
+
+
+@pytest.mark.parametrize("name", ["exp", "sinh", "cosh", "tanh"])
+def test_exponentials_up_to_the_ends_of_the_range_of_numbers(name: str) -> None:
+    last = 709.7827 if name == "exp" else 710.4758
+    values = np.concatenate([np.linspace(-last, last, 999), [-708.4, -720.0, -745.1, last]])
+    values = values[values > -745.2] if name == "exp" else values[np.abs(values) <= last]
+    assert largest_error(name, values, over_array(name)(values)) <= 4.0
 
 
 def test_limits_of_exponentials() -> None:
-    values = [0.0, -0.0, 709.0, 709.1, 1e300, math.inf, -708.0, -708.1, -1e300, -math.inf, math.nan]
-    with np.errstate(all="ignore"):
-        expected = [1.0, 1.0, math.exp(709.0), math.inf, math.inf, math.inf, math.exp(-708.0), 0.0, 0.0, 0.0, math.nan]
-    assert over_array("exp")(values) == pytest.approx(expected, rel=1e-15, nan_ok=True)
+    values = [0.0, -0.0, 709.0, 709.8, 1e300, math.inf, -708.4, -745.13, -745.2, -1e300, -math.inf, math.nan]
+    expected = [1.0, 1.0, math.exp(709.0), math.inf, math.inf, math.inf, 2.2e-308, 5e-324, 0.0, 0.0, 0.0, math.nan]
+    assert over_array("exp")(values) == pytest.approx(expected, rel=0.02, abs=0.0, nan_ok=True)
+    assert over_array("exp")([-708.4]) == pytest.approx(math.exp(-708.4), rel=2e-16, abs=0.0)
     assert np.array_equal(over_array("tanh")([math.inf, -math.inf, 0.0]), [1.0, -1.0, 0.0])
     assert np.array_equal(over_array("cosh")([math.inf, -math.inf, 0.0]), [math.inf, math.inf, 1.0])
     assert np.array_equal(over_array("sinh")([math.inf, -math.inf, 0.0]), [math.inf, -math.inf, 0.0])

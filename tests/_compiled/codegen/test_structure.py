@@ -13,7 +13,7 @@ import pytest
 from cellmap import ForcedSystem
 from cellmap._compiled.codegen.kernel import flow_kernel, tangent_flow_kernel, traced_function
 from cellmap._compiled.codegen.methods import choose_method
-from cellmap._compiled.codegen.period import compiled_period
+from cellmap._compiled.codegen.period import compiled_period, period_text
 
 # Arithmetic on doubles, in the assembly of x86 (SSE2, AVX, AVX-512) and of ARM (NEON).
 PACKED = re.compile(r"\s(v?(add|sub|mul|div|fn?m(add|sub)\w*)pd|f(add|sub|mul|div|mla|mls)(\.2d)?\s+v\d+\.2d)\b")
@@ -52,11 +52,14 @@ def lane_loop(assembly: str) -> Loop:
 def assembly_of(rhs: Callable[..., Any], dimension: int, names: tuple[str, ...], method: str = "auto") -> str:
     traced = traced_function(rhs, dimension, names)
     assert traced is not None
-    compiled: Any = compiled_period(choose_method(method, traced, 1e-9).write(traced), dimension, len(names))
+    compiled: Any = compiled_period.__wrapped__(
+        choose_method(method, traced, 1e-9).write(traced), dimension, len(names)
+    )
     assembly: str = compiled.code.assembly
     return assembly
 
 
+@pytest.mark.usefixtures("usual_arguments")
 @pytest.mark.parametrize(
     ("name", "method"), [("pendulum, 3 mm", "DOP853"), ("pendulum, 3 mm", "Taylor"), ("double pendulum", "DOP853")]
 )
@@ -69,6 +72,17 @@ def test_the_lane_loop_is_vector_code_without_a_call(
     assert loops, "no loop holds packed arithmetic"
     assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)
     assert all(loop.calls == 0 for loop in innermost_loops(assembly) if loop.scalar > 100)
+
+
+def test_the_c_library_is_called_for_large_angles_alone(problems: Mapping[str, ForcedSystem]) -> None:
+    traced = traced_function(problems["double pendulum"].rhs, 4, tuple(problems["double pendulum"].params))
+    assert traced is not None
+    text = period_text(choose_method("DOP853", traced, 1e-9).write(traced), 4, 3, 8)
+    in_lanes = text[text.index("lane.body:") : text.index("lane.done:")]
+    blocks = re.split(r"^(?=\S+:$)", in_lanes, flags=re.MULTILINE)
+    called = {block.split(":")[0] for block in blocks if re.search(r"call .*@(?!llvm\.)", block)}
+    assert called
+    assert all(re.fullmatch(r"seldom\d+", name) for name in called)
 
 
 def test_a_function_without_vector_form_shows_as_a_call() -> None:

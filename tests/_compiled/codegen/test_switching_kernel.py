@@ -86,6 +86,7 @@ def structure() -> ModuleType:
     return module
 
 
+@pytest.mark.usefixtures("usual_arguments")
 def test_steps_are_vector_code_without_a_call() -> None:
     """Both where lanes slide and where they do not; events alone are looked at lane by lane."""
     system = driven_pendulum(friction=10.0)
