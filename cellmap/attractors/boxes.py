@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..maps.coordinates import turns_of
+from ..maps.coordinates import turns_of, wrap
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Cover
 
@@ -56,3 +56,11 @@ def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[
     for j in range(boxes.shape[1]):
         keys = keys * shape[j] + np.where(inside, boxes[:, j] - low[j], 0)
     return np.where(inside, keys, -1)
+
+
+def in_units(points: NDArray[np.float64], size: NDArray[np.float64], point_map: PointMap) -> NDArray[np.float64]:
+    """Return points in units of lengths (dimension,), angles from their branch cuts, as trees of points need them."""
+    lower, turn = turns_of(point_map.coordinates)
+    highest = np.where(turn > 0, np.nextafter(turn / size, 0.0), np.inf)
+    corner = np.where(turn > 0, lower, 0.0)
+    return np.asarray(np.minimum((wrap(points, point_map.coordinates) - corner) / size, highest))

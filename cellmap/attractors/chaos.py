@@ -18,17 +18,21 @@ from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.lyapunov import stretched
 from ..orbits.lyapunov_qr import BLOCKS, is_positive
 from ..orbits.newton import resolution
-from .boxes import boxes_around, boxes_of, moved_boxes
+from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
-from .transients import Reason, follow_on
+from .matching import thinned
+from .settling import RESIDENCE
+from .transients import HALF, Late, Reason, follow_on
 
 _EXPONENT_PERIODS = 300
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
 _BOXES = 64
-_FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart,
-_ASIDE = 0.382  # nor on which side of an edge they are, where the map has its ends or its middle there
+_FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
 _LONGEST_RETURN = 128
+_FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
+_KNOWN = 8192  # points of a known attractor that are compared
 _ZERO = 0.01  # largest size of an exponent that may be zero
 _TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping region
 
@@ -51,9 +55,10 @@ def chaotic_attractors(
     extent: NDArray[np.float64] | None = None,
     known: Sequence[Attractor] = (),
     age: int = 0,
+    late: Late | None = None,
 ) -> list[Attractor]:
     """Return the chaotic attractors that :func:`examine` finds."""
-    return list(examine(point_map, states, extent, known, age).attractors)
+    return list(examine(point_map, states, extent, known, age, late).attractors)
 
 
 def examine(
@@ -62,18 +67,21 @@ def examine(
     extent: NDArray[np.float64] | None = None,
     known: Sequence[Attractor] = (),
     age: int = 0,
+    late: Late | None = None,
 ) -> Examination:
     """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
     1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
-    where it was is on an unstable periodic orbit.  Orbits that share boxes are on one attractor.
+    where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours of one another are on one
+    attractor, and so are those that go to and fro between two such sets.
 
     At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have.
     If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
-    stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it shares
-    boxes with a known chaotic attractor, or with the transient of another orbit to one.  The size of the region of
-    interest is 1 by default.
+    stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it is among
+    the points of a known chaotic attractor, if orbits go from there to another attractor, or if any of those that came
+    `late` to attractors that are not chaotic was in chaos there, halfway.  The size of the region of interest is 1 by
+    default.
     """
     chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
     reach = np.ones(point_map.dimension) if extent is None else extent
@@ -97,35 +105,64 @@ def examine(
         check_stop()
         point_map.advance(orbit, 1)
         points[:] = orbit.points
-    rows, history, exponents = rows[orbit.alive], history[:, orbit.alive], exponents[orbit.alive]
+    alive = orbit.alive
+    rows, history, exponents = rows[alive], history[:, alive], exponents[alive]
     if not len(rows):
         return Examination((), tuple(map(Reason, reasons)))
     lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map, reach)
-    met = [a.points for a in known if a.kind is Kind.CHAOTIC]
-    clouds = [*history.swapaxes(0, 1), *met, *followed.transients]
+    path = followed.path[:, lasting][:, alive]
+    met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC]
+    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], _BOXES * widths)
+    group, leaves = recurrent_groups(clouds, path, widths, followed.transients)
+    fading = None if late is None else _fading(point_map, clouds, group, late, known)
+    new, groups = np.arange(len(group)) < len(rows), []
+    for g in np.unique(group[new]):
+        mine = np.flatnonzero(new & (group == g))
+        if (group[~new] == g).any():
+            reasons[rows[mine]] = Reason.VISITING
+        elif leaves[mine].any() or (fading is not None and g in fading):
+            reasons[rows[mine]] = Reason.TRANSIENT
+        else:
+            groups.append(mine)
     found = []
-    for group in _groups(clouds, lower - _ASIDE * widths, widths, point_map):
-        mine = group[group < len(rows)]
-        if len(mine) < len(group):
-            among = (group >= len(rows)) & (group < len(rows) + len(met))
-            reasons[rows[mine]] = Reason.VISITING if among.any() else Reason.TRANSIENT
-            continue
-        points = history[:, mine].reshape(-1, point_map.dimension)
+    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map), strict=True):
         spectrum = -np.sort(-exponents[mine], axis=-1)
         found.append(
             Attractor(
                 Kind.CHAOTIC,
                 0,
-                points,
+                history[:, mine].reshape(-1, point_map.dimension),
                 (0,) * point_map.dimension,
                 np.empty(0, complex),
                 spectrum.mean(axis=0),
                 point_map.coordinates,
-                cover=_cover(points, lower, widths, point_map),
+                cover=cover,
+                resolution=_resolution(clouds, mine, cover),
             )
         )
         reasons[rows[mine]] = None
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _resolution(clouds: Clouds, members: NDArray[np.int64], cover: Cover) -> NDArray[np.float64]:
+    """Return the distance below which sets are not told apart; of those that were joined it is the width of a box."""
+    resolved = clouds.resolution(members)
+    return resolved if len(np.unique(clouds.group[members])) == 1 else np.maximum(resolved, cover.widths)
+
+
+def _fading(
+    point_map: PointMap, clouds: Clouds, group: NDArray[np.int64], late: Late, known: Sequence[Attractor]
+) -> NDArray[np.int64]:
+    """Return the groups of samples on which orbits were that came to an attractor that is not chaotic later."""
+    half = late.halfway(point_map, known)
+    if not len(half):
+        return group[:0]
+    place = clouds.place_of(pieces_of(point_map, half), group)
+    rows = np.flatnonzero(place >= 0)
+    if len(rows):
+        growth = lyapunov_exponents(point_map, half[rows], HALF)[0].max(axis=-1)
+        rows = rows[growth > 0.0]  # others are on their way to an attractor beside the sample
+    return np.unique(place[rows])
 
 
 def _tested(
@@ -203,23 +240,45 @@ def _lattice(
     return lower, span / _BOXES
 
 
-def _groups(
-    clouds: Sequence[NDArray[np.float64]],
+def _apart(
+    history: NDArray[np.float64],
+    groups: Sequence[NDArray[np.int64]],
     lower: NDArray[np.float64],
     widths: NDArray[np.float64],
     point_map: PointMap,
-) -> list[NDArray[np.int64]]:
-    """Sort orbits, each given by its points, into groups that visit common boxes."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+) -> tuple[list[NDArray[np.int64]], list[Cover]]:
+    """Return groups of orbits with covers so fine that none stays for long in that of another group.
 
-    boxes = boxes_of(np.concatenate(clouds), lower, widths, point_map)
-    _, keys = np.unique(boxes, axis=0, return_inverse=True)
-    who = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
-    size = len(clouds) + keys.max() + 1
-    graph = coo_array((np.ones(len(keys)), (who, len(clouds) + keys)), shape=(size, size))
-    _, group = connected_components(graph, directed=False)
-    return [np.flatnonzero(group[: len(clouds)] == g) for g in np.unique(group[: len(clouds)])]
+    Groups that no boxes keep apart are one.
+    """
+    groups, fineness = list(groups), 1
+    while True:
+        covers = [
+            _cover(history[:, g].reshape(-1, point_map.dimension), lower, widths / fineness, point_map) for g in groups
+        ]
+        pairs = [
+            (j, k) for j, k in itertools.permutations(range(len(groups)), 2)
+            if _longest_stay(history[:, groups[j]], covers[k], point_map) > RESIDENCE // 2
+        ]  # fmt: skip
+        if not pairs:
+            return groups, covers
+        if fineness < _FINEST:
+            fineness *= 2
+        else:
+            j, k = pairs[0]
+            groups[j] = np.sort(np.concatenate([groups[j], groups.pop(k)] if k > j else [groups[k], groups[j]]))
+            if k < j:
+                groups.pop(k)
+
+
+def _longest_stay(history: NDArray[np.float64], cover: Cover, point_map: PointMap) -> int:
+    """Return the largest number of steps in a row in which one of some orbits (steps, n, dimension) is in a cover."""
+    inside = inside_cover(cover, history.reshape(-1, point_map.dimension), point_map).reshape(len(history), -1)
+    stay = longest = np.zeros(inside.shape[1], np.int64)
+    for now in inside:
+        stay = np.where(now, stay + 1, 0)
+        longest = np.maximum(longest, stay)
+    return int(longest.max())
 
 
 def _cover(

@@ -23,6 +23,7 @@ from .neutral_segments import DENSE, densely, traced
 from .tube import Tube, cover_of_tube, feet_on_edges, nearest_places
 
 _LOOKED_AT = 1024  # orbits that are tested for having closed
+_FEWER = 256  # those for long periods
 _REFUSED = 8  # of those that have closed, on no attracting segment, farthest apart first, in one look
 _SAME = 1e-6  # distance of places that are taken for one, in units of the region
 _CLOSED = 1e-7  # distance from its beginning at which an orbit is near a cycle, relative to the resolution
@@ -75,16 +76,16 @@ class Segment:
 
 def continua(
     point_map: PointMap,
-    states: NDArray[np.float64],
+    closed: Sequence[tuple[NDArray[np.float64], int]],
     extent: NDArray[np.float64],
-    max_period: int,
     known: Sequence[Attractor] = (),
     refused: list[NDArray[np.float64]] | None = None,
 ) -> list[Attractor]:
-    """Return the attracting segments of periodic points on which some orbits end, without the known ones.
+    """Return the attracting segments of periodic points on which orbits have closed, without the known ones.
 
-    All orbits that have closed are on one of them, or on lines that are added to those that are `refused`, or farther
-    from these than others; how many are looked at does not matter unless several lines are refused.
+    All those that :func:`closed_orbits` returns are on one of them, or on lines that are added to those that are
+    `refused`, or farther from these than others; how many are looked at does not matter unless several lines are
+    refused.
 
     Where dry friction holds one part of a system while another moves, each place at which it can be held has a cycle of
     its own.  Such a cycle has one multiplier 1, and the others inside the unit circle.  The segment of its neighbours
@@ -95,10 +96,9 @@ def continua(
     exact = point_map.without_table
     found: list[Attractor] = []
     refused = [] if refused is None else refused
-    if exact.dimension < 2:
+    if exact.dimension < 2 or not closed:
         return found
-    chosen = np.unique(np.linspace(0, len(states) - 1, min(len(states), _LOOKED_AT)).round().astype(int))
-    places, periods = _closed(exact, states[chosen], extent, max_period)
+    places, periods = (np.array(column) for column in zip(*closed, strict=True))
     seen = [a.points for a in known if a.kind is Kind.CONTINUUM] + refused
     left = np.array([not any(_beside(place, line, exact, extent) for line in seen) for place in places], bool)
     far, failures = np.full(len(places), np.inf), 0
@@ -126,21 +126,30 @@ def _beside(
     return bool(apart.min() <= max(_SAME, float(np.median(steps)) if len(steps) else 0.0))
 
 
-def _closed(
-    exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], max_period: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return those states that orbits come back to, and after how many steps."""
+def closed_orbits(
+    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], max_period: int, longest: int = 0
+) -> list[tuple[NDArray[np.float64], int]]:
+    """Return those of many states that orbits come back to, and after how many steps; of fewer up to a longest period.
+
+    No more than 1024 states are looked at, and 256 where periods are longer.
+    """
+    exact = point_map.without_table
+    chosen = np.unique(np.linspace(0, len(states) - 1, min(len(states), _LOOKED_AT)).round().astype(int))
+    states = states[chosen]
     orbits, periods = Orbits.starting(states.copy()), np.zeros(len(states), np.int64)
-    near = _CLOSED * np.array([resolution(state, extent) for state in states])
-    for q in range(1, max_period + 1):
+    near, few = _CLOSED * np.array([resolution(state, extent) for state in states]), np.ones(len(states), bool)
+    for q in range(1, max(max_period, longest) + 1):
         check_stop()
-        rows = np.flatnonzero(periods == 0)
+        if q == max_period + 1:
+            few[:] = False
+            few[np.linspace(0, len(states) - 1, min(len(states), _FEWER)).round().astype(int)] = True
+        rows = np.flatnonzero(few & (periods == 0))
         some = orbits[rows]
         advance_on_threads(exact.advance, some, 1)
         orbits[rows] = some
         back = (np.abs(difference(some.points, states[rows], exact.coordinates)) <= near[rows]).all(axis=1)
         periods[rows[back]] = q
-    return states[periods > 0], periods[periods > 0]
+    return [(states[k], int(periods[k])) for k in np.flatnonzero(periods)]
 
 
 def _explored(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,18 +16,21 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
-from .chaos import chaotic_attractors
-from .continua import continua
+from .chaos import Examination, examine
+from .continua import closed_orbits, continua
 from .equilibria import sticking_sets
 from .examined import Examined
 from .guesses import LOOKED_AT, guesses_of
+from .labels import Label
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
+from .transients import Late, regular
 from .trapping import trapping_neighbourhood
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
 _LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
+_LONGEST_AT_REST = 128  # periods after which orbits that rest on a cycle have closed
 _MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
 
 
@@ -83,12 +86,34 @@ def find_attractors(
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     max_period = longest_period(max_period)
     extent = region_extent(point_map, states)
-    orbits, attractors, age = search(
+    found = search(
         point_map, states, attractors, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
     )
-    if len(orbits):
-        attractors += chaotic_attractors(point_map, orbits.points, extent, attractors, age)
+    attractors = found.attractors
+    if len(found.orbits):
+        attractors = [*attractors, *found.examined(point_map, states, extent).attractors]
     return tuple(sorted(attractors, key=sort_key))
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What has become of the orbits of some initial conditions.
+
+    ``orbits``: those that are left, ``age``: their age; ``attractors``: those known and found; ``labels``, ``times``:
+    on which attractor each initial condition ends, and in which period it came there at the latest.
+    """
+
+    orbits: Orbits
+    attractors: list[Attractor]
+    age: int
+    labels: NDArray[np.int64]
+    times: NDArray[np.int64]
+
+    def examined(self, point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> Examination:
+        """Look for chaotic attractors on which the orbits that are left move."""
+        rows = Late.latest(np.where(regular(self.labels, self.attractors), self.times, -1))
+        late = Late(wrap(states[rows], point_map.coordinates), self.times[rows])
+        return examine(point_map, self.orbits.points, extent, self.attractors, self.age, late)
 
 
 def search(
@@ -100,24 +125,28 @@ def search(
     extent: NDArray[np.float64],
     examined: Examined,
     stop: Stop | None = None,
-) -> tuple[Orbits, list[Attractor], int]:
-    """Follow orbits and find attractors, but no chaotic ones; return the orbits that are left, and their age."""
+) -> Searched:
+    """Follow orbits and find attractors, but no chaotic ones."""
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
+    rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
     age, time_limit = 0, _FIRST_LOOK
     while len(orbits):
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
         settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop)
-        orbits, last = settled.orbits, age + time_limit >= max_periods
+        labels[rows], times[rows] = settled.labels, settled.times
+        rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
-            orbits, attractors = sort_out(
-                point_map, orbits, attractors, max_period, extent, age, examined, patient=not last
+            orbits, attractors, owners = sort_out(
+                point_map, orbits, attractors, max_period, extent, age, examined, patient=not last, last=last
             )
+            labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
+            rows = rows[owners == Label.UNDECIDED]
         if last:
             break
-    return orbits, attractors, age
+    return Searched(orbits, attractors, age, labels, times)
 
 
 def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
@@ -139,11 +168,14 @@ def sort_out(
     age: int,
     examined: Examined,
     patient: bool = False,
-) -> tuple[Orbits, list[Attractor]]:
-    """Find new attractors from orbits that are left, until a look finds none; return the rest and all attractors.
+    last: bool = False,
+) -> tuple[Orbits, list[Attractor], NDArray[np.int64]]:
+    """Find new attractors from orbits that are left, until a look finds none.
 
-    A patient search ends as soon as it finds attractors to which most of the orbits have come.
+    Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
+    attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest.
     """
+    owners, rows = np.full(len(orbits), Label.UNDECIDED), np.arange(len(orbits))
     for _ in range(_LOOKS):
         if not len(orbits):
             break
@@ -153,15 +185,20 @@ def sort_out(
         fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
-            fresh = fresh or continua(point_map, orbits.points, extent, max_period, attractors, examined.lines)
+        if not fresh and (age >= _MATURE or not patient):
+            closed = closed_orbits(point_map, orbits.points, extent, max_period, _LONGEST_AT_REST if last else 0)
+            fresh = verified_cycles(point_map, closed, attractors, extent, examined)
+            fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)
         if not fresh:
             break
         attractors = [*attractors, *fresh]
         before = len(orbits)
-        orbits = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age).orbits
+        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age)
+        owners[rows] = settled.labels
+        rows, orbits = rows[settled.undecided], settled.orbits
         if patient and _many_settle(before, len(orbits)):
             break
-    return orbits, attractors
+    return orbits, attractors, owners
 
 
 def _many_settle(before: int, left: int) -> bool:
@@ -219,7 +256,12 @@ def new_attractors(
 
 def _belongs(orbit: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
     """Tell whether a point of a periodic orbit is in the trapping region of an attractor: then it is that one."""
-    return bool((Catalogue.of(known, point_map).owners_of(orbit.points) >= 0).any())
+    return _belongs_at(orbit.points, known, point_map)
+
+
+def _belongs_at(points: NDArray[np.float64], known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether any of some points is in the trapping region of an attractor."""
+    return bool((Catalogue.of(known, point_map).owners_of(np.atleast_2d(points)) >= 0).any())
 
 
 def curves_and_cycles(
@@ -232,8 +274,21 @@ def curves_and_cycles(
 ) -> list[Attractor]:
     """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
     found = quasiperiodic_attractors(point_map, states, extent, age, known)
-    attractors = list(found.attractors)
-    for point, period in found.cycles:
+    return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
+
+
+def verified_cycles(
+    point_map: PointMap,
+    closed: Sequence[tuple[NDArray[np.float64], int]],
+    known: Sequence[Attractor],
+    extent: NDArray[np.float64],
+    examined: Examined,
+) -> list[Attractor]:
+    """Return the periodic attractors on which orbits have closed, each given by a point and a period."""
+    attractors = list[Attractor]()
+    for point, period in closed:
+        if point in examined or _belongs_at(point, [*known, *attractors], point_map):
+            continue
         orbit = long_cycle(point_map, point, period, extent)
         if orbit is None or orbit.points[0] in examined:
             continue

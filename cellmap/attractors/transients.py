@@ -17,9 +17,15 @@ from ..orbits.attractor import Attractor, Kind
 from .labels import Label
 from .settling import RESIDENCE, Catalogue, settle
 
+HALF = RESIDENCE // 2
+"""Periods after half of its way to an attractor in which an orbit is seen to be chaotic or not."""
+
 _ENDURANCE = 5  # times its age that a chaotic orbit has to last on
 _RECOGNISED = 4 * RESIDENCE  # and periods in which one on a known chaotic attractor is seen to stay there
 _STRETCH = 256  # periods between looks
+_EARLY = 0.25  # of the periods, in which orbits may still be on their way
+_PLACES = 16  # of each orbit, that are kept
+_LATEST = 32  # orbits, of those that came to an attractor late
 
 
 class Reason(StrEnum):
@@ -39,18 +45,54 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
+class Late:
+    """Initial conditions (n, dimension) whose orbits came to attractors that are not chaotic, and in which periods."""
+
+    points: NDArray[np.float64]
+    times: NDArray[np.int64]
+
+    @staticmethod
+    def latest(times: NDArray[Any]) -> NDArray[np.int64]:
+        """Choose those that came last, by the periods of all; -1 where an orbit came to no such attractor."""
+        rows = np.argsort(-times, kind="stable")[:_LATEST]
+        return np.asarray(rows[times[rows] >= RESIDENCE])
+
+    def halfway(self, point_map: PointMap, attractors: Sequence[Attractor]) -> NDArray[np.float64]:
+        """Return where the orbits were after half of the periods in which they came to their attractors."""
+        if not len(self.points):
+            return self.points
+        catalogue = Catalogue.of(attractors, point_map)
+        # An attractor that is found when orbits rest on it has been reached long before.
+        times = settle(point_map, Orbits.starting(self.points.copy()), catalogue, int(self.times.max())).times
+        places = np.full(self.points.shape, np.nan)
+        for half in np.unique(times // 2):
+            rows = np.flatnonzero(times // 2 == half)
+            if half >= HALF:
+                orbits = Orbits.starting(self.points[rows])
+                point_map.advance(orbits, int(half))
+                places[rows] = orbits.points
+        return places[np.isfinite(places).all(axis=1)]
+
+
+def regular(labels: NDArray[Any], attractors: Sequence[Attractor]) -> NDArray[np.bool_]:
+    """Tell which labels are those of attractors that are not chaotic."""
+    return np.isin(labels, [k for k, a in enumerate(attractors) if a.kind is not Kind.CHAOTIC])
+
+
+@dataclass(frozen=True, eq=False)
 class FollowedOn:
     """Orbits, followed beyond the periods that they have lasted.
 
     ``reasons`` (n,): why each is undecided, unless it is lasting; ``lasting``: rows of the orbits that end on no known
-    attractor, ``orbits``: their states; ``transients``: points of those that came to a known chaotic attractor late,
-    before they did.
+    attractor, ``orbits``: their states; ``path`` (times, n, dimension): where they were at some times before;
+    ``transients`` (n, periods, dimension): points of those that came to a known chaotic attractor late, before that.
     """
 
     reasons: NDArray[Any]
     lasting: NDArray[np.int64]
     orbits: Orbits
-    transients: tuple[NDArray[np.float64], ...]
+    path: NDArray[np.float64]
+    transients: NDArray[np.float64]
 
 
 def follow_on(
@@ -69,9 +111,11 @@ def follow_on(
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
     periods = max(_ENDURANCE * age, _RECOGNISED if len(strange) else 0)
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
-    lasting, orbits = np.arange(len(points)), Orbits.starting(points.copy())
+    lasting, orbits, path = np.arange(len(points)), Orbits.starting(points.copy()), list[NDArray[np.float64]]()
     for begin in range(0, periods, _STRETCH):
         check_stop()
+        path.append(np.full(points.shape, np.nan))
+        path[-1][lasting] = orbits.points
         settled = settle(point_map, orbits, catalogue, min(_STRETCH, periods - begin), begin)
         owners[lasting], times[lasting] = settled.labels, settled.times
         lasting, orbits = lasting[settled.undecided], settled.orbits
@@ -89,4 +133,6 @@ def follow_on(
     for k in range(RESIDENCE):
         before[k] = orbit.points
         point_map.advance(orbit, 1)
-    return FollowedOn(reasons, lasting, orbits, tuple(before.swapaxes(0, 1)))
+    kept = np.unique(np.linspace(_EARLY * len(path), len(path), _PLACES).round().astype(np.int64))[:-1]
+    places = [*(path[k][lasting] for k in kept), orbits.points]
+    return FollowedOn(reasons, lasting, orbits, np.array(places), before.swapaxes(0, 1))

@@ -29,6 +29,7 @@ _COARSE_AHEAD = 7  # of these surfaces that are tested together,
 _TOGETHER = 1024  # points of surfaces at most: more are worth it only if all of these pass
 _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
+_WIDE_MARGIN = 0.25  # contraction margin from which it may be rounding that hides what the map does around a point
 _FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
 _PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
 _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
@@ -49,9 +50,11 @@ def trapping_neighbourhood(
     An orbit visits all points of the attractor, so that wide ellipsoids around a few are as good as around all: only
     those grow that promise to be widest along the direction of slowest approach.  No half-width is larger than a
     quarter of the extent of the region, unless the attractor lies more than a million times as far away from the
-    origin.
+    origin.  Where rounding hides what the map does in the neighbourhood of a point, as it may on a long superstable
+    cycle, the ellipsoid is one that the map is seen to take into that of a later point.
 
-    None where even the smallest ellipsoid fails, as it does where the largest multiplier is too close to 1.
+    None where even the smallest ellipsoid fails around every point, as it does where the largest multiplier is too
+    close to 1.
     """
     exact = point_map.without_table
     turn = turns_of(exact.coordinates)[1]
@@ -64,7 +67,7 @@ def trapping_neighbourhood(
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
     steps = jacobian(exact, attractor.points)
     slow = _slowest(steps)
-    begun, preferred = list[_Shells](), 0
+    begun, hidden, preferred = dict[int, _Shells](), dict[int, _Shells](), 0
     for k, centre in enumerate(attractor.points):
         matrix = np.linalg.matrix_power(_product(np.roll(steps, -k, axis=0)), rounds)
         scaled = _metrics(matrix * limit / limit[:, None], contraction)
@@ -74,15 +77,23 @@ def trapping_neighbourhood(
         # What suits one point suits the others, for the most part.
         choice = choice[preferred:] + choice[:preferred]
         shells = next((c for c in choice if c.radius > 0.0 or c.begin() > 0.0), None)
-        if shells is None:
+        if shells is not None:
+            begun[k] = shells
+        elif choice[0].margin < _WIDE_MARGIN:
             return None
-        begun.append(shells)
+        else:
+            hidden[k] = choice[0]
     # On a superstable cycle no direction is left to compare.
-    widths = [shells.promised / max(shells.length(v), 1e-300) for shells, v in zip(begun, slow, strict=True)]
-    for k in np.argsort(-np.array(widths), kind="stable")[:_GROWN]:
+    widths = {k: shells.promised / max(shells.length(slow[k]), 1e-300) for k, shells in begun.items()}
+    for k in sorted(begun, key=lambda k: -widths[k])[:_GROWN]:
         begun[k].grow()
-    metrics = np.array([shells.metric / shells.radius**2 for shells in begun])
-    return Neighbourhood(attractor.points, metrics, max(shells.worst for shells in begun) ** (1.0 / rounds))
+    for k, shells in hidden.items():
+        later = next((j for j in range(1, attractor.period) if (k + j) % attractor.period in begun), 0)
+        if not later or not shells.shrink_into(begun[(k + later) % attractor.period], later):
+            return None
+    every = [(begun | hidden)[k] for k in range(attractor.period)]
+    metrics = np.array([shells.metric / shells.radius**2 for shells in every])
+    return Neighbourhood(attractor.points, metrics, max(shells.worst for shells in every) ** (1.0 / rounds))
 
 
 def _rounds(attractor: Attractor) -> int:
@@ -194,6 +205,22 @@ class _Shells:
                 if len(failed):
                     return
 
+    def shrink_into(self, later: _Shells, steps: int) -> bool:
+        """Take a radius at which the surface comes into the ellipsoid of a later point; tell whether there is one."""
+        radii = later.radius * 0.25 ** np.arange(float(_ATTEMPTS))
+        images = Orbits.starting((self.centre + radii[:, None, None] * self.offsets).reshape(-1, self.exact.dimension))
+        images.wrap(*turns_of(self.exact.coordinates))
+        check_stop()
+        advance_on_threads(self.exact.advance, images, steps)
+        after = difference(images.points, later.centre, self.exact.coordinates).reshape(
+            len(radii), -1, len(self.centre)
+        )
+        # Half of it: the points between those of the surface come into all of it.
+        with np.errstate(invalid="ignore"):
+            inside = (later.norm(after) <= 0.5 * later.radius).all(axis=1) & images.alive.reshape(len(radii), -1).all(1)
+        self.radius = float(radii[np.argmax(inside)]) if inside.any() else 0.0
+        return self.radius > 0.0
+
     def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bound the factor by which distances change in one period of the attractor; also return nonlinear remainders.
 
@@ -206,15 +233,16 @@ class _Shells:
         check_stop()
         advance_on_threads(self.exact.advance, images, self.period)
         after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
-        seen = self._norm(after) / radii[:, None]
-        rest = self._norm(after - shift @ self.matrix.T) / radii[:, None]
+        seen = self.norm(after) / radii[:, None]
+        rest = self.norm(after - shift @ self.matrix.T) / radii[:, None]
         alive = images.alive.reshape(seen.shape)
         seen, rest = np.where(alive, seen, np.inf), np.where(alive, rest, np.inf)
         with np.errstate(invalid="ignore"):
             bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
         return np.where(np.isnan(bound), np.inf, bound), rest.max(axis=1)
 
-    def _norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the lengths of vectors in the metric."""
         return np.asarray(np.sqrt(np.maximum(np.einsum("sni,ij,snj->sn", vectors, self.metric, vectors), 0.0)))
 
 

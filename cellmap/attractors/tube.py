@@ -16,7 +16,7 @@ from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Cover
-from .boxes import boxes_of
+from .boxes import boxes_of, in_units
 
 DENSE = 2048
 """Points of each curve, between which it is straight."""
@@ -184,7 +184,7 @@ def feet_on_edges(
 
 def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the number of the point of the set that is nearest to each of some finite points (n, dimension)."""
-    return np.asarray(_tree(cast(Hashable, curves)).query(_scaled(curves, points))[1], np.int64)
+    return np.asarray(_tree(cast(Hashable, curves)).query(in_units(points, curves.size, curves.exact))[1], np.int64)
 
 
 @functools.lru_cache(maxsize=1)
@@ -192,15 +192,7 @@ def _tree(curves: Any) -> Any:
     from scipy.spatial import KDTree
 
     box = turns_of(curves.exact.coordinates)[1] / curves.size
-    return KDTree(_scaled(curves, curves.points.reshape(-1, len(box))), boxsize=box)
-
-
-def _scaled(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points in units of the size, angles from their branch cuts."""
-    lower, turn = turns_of(curves.exact.coordinates)
-    highest = np.where(turn > 0, np.nextafter(turn / curves.size, 0.0), np.inf)
-    corner = np.where(turn > 0, lower, 0.0)
-    return np.asarray(np.minimum((wrap(points, curves.exact.coordinates) - corner) / curves.size, highest))
+    return KDTree(in_units(curves.points.reshape(-1, len(box)), curves.size, curves.exact), boxsize=box)
 
 
 def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:

@@ -16,12 +16,12 @@ from .._lib.checks import warn_caller
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
 from .._lib.tiles import completed
-from ..attractors.chaos import chaotic_attractors, examine
+from ..attractors.chaos import examine
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
-from ..attractors.transients import Reason
+from ..attractors.transients import Late, Reason, regular
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
@@ -162,7 +162,7 @@ class Run:
             if states is None:
                 states = self._states(left, now)
             with heeding(self.stop):
-                attractors, reasons = self._find_more(now, states)
+                attractors, reasons = self._find_more(now, left, states)
             following = self._following(now, left, attractors)
             if following is None:
                 self.reasons = reasons
@@ -188,12 +188,10 @@ class Run:
             examined = Examined.nothing_yet(self.point_map, own)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
-            left, attractors, age = search(
-                self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop
-            )
-            if to_the_end and len(left):
-                attractors += chaotic_attractors(self.point_map, left.points, own, attractors, age)
-        return tuple(attractors)
+            found = search(self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop)
+            if not to_the_end or not len(found.orbits):
+                return tuple(found.attractors)
+            return (*found.attractors, *found.examined(self.point_map, chosen, own).attractors)
 
     def _label(
         self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()
@@ -252,16 +250,27 @@ class Run:
         after = replace(now, rows=left, restart_times=restart_times, time_limit=time_limit, tiles=None)
         return replace(after, repeats=0, undecided=None)
 
-    def _find_more(self, now: Progress, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
+    def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
         """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
         extent, age = now.examined.extent, now.time_limit
-        left, attractors = sort_out(
-            self.point_map, states, list(now.attractors), self.max_period, extent, age, now.examined
-        )
-        if age < self.max_periods or not len(left):
+        last, known = age >= self.max_periods, list(now.attractors)
+        rest, attractors, owners = sort_out(
+            self.point_map, states, known, self.max_period, extent, age, now.examined, last=last
+        )  # fmt: skip
+        if not last or not len(rest):
             return tuple(attractors), ()
-        examination = examine(self.point_map, left.points, extent, attractors, age)
+        rows = np.concatenate(list(left.spread(len(states))))
+        late = self._late(now, rows[owners != Label.UNDECIDED])
+        examination = examine(self.point_map, rest.points, extent, attractors, age, late)
         return (*attractors, *examination.attractors), examination.reasons
+
+    def _late(self, now: Progress, rows: NDArray[np.int64]) -> Late:
+        """Return the initial conditions that came last to attractors that are not chaotic; rows are those come now."""
+        settled = self.store.where(lambda labels: regular(labels, now.attractors))
+        rows = np.concatenate([rows, *settled.spread(_LOOKED_AT)])
+        times = np.where(self.store.times[rows] < 0, now.time_limit, self.store.times[rows])
+        chosen = Late.latest(times)
+        return Late(self.initial_conditions.wrapped(rows[chosen], self.point_map), times[chosen].astype(np.int64))
 
     def _unsettled(self, attractors: Sequence[Attractor]) -> Rows:
         """Rows that further attractors may concern: no orbit from a verified neighbourhood enters another one."""

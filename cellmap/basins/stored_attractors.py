@@ -32,8 +32,9 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     put_text(group, "kind", str(attractor.kind))
     put_text(group, "name", attractor.name)
     group.attrs.update(period=attractor.period, turns=attractor.rotations, grazing=attractor.grazing_distance)
-    for name in ("points", "multipliers", "exponents"):
-        group[name] = getattr(attractor, name)
+    for name in ("points", "multipliers", "exponents", "resolution"):
+        if (value := getattr(attractor, name)) is not None:
+            group[name] = value
     for part in ("neighbourhood", "cover", "circle", "torus"):
         record = getattr(attractor, part)
         if record is not None:
@@ -80,6 +81,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         circle=circle,
         torus=_read_torus(group, d) if "torus" in group else None,
         grazing_distance=float(group.attrs.get("grazing", np.inf)),
+        resolution=array_of(group, "resolution", np.float64, (d,)) if "resolution" in group else None,
     )
 
 

@@ -112,6 +112,10 @@ class Attractor(ShownAsHtml):
         Curves of a quasi-periodic attractor, with its rotation number and, for a limit cycle, its period in time.
     torus : InvariantTorus or None
         Torus of a quasi-periodic attractor with two frequencies.
+    resolution : ndarray, shape (dimension,), or None
+        Of a chaotic attractor, distance along each coordinate below which it is not told apart from another one that is
+        that near throughout: that of its sampled points.  Where attractors merely come close to each other, orbits tell
+        them apart at any distance.
     grazing_distance : float
         Of a periodic attractor, how near it comes to grazing a surface of impacts or of a discontinuity, see
         :func:`cellmap.maps.grazing_distance`.
@@ -129,6 +133,7 @@ class Attractor(ShownAsHtml):
     circle: InvariantCircle | None = None
     torus: InvariantTorus | None = None
     grazing_distance: float = inf
+    resolution: NDArray[np.float64] | None = None
 
     @property
     def grazes(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, ForcedSystem, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.continua import continua
+from cellmap.attractors.continua import closed_orbits, continua
 from cellmap.attractors.labels import Label
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
@@ -129,9 +129,10 @@ def test_a_segment_ends_where_it_stops_attracting():
 )
 def test_what_is_no_attracting_continuum(function):
     exact = discrete_map(function, {}, ("x", "y"))
-    assert continua(discrete_map(lambda x, p: (x[0],), {}, ("x",)), np.array([[0.3]]), np.ones(1), 8) == []
+    line = discrete_map(lambda x, p: (x[0],), {}, ("x",))
+    assert continua(line, closed_orbits(line, np.array([[0.3]]), np.ones(1), 8), np.ones(1)) == []
     ends = exact.iterate(SQUARE.centres().reshape(-1, 2), 20).points
-    assert continua(exact, ends, np.full(2, 2.0), 8) == []
+    assert continua(exact, closed_orbits(exact, ends, np.full(2, 2.0), 8), np.full(2, 2.0)) == []
 
 
 def test_an_orbit_beside_the_continuum_is_not_in_it():
@@ -161,7 +162,8 @@ def test_a_segment_whose_derivative_is_far_from_normal():
     states = np.random.default_rng(0).uniform(-0.9, 0.9, (24, 3))
     ends = steep.iterate(states, 80).points
     for chosen in (ends, ends[::2], ends[::-3]):
-        (segment,) = continua(steep, chosen, np.array([2.0, 2.0, 1.0]), 4)
+        extent = np.array([2.0, 2.0, 1.0])
+        (segment,) = continua(steep, closed_orbits(steep, chosen, extent, 4), extent)
         x, y, z = segment.points.T
         assert x.min() < -1.5 and x.max() > 1.5
         assert z == pytest.approx(0.3 * x + 0.2 * x**2, abs=1e-3) and np.abs(y).max() < 1.0

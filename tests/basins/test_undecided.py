@@ -111,8 +111,8 @@ def test_passes_are_bounded_whatever_is_found(passes, monkeypatch) -> None:
     """A search that claims a new attractor each time: a pass that decides nothing new is the last."""
     real = basin_passes.examine
 
-    def credulous(point_map, states, extent, known, age):
-        return real(point_map, states, extent, (), age)
+    def credulous(point_map, states, extent, known, age, late):
+        return real(point_map, states, extent, (), age, late)
 
     monkeypatch.setattr(basin_passes, "examine", credulous)
     find_basins(LOGISTIC, LINE, max_periods=20)
@@ -125,7 +125,7 @@ def test_passes_are_bounded_where_each_decides_one_more(passes, monkeypatch) -> 
     half = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
     (sink,) = find_attractors(half, [[1.0]])
 
-    def credulous(point_map, states, extent, known, age):
+    def credulous(point_map, states, extent, known, age, late):
         assert sink.neighbourhood is not None
         here = replace(sink.neighbourhood, centres=states[:1].copy(), metrics=np.full((1, 1, 1), 1e16))
         return Examination((replace(sink, points=states[:1].copy(), neighbourhood=here),), ())
