@@ -40,12 +40,12 @@ declare ptr @PyFloat_FromDouble(double)
 declare ptr @PyErr_NoMemory()
 declare void @PyErr_SetString(ptr, ptr)
 @outside = internal constant [27 x i8] c"index outside of its array\00"
-@negative = internal constant [20 x i8] c"negative dimensions\00"
+@negative = internal constant [44 x i8] c"negative dimensions, or a range with step 0\00"
 declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 """
-_FAILURES = f"i32 {Failure.NO_MEMORY:d}, label %full  i32 {Failure.NEGATIVE_LENGTH:d}, label %negative"
+_FAILURES = f"i32 {Failure.NO_MEMORY:d}, label %full  i32 {Failure.WRONG_VALUE:d}, label %negative"
 _RESULTS = {
     "int64": "call ptr @PyLong_FromLongLong(i64 %value)",
     "bool": "call ptr @PyBool_FromLong(i64 %wide)",
@@ -60,20 +60,29 @@ def key_of(argument: Any) -> Any:
         layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
         return argument.dtype.str, argument.ndim, layout, flags.writeable
     if isinstance(argument, tuple):
-        return type(argument).__name__, getattr(argument, "_fields", ()), *(key_of(item) for item in argument)
-    return type(argument).__name__
+        return type(argument), getattr(argument, "_fields", ()), *(key_of(item) for item in argument)
+    return type(argument)
 
 
 def plain(argument: Any) -> Any:
-    """Return an argument as one of the types that entries know: ndarray, tuple, int, float."""
+    """Return an argument as one of the types that entries know: ndarray, tuple, int, float.
+
+    Raises
+    ------
+    TypeError
+        Where it is none of these, or an array whose elements are not all there is to it, or not where they should be.
+    """
     if isinstance(argument, np.ndarray):
+        if type(argument) not in (np.ndarray, np.memmap) or not argument.flags.aligned:
+            kind = type(argument).__name__ if argument.flags.aligned else "array that is not aligned"
+            raise TypeError(f"a loop is given a {kind}: make an array of it with np.array(..., copy=True)")
         array = argument.view(np.ndarray)
         standard = np.dtype(array.dtype.str)  # of which there is one, to be known by its address
         return array if array.dtype is standard else array.view(standard)
     if isinstance(argument, tuple):
         items = tuple(plain(item) for item in argument)
         return items if type(argument) is tuple else type(argument)(*items)
-    if isinstance(argument, float | np.floating):
+    if isinstance(argument, float | np.float32 | np.float16):
         return float(argument)
     return int(argument) if isinstance(argument, np.bool_) else operator.index(argument)
 

@@ -12,6 +12,7 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from .entry import MISFIT, NAME, EntryText, key_of, plain, python_function
@@ -51,11 +52,14 @@ class Loop(Deferred):
 
             with COMPILING:
                 if key not in self._entries:  # machine code that another thread may be running is never replaced
-                    code = compiled_once(f"{_source_of(self.function)}\n{key}", compiled)
+                    code = compiled_once(f"{_source_of(self.function)}\n{self.contract}{self.vectors}\n{key}", compiled)
                     function, method = python_function(code.address(NAME), entry.expected)
                     self._entries[key] = function, (code, method)
         self._entry = found = self._entries[key][0]
-        return found(*arguments)
+        result = found(*arguments)
+        if result is MISFIT:
+            raise TypeError(f"{self.function.__qualname__} is given arguments that do not suit their own types")
+        return result
 
 
 class AddressedLoop(Deferred):
@@ -78,7 +82,7 @@ class AddressedLoop(Deferred):
             return loop_code(exported(NAME, self, self._signature, CHECKED))
 
         with COMPILING:
-            return compiled_once(_source_of(self.function), compiled)
+            return compiled_once(f"{_source_of(self.function)}\n{self._signature}", compiled)
 
 
 def loop(function: Callable[..., Any] | None = None, *, contract: bool = True, vectors: bool = False) -> Any:
@@ -106,25 +110,29 @@ def by_address(function: Callable[..., Any]) -> ByAddress:
 def _source_of(function: Callable[..., Any]) -> str:
     """Return what tells a function from others, and from itself before anything was changed that it is compiled from.
 
-    These are the files of the functions that it calls, which ones they are, and the numbers that they find around them.
+    These are the files of the functions that it calls, which ones they are, and all that they find around them.
     """
-    values, known, left = [], set(), [function]
-    while left:
-        one = left.pop()
-        if one in known:
-            continue
-        known.add(one)
-        seen = {name: one.__globals__[name] for name in one.__code__.co_names if name in one.__globals__}
+    said, reached = [], [function]
+    for one in reached:  # which grows
+        names = one.__code__.co_names
+        seen = {name: one.__globals__[name] for name in names if name in one.__globals__}
         around = [cell.cell_contents for cell in one.__closure__ or ()]
         seen |= dict(zip(one.__code__.co_freevars, around, strict=True))
         for name, value in seen.items():
+            what = repr(value)
             if isinstance(value, Deferred):
-                left.append(value.function)
-                values.append(f"{one.__qualname__} {name} {value.function.__module__}.{value.function.__qualname__}")
-            elif isinstance(value, int | float | tuple):
-                values.append(f"{one.__qualname__} {name} {value!r}")
-    files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in known} | set(_own())))
-    return "\n".join([function.__module__, function.__qualname__, str(CHECKED), *sorted(values), files])
+                inner = value.function
+                reached += [] if inner in reached else [inner]
+                how = value.contract, value.vectors, value.is_inlined
+                what = f"{reached.index(inner)} {inner.__module__}.{inner.__qualname__} {how}"
+            elif isinstance(value, ModuleType):
+                used = {name: getattr(value, name) for name in names if hasattr(value, name)}
+                what = f"{value.__name__} { ({k: v for k, v in used.items() if isinstance(v, int | float | tuple)}) }"
+            elif hasattr(value, "__qualname__"):
+                what = f"{value.__module__}.{value.__qualname__}"
+            said.append(f"{reached.index(one)} {name} {what}")
+    files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in reached} | set(_own())))
+    return "\n".join([function.__module__, function.__qualname__, str(CHECKED), *said, files])
 
 
 @functools.cache

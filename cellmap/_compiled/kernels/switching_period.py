@@ -268,6 +268,7 @@ def period(single):
                                     doubt_of_one_surface(
                                         values, rates, gains, jumps, normals, slides, counts, after, state, errors
                                     )  # fmt: skip
+                            unsettled = False
                             if coupled:
                                 unsettled = settle(
                                     addresses[SURFACES], t, state, p, signs, values, rates, gains, jumps, normals,

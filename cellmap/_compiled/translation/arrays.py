@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from .failures import Failure
 from .numbers import Arithmetic, literal
-from .values import CONTIGUOUS, FLOAT, IN_ROWS, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, Value
+from .values import CONTIGUOUS, FLOAT, IN_ROWS, STORED, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, Value
 from .writer import Writer
 
 Index = Value | Known | tuple[Value | Known | None, Value | Known | None]
@@ -15,11 +17,6 @@ Index = Value | Known | tuple[Value | Known | None, Value | Known | None]
 
 ALIGNMENT = 64
 """Bytes: arrays begin where a vector of the processor can begin."""
-
-_STORED = {
-    "float64": "double", "int64": "i64", "uint64": "i64", "int32": "i32", "uint32": "i32", "int16": "i16",
-    "uint16": "i16", "int8": "i8", "uint8": "i8", "bool": "i8", "float32": "float",
-}  # fmt: skip
 
 
 class Arrays:
@@ -61,6 +58,10 @@ class Arrays:
         view = self._view(kind, address, shape, strides)
         if isinstance(value, Value) and isinstance(value.kind, ArrayKind):
             source = value
+            if _kind(source).ndim != len(shape):
+                raise TypeError(f"an array of {_kind(source).ndim} dimensions is assigned to {len(shape)}")
+            for one, other in zip(self.shape(source), shape, strict=True):
+                self.require_equal(one, other)
 
             def copy(places: list[str]) -> None:
                 self._store(kind.element, self.address(view, places), self.element(source, places))
@@ -82,7 +83,7 @@ class Arrays:
 
     def loaded(self, element: str, address: str) -> Value:
         """Return the number at an address."""
-        stored = _STORED[element]
+        stored = STORED[element]
         found = self.writer.value(f"load {stored}, ptr {address}")
         if element == "bool":
             return Value(TRUTH, (self.writer.value(f"icmp ne i8 {found}, 0"),))
@@ -122,19 +123,19 @@ class Arrays:
         """Return a new array, whose memory is written down at an address; what was there before is given back."""
         w, value = self.writer, self.writer.value
         kind = ArrayKind(element, len(shape))
-        lengths = [self.numbers.converted(length, WHOLE).register for length in shape]
+        lengths = [self.numbers.whole(length).register for length in shape]
         size = str(kind.itemsize)
         for length in lengths:
-            self._require(f"icmp sge i64 {length}, 0", Failure.NEGATIVE_LENGTH)
+            self.require(f"icmp sge i64 {length}, 0", Failure.WRONG_VALUE)
             both = value(f"call {{i64, i1}} @llvm.umul.with.overflow.i64(i64 {size}, i64 {length})")
             size = value(f"extractvalue {{i64, i1}} {both}, 0")
-            self._require(f"icmp eq i1 {value(f'extractvalue {{i64, i1}} {both}, 1')}, false", Failure.NO_MEMORY)
+            self.require(f"icmp eq i1 {value(f'extractvalue {{i64, i1}} {both}, 1')}, false", Failure.NO_MEMORY)
         w.write(f"call void @free(ptr {value(f'load ptr, ptr {kept}')})")
         room = value(f"add i64 {size}, {2 * ALIGNMENT}")
         call = f"@calloc(i64 {room}, i64 1)" if zero else f"@malloc(i64 {room})"
         block = value(f"call ptr {call}")
         w.write(f"store ptr {block}, ptr {kept}")
-        self._require(f"icmp ne ptr {block}, null", Failure.NO_MEMORY)
+        self.require(f"icmp ne ptr {block}, null", Failure.NO_MEMORY)
         behind = value(f"add i64 {value(f'ptrtoint ptr {block} to i64')}, {ALIGNMENT}")
         begin = value(f"and i64 {behind}, {-ALIGNMENT}")
         return Value(kind, (value(f"inttoptr i64 {begin} to ptr"), *lengths))
@@ -161,7 +162,8 @@ class Arrays:
         in_one = kind.layout == CONTIGUOUS and whole
         in_rows = bool(strides) and strides[-1] == str(kind.itemsize)
         layout = CONTIGUOUS if in_one or (in_rows and len(shape) == 1) else IN_ROWS if in_rows else STRIDED
-        return ArrayKind(kind.element, len(shape), layout, kind.writeable), address, tuple(shape), tuple(strides)
+        chosen = ArrayKind(kind.element, len(shape), layout, kind.writeable, kind.made)
+        return chosen, address, tuple(shape), tuple(strides)
 
     def _view(self, kind: ArrayKind, address: str, shape: tuple[str, ...], strides: tuple[str, ...]) -> Value:
         known = {CONTIGUOUS: (), IN_ROWS: strides[:-1], STRIDED: strides}[kind.layout]
@@ -172,18 +174,18 @@ class Arrays:
         kind = _kind(array)
         if kind.layout == layout:
             return array
-        other = ArrayKind(kind.element, kind.ndim, layout, kind.writeable)
+        other = ArrayKind(kind.element, kind.ndim, layout, kind.writeable, kind.made)
         return self._view(other, array.registers[0], self.shape(array), self.strides(array))
 
     def _number(self, index: Value | Known, length: str) -> str:
-        if isinstance(index, Known) and index.value < 0:
+        if isinstance(index, Known) and self.numbers.number(index).kind == WHOLE and index.value < 0:
             found = self.writer.value(f"add nsw i64 {length}, {int(index.value)}")
         else:
-            if self.numbers.number(index).kind not in (WHOLE, UNSIGNED, TRUTH):
+            if self.numbers.number(index).kind not in (WHOLE, UNSIGNED):
                 raise TypeError("an index has to be a whole number")
             found = self.numbers.converted(index, WHOLE).register
         if self._checked:
-            self._require(f"icmp ult i64 {found}, {length}", Failure.OUTSIDE)
+            self.require(f"icmp ult i64 {found}, {length}", Failure.OUTSIDE)
         return found
 
     def _ends(self, ends: tuple[Any, Any], length: str) -> tuple[str, str]:
@@ -197,18 +199,24 @@ class Arrays:
         return begin.register, self.writer.value(f"call i64 @llvm.smax.i64(i64 {size}, i64 0)")
 
     def _within(self, end: Value | Known, length: Value) -> Value:
-        number = self.numbers.converted(end, WHOLE)
+        number = self.numbers.whole(end)
         if isinstance(end, Known) and end.value < 0:
             raise TypeError("a slice from the end")
+        if self._checked:
+            self.require(f"icmp sge i64 {number.register}, 0", Failure.OUTSIDE)
         text = f"call i64 @llvm.smin.i64(i64 {number.register}, i64 {length.register})"
         return Value(WHOLE, (self.writer.value(text),))
 
     def _store(self, element: str, address: str, value: Value | Known) -> None:
-        stored = _STORED[element]
+        stored = STORED[element]
         kind = element if element in (FLOAT, WHOLE, UNSIGNED, TRUTH) else FLOAT if element == "float32" else WHOLE
         found = self.numbers.number(value)
-        if found.kind == FLOAT and kind != FLOAT:
-            raise TypeError(f"a float is written into an array of {element}: say how it is to be converted")
+        sign_differs = isinstance(value, Value) and {found.kind, kind} == {WHOLE, UNSIGNED}
+        if (found.kind == FLOAT and kind != FLOAT) or sign_differs:
+            said = "float" if found.kind == FLOAT else found.kind
+            raise TypeError(f"a {said} is written into an array of {element}: say how it is to be converted")
+        if isinstance(value, Known) and kind == WHOLE and int(value.value) not in _numbers_in(element):
+            raise TypeError(f"{value.value} is written into an array of {element}")
         register = self.numbers.converted(value, kind).register
         if element == "bool":
             register = self.writer.value(f"zext i1 {register} to i8")
@@ -218,7 +226,12 @@ class Arrays:
             register = self.writer.value(f"trunc i64 {register} to {stored}")
         self.writer.write(f"store {stored} {register}, ptr {address}")
 
-    def _require(self, condition: str, failure: Failure) -> None:
+    def require_equal(self, one: str, other: str) -> None:
+        """End the function where two lengths differ, if indices are checked."""
+        if self._checked:
+            self.require(f"icmp eq i64 {one}, {other}", Failure.OUTSIDE)
+
+    def require(self, condition: str, failure: Failure) -> None:
         """Go on where a condition is met; else the function ends."""
         met = self.writer.label()
         self.writer.branch(self.writer.value(condition), met, self._refuse(failure))
@@ -234,6 +247,11 @@ class Arrays:
         if one.isdigit() and other.isdigit():
             return str(int(one) * int(other))
         return self.writer.value(f"mul nsw i64 {one}, {other}")
+
+
+def _numbers_in(element: str) -> range:
+    limits = np.iinfo(element)
+    return range(int(limits.min), int(limits.max) + 1)
 
 
 def _kind(array: Value) -> ArrayKind:

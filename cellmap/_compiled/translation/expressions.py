@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import math
 import operator
 from types import ModuleType
 from typing import Any
@@ -14,8 +15,12 @@ from .arrays import Arrays, Index
 from .marks import ArrayAt, ByAddress, Deferred
 from .numbers import INTRINSICS, NUMBERS, Arithmetic
 from .values import (
+    AGAIN,
+    CONTIGUOUS,
     FLOAT,
+    HERE,
     REGISTERS,
+    SEEN_AGAIN,
     TRUTH,
     WHOLE,
     ArrayKind,
@@ -24,8 +29,11 @@ from .values import (
     PointerKind,
     TupleKind,
     Value,
+    element_of,
     items_of,
     joined,
+    lasting,
+    made,
     registers,
     tuple_of,
     typed,
@@ -39,14 +47,24 @@ _FOLDED: dict[type[ast.AST], Any] = {
     ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq,
     ast.NotEq: operator.ne, ast.USub: operator.neg, ast.Not: operator.not_,
 }  # fmt: skip
-_NEW: dict[Any, bool] = {np.empty: False, np.zeros: True, np.ones: False}
+_NEW: dict[Any, bool] = {np.empty: False, np.zeros: True, np.ones: False, np.empty_like: False}
+_GIVEN: dict[Any, Any] = {
+    **dict.fromkeys([*NUMBERS, *INTRINSICS, abs, len, np.empty_like], (1,)),
+    **dict.fromkeys([np.empty, np.zeros, np.ones], (1, 2)),
+    **dict.fromkeys([math.copysign, np.copysign], (2,)),
+    **dict.fromkeys([min, max], range(2, 256)),
+}  # how many arguments a function is given
 
 
 class Expressions:
     """What expressions become; constants are worked out at once."""
 
-    def __init__(self, module: Any, what: Deferred, kinds: dict[str, Kind], fixed: dict[str, Value]) -> None:
+    def __init__(
+        self, module: Any, what: Deferred, kinds: dict[str, Kind], fixed: dict[str, Value], names: frozenset[str]
+    ) -> None:
         self.module, self.kinds, self._fixed = module, kinds, fixed
+        self._own = names.union(kinds)
+        self.bound = set(kinds) - names.difference(kinds)  # what has a value, whatever way a run takes to here
         self.places: dict[str, list[str]] = {}
         function = what.function
         cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
@@ -57,7 +75,9 @@ class Expressions:
         self.kept: list[str] = []
         self.refusals: list[str] = []
         self.may_fail = False
-        self.line = 0
+        self.line = what.function.__code__.co_firstlineno
+        self.turns: list[tuple[str, str, list[set[str]]]] = []  # loops around: where they go on, end, and broke off
+        self.making: list[ast.expr] = []  # what the names of an assignment are given
         self._leaves: list[str] = []
         self._blocks_of_codes: dict[int, str] = {}
 
@@ -67,16 +87,19 @@ class Expressions:
             return self._fixed[name]
         if name not in self.places:
             return None
+        if name not in self.bound:
+            raise TypeError(f"{name} may have no value here")
         kind = self.kinds[name]
         pairs = zip(registers(kind), self.places[name], strict=True)
-        return Value(kind, tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs))
+        found = tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs)
+        return Value(lasting(kind, SEEN_AGAIN) if made(kind) == AGAIN else kind, found)
 
     def known(self, node: ast.expr) -> Known | None:
         """Return what an expression is, where that is known without running anything."""
         if isinstance(node, ast.Constant):
             return Known(node.value)
         if isinstance(node, ast.Name):
-            if node.id in self._around and node.id not in self.kinds:
+            if node.id in self._around and node.id not in self._own:
                 return Known(self._around[node.id])
             return None
         parts = [self.known(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
@@ -115,13 +138,14 @@ class Expressions:
         if isinstance(value, Value):
             return value
         name, kind = self.module.constants(value.value)
-        return Value(ArrayKind(kind, 1), (name, str(len(value.value))))
+        return Value(ArrayKind(kind, 1, writeable=False), (name, str(len(value.value))))
 
     def items(self, value: Value | Known, count: int = 0) -> list[Value | Known]:
         """Return the items of a tuple, or the first ones of an array."""
         if isinstance(value, Known):
             return [Known(item) for item in value.value]
         if isinstance(value.kind, ArrayKind) and count:
+            self.arrays.require_equal(self.arrays.shape(value)[0], str(count))
             return [self.arrays.indexed(value, [Known(place)]) for place in range(count)]
         if not isinstance(value.kind, TupleKind):
             raise TypeError(f"a value of the kind {value.kind} is no tuple")
@@ -138,10 +162,12 @@ class Expressions:
                 found.append(self.expression(one))
         return found
 
-    def condition(self, node: ast.expr, then: str, otherwise: str) -> None:
+    def condition(self, node: ast.expr, then: str, otherwise: str, wants_bool: bool = False) -> None:
         """Go on with one of two blocks; what does not matter is not looked at."""
         known = self.known(node)
         if known is not None:
+            if wants_bool and not isinstance(known.value, bool):
+                raise TypeError(f"`and` or `or` of {ast.unparse(node)}, which is no bool")
             self.writer.jump(then if known.value else otherwise)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             self.condition(node.operand, otherwise, then)
@@ -149,13 +175,16 @@ class Expressions:
             for one in node.values[:-1]:
                 following = self.writer.label()
                 if isinstance(node.op, ast.And):
-                    self.condition(one, following, otherwise)
+                    self.condition(one, following, otherwise, wants_bool)
                 else:
-                    self.condition(one, then, following)
+                    self.condition(one, then, following, wants_bool)
                 self.writer.begin(following)
-            self.condition(node.values[-1], then, otherwise)
+            self.condition(node.values[-1], then, otherwise, wants_bool)
         else:
-            self.writer.branch(self.numbers.truth(self.expression(node)).register, then, otherwise)
+            found = self.expression(node)
+            if wants_bool and not (isinstance(found, Value) and found.kind == TRUTH):
+                raise TypeError(f"`and` or `or` of {ast.unparse(node)}, which is no bool")
+            self.writer.branch(self.numbers.truth(found).register, then, otherwise)
 
     def _refusal(self, code: int) -> str:
         """Return the block that ends the function with a code."""
@@ -177,7 +206,8 @@ class Expressions:
 
     def _of_attribute(self, node: ast.Attribute) -> Value:
         value = self.expression(node.value)
-        assert isinstance(value, Value)
+        if isinstance(value, Known):
+            raise TypeError(f"{ast.unparse(node)} is not in the language")
         if isinstance(value.kind, TupleKind) and node.attr in value.kind.names:
             return list(items_of(value))[value.kind.names.index(node.attr)]
         if isinstance(value.kind, ArrayKind):
@@ -214,19 +244,36 @@ class Expressions:
         return self.numbers.negative(self.expression(node.operand))
 
     def _of_compare(self, node: ast.Compare) -> Value:
-        left, found = self.expression(node.left), ""
+        left, found, w = self.expression(node.left), "", self.writer
+        place, after = "", ""
         for comparison, other in zip(node.ops, node.comparators, strict=True):
+            if found and any(map(self._looks, ast.walk(other))):  # no more where a comparison before has failed
+                place, after, following = place or w.memory("i1"), after or w.label(), w.label()
+                w.write(f"store i1 {found}, ptr {place}")
+                w.branch(found, following, after)
+                w.begin(following)
             right = self.expression(other)
             one = self.numbers.compared(comparison, left, right).register
-            found = self.writer.value(f"and i1 {found}, {one}") if found else one
+            found = w.value(f"and i1 {found}, {one}") if found else one
             left = right
+        if after:
+            w.write(f"store i1 {found}, ptr {place}")
+            w.begin(after)
+            found = w.value(f"load i1, ptr {place}")
         return Value(TRUTH, (found,))
+
+    def _looks(self, node: ast.AST) -> bool:
+        """Tell whether an expression reads an array, or may do anything else."""
+        if isinstance(node, ast.Subscript):
+            return not (isinstance(node.value, ast.Attribute) and node.value.attr == "shape")
+        known = self.known(node.func) if isinstance(node, ast.Call) else None
+        return known is not None and isinstance(known.value, Deferred)
 
     def _of_boolop(self, node: ast.BoolOp) -> Value:
         w = self.writer
         then, otherwise, after = w.label(), w.label(), w.label()
         place = w.memory("i1")
-        self.condition(node, then, otherwise)
+        self.condition(node, then, otherwise, wants_bool=True)
         for label, truth in ((then, "true"), (otherwise, "false")):
             w.begin(label)
             w.write(f"store i1 {truth}, ptr {place}")
@@ -267,11 +314,14 @@ class Expressions:
         if known is None:
             raise TypeError(f"{ast.unparse(node.func)} is not known")
         function = known.value
-        if function in _NEW or function is np.empty_like:
-            return self._new(function, node.args)
+        counts = _GIVEN.get(function) if function.__hash__ else None
+        if counts is not None and len(node.args) not in counts:
+            raise TypeError(f"{ast.unparse(node.func)} with {len(node.args)} arguments is not in the language")
+        if function in _NEW:
+            return self._new(node)
         given = [self.expression(one) for one in node.args]
         if isinstance(function, ByAddress):
-            return self._called_by_address(given)
+            return self._called_by_address(function, given)
         if isinstance(function, ArrayAt):
             return self._array_at(*given)
         if isinstance(function, Deferred):
@@ -288,48 +338,64 @@ class Expressions:
             return Value(WHOLE, (self.arrays.shape(given[0])[0],))
         raise TypeError(f"{ast.unparse(node.func)} is not in the language")
 
-    def _new(self, function: Any, given: list[ast.expr]) -> Value:
+    def _new(self, node: ast.Call) -> Value:
+        known, given = self.known(node.func), node.args
+        assert known is not None
+        function = known.value
+        if self.turns and node not in self.making:
+            raise TypeError("an array that is made in a loop is given a name at once: name = np.empty(...)")
         if function is np.empty_like:
             model = self.array(given[0])
             assert isinstance(model.kind, ArrayKind)
             lengths: list[Value | Known] = [Value(WHOLE, (length,)) for length in self.arrays.shape(model)]
             element = model.kind.element
-            function = np.empty
         else:
             shape = self.expression(given[0])
             is_tuple = isinstance(shape.value, tuple) if isinstance(shape, Known) else isinstance(shape.kind, TupleKind)
             lengths = self.items(shape) if is_tuple else [shape]
             chosen = self.known(given[1]) if len(given) > 1 else Known(np.float64)
-            assert chosen is not None
-            element = np.dtype(chosen.value).name
-        self.kept.append(self.writer.memory("ptr", "null"))
-        array = self.arrays.allocated(lengths, element, self.kept[-1], _NEW[function])
+            if chosen is None:
+                raise TypeError(f"{ast.unparse(given[1])} is no type of elements")
+            element = element_of(chosen.value)
+        array = self.allocated(lengths, element, _NEW[function])
         if function is np.ones:
             self.arrays.assign(array, [(None, None)], Known(1))
-        return array
+        return Value(lasting(array.kind, AGAIN if self.turns else HERE), array.registers)
 
-    def _called_by_address(self, given: list[Value | Known]) -> Value:
+    def allocated(self, lengths: list[Value | Known], element: str, zero: bool = False) -> Value:
+        """Return a new array, whose memory is given back when its successor is made, and at the end."""
+        self.kept.append(self.writer.memory("ptr", "null"))
+        return self.arrays.allocated(lengths, element, self.kept[-1], zero)
+
+    def _called_by_address(self, what: ByAddress, given: list[Value | Known]) -> Value:
         handed = []
+        if len(given) != what.function.__code__.co_argcount:
+            raise TypeError(f"{what.function.__qualname__} does not take {len(given)} arguments")
         for value in given[1:]:
             one = self.numbers.number(value) if isinstance(value, Known) else value
+            whole = one.kind.layout == CONTIGUOUS if isinstance(one.kind, ArrayKind) else len(one.registers) == 1
+            if not whole:
+                raise TypeError(f"a value of the kind {one.kind} is handed over by its address")
             handed.append(f"{registers(one.kind)[0]} {one.registers[0]}")
-        address = self.numbers.converted(given[0], WHOLE).register
+        address = self.numbers.whole(given[0]).register
         function = self.writer.value(f"inttoptr i64 {address} to ptr")
         self.writer.write(f"call void {function}({', '.join(handed)})")
         return Value(None, ())
 
     def _array_at(self, address: Value | Known, shape: Value | Known) -> Value:
-        assert isinstance(address, Value)
-        kind, begin = address.kind, address.register
-        if not isinstance(kind, PointerKind):
-            kind, begin = PointerKind(FLOAT), self.writer.value(f"inttoptr i64 {begin} to ptr")
+        if isinstance(address, Value) and isinstance(address.kind, PointerKind):
+            kind, begin = address.kind, address.register
+        else:
+            whole = self.numbers.whole(address).register
+            kind, begin = PointerKind(FLOAT), self.writer.value(f"inttoptr i64 {whole} to ptr")
         is_tuple = isinstance(shape, Value) and isinstance(shape.kind, TupleKind)
-        lengths = [self.numbers.converted(one, WHOLE) for one in (self.items(shape) if is_tuple else [shape])]
+        lengths = [self.numbers.whole(one) for one in (self.items(shape) if is_tuple else [shape])]
         return Value(ArrayKind(kind.element, len(lengths)), (begin, *(length.register for length in lengths)))
 
     def _called(self, what: Deferred, given: list[Value | Known]) -> Value:
         values = [self.numbers.number(value) if isinstance(value, Known) else value for value in given]
-        callee = self.module.callee(what, tuple(value.kind for value in values))
+        callee = self.module.callee(what, tuple(lasting(value.kind, 0) for value in values))
+        result_kind = lasting(callee.result, max((made(value.kind) for value in values), default=0))
         types = registers(callee.result)
         handed = [one for value in values for one in typed(value)]
         instruction = callee.call(handed, "%failure")
@@ -344,7 +410,7 @@ class Expressions:
             self.writer.branch(self.writer.value(f"icmp ne i32 {code}, 0"), "exit", going_on)
             self.writer.begin(going_on)
         if len(types) < 2:
-            return Value(callee.result, (result,) if types else ())
+            return Value(result_kind, (result,) if types else ())
         text = "{" + ", ".join(types) + "}"
         parts = (self.writer.value(f"extractvalue {text} {result}, {k}") for k in range(len(types)))
-        return Value(callee.result, tuple(parts))
+        return Value(result_kind, tuple(parts))

@@ -11,5 +11,5 @@ class Failure(IntEnum):
     NO_MEMORY = 1
     OUTSIDE = 2
     """An index outside of an array."""
-    NEGATIVE_LENGTH = 3
-    """An array of negative length."""
+    WRONG_VALUE = 3
+    """An array of negative length, or a range with step 0."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from types import CodeType
 from typing import Any
 
+from .grammar import LanguageError, names_set
 from .marks import Deferred
 from .numbers import literal
 from .statements import Statements, Widened
@@ -23,6 +24,7 @@ declare i64 @llvm.abs.i64(i64, i1)
 declare {i64, i1} @llvm.umul.with.overflow.i64(i64, i64)
 declare i64 @llvm.smin.i64(i64, i64)
 declare i64 @llvm.smax.i64(i64, i64)
+declare i64 @llvm.umin.i64(i64, i64)
 declare double @llvm.copysign.f64(double, double)
 declare double @llvm.pow.f64(double, double)
 """ + "".join(f"declare double @llvm.{name}.f64(double)\n" for name in ("sqrt", "floor", "log", "fabs"))
@@ -42,10 +44,6 @@ class Callee:
         return f"call {returned(self.result)} @{self.name}({', '.join([*handed, f'ptr {failure}'])})"
 
 
-class LanguageError(TypeError):
-    """Something is not in the language; the message says where."""
-
-
 class Module:
     """Functions that call one another, each for the kinds of arguments that it is called with.
 
@@ -56,6 +54,7 @@ class Module:
         self.checked = checked
         self._texts: list[str] = [_DECLARED, _NO_VECTORS]
         self._callees: dict[Any, Callee] = {}
+        self._begun: set[Any] = set()
 
     @property
     def text(self) -> str:
@@ -80,27 +79,29 @@ class Module:
         TypeError
             Where it is not in the language; the message says in which line.
         """
-        key = what.function, kinds
+        key = what.function, what.contract, what.vectors, what.is_inlined, kinds
         if key not in self._callees:
-            tree = _tree(what.function)
+            if key in self._begun:
+                raise TypeError(f"{what.function.__qualname__} calls itself")
+            self._begun.add(key)
+            tree, file = _tree(what.function), what.function.__code__.co_filename
+            set_again = names_set(tree, file)
             names = [argument.arg for argument in tree.args.args]
             if len(names) != len(kinds):
                 raise TypeError(f"{what.function.__qualname__} takes {len(names)} arguments, not {len(kinds)}")
             variables: dict[str, Kind] = dict(zip(names, kinds, strict=True))
-            set_again = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and _is_set(node)}
             fixed = {n: _argument(n, kind) for n, kind in variables.items() if n not in set_again}
             result: list[Kind] = []
             while True:
-                body = Statements(self, what, variables, result, fixed)
+                body = Statements(self, what, variables, result, fixed, set_again)
                 try:
-                    body.block(tree.body)
+                    body.function(tree.body)
                     break
                 except Widened:
                     continue
                 except LanguageError:  # of a function that this one calls
                     raise
-                except (TypeError, KeyError, ValueError) as error:
-                    file = what.function.__code__.co_filename
+                except Exception as error:
                     raise LanguageError(f"{file}:{body.line}: {error}") from error
             callee = Callee(f"{what.function.__name__}.{len(self._callees)}", body.result, body.may_fail)
             self._callees[key] = callee
@@ -127,23 +128,22 @@ def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
     codes, trees = _functions_in(text, code.co_filename)
     if code not in codes:
         raise RuntimeError(f"{code.co_filename} was changed after it had been imported: restart Python")
-    return trees[code.co_firstlineno]
+    if (code.co_firstlineno, code.co_name) not in trees:
+        raise LanguageError(f"{code.co_filename}:{code.co_firstlineno}: {code.co_name} is no function made with def")
+    return trees[code.co_firstlineno, code.co_name]
 
 
 @functools.lru_cache(maxsize=32)
-def _functions_in(text: str, file: str) -> tuple[set[CodeType], dict[int, ast.FunctionDef]]:
-    """Return the functions of a text as Python compiles them, and their grammar by the line in which each begins."""
+def _functions_in(text: str, file: str) -> tuple[set[CodeType], dict[tuple[int, str], ast.FunctionDef]]:
+    """Return the functions of a text as Python compiles them, and their grammar by their lines and names."""
     codes, left = set(), [compile(text, file, "exec", dont_inherit=True)]
     while left:
         inner = {one for one in left.pop().co_consts if isinstance(one, CodeType)}
         codes |= inner
         left += inner
     found = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
-    return codes, {min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in found}
-
-
-def _is_set(node: ast.Name) -> bool:
-    return isinstance(node.ctx, ast.Store)
+    begins = (min([node.lineno, *(one.lineno for one in node.decorator_list)]) for node in found)
+    return codes, {(line, node.name): node for line, node in zip(begins, found, strict=True)}
 
 
 def _argument(name: str, kind: Kind) -> Value:

@@ -6,14 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 from .functions import Callee, Module
+from .grammar import LanguageError
 from .marks import Deferred
-from .values import Kind, PointerKind, kind_of_argument, registers
+from .values import FLOAT, TRUTH, WHOLE, Kind, PointerKind, kind_of_argument, registers
 
 
 def entered(what: Deferred, arguments: tuple[Any, ...], entry: Callable[[Callee], str], checked: bool) -> str:
     """Return the module of a loop for the kinds of some arguments, with an entry that calls it."""
     module = Module(checked)
     callee = module.callee(what, tuple(map(kind_of_argument, arguments)))
+    if callee.result not in (None, FLOAT, WHOLE, TRUTH):
+        code = what.function.__code__
+        raise LanguageError(f"{code.co_filename}:{code.co_firstlineno}: {callee.result} is returned to Python")
     return module.text + entry(callee)
 
 

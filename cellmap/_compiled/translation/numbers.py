@@ -42,9 +42,13 @@ def literal(value: Any) -> Value:
     """Return a constant number as a value."""
     if isinstance(value, bool | np.bool_):
         return Value(TRUTH, ("true" if value else "false",))
+    if isinstance(value, np.uint64):
+        return Value(UNSIGNED, (str(int(value)),))
     if isinstance(value, int | np.integer):
-        return Value(UNSIGNED if isinstance(value, np.uint64) else WHOLE, (str(int(value)),))
-    if not isinstance(value, float | np.floating):
+        if not -(2**63) <= value < 2**63:
+            raise TypeError(f"{value} has more than 64 bits")
+        return Value(WHOLE, (str(int(value)),))
+    if not isinstance(value, float):
         raise TypeError(f"{value!r} is no number")
     return Value(FLOAT, (f"0x{struct.pack('>d', value).hex()}",))
 
@@ -58,22 +62,22 @@ class Arithmetic:
     def converted(self, value: Value | Known, kind: str) -> Value:
         """Return a number as one of another kind."""
         if isinstance(value, Known):
-            if kind == FLOAT:
-                return literal(float(value.value))
-            if kind == UNSIGNED and value.value >= 0:
+            if kind == UNSIGNED:
+                if not isinstance(value.value, int | np.integer) or not 0 <= value.value < 2**64:
+                    raise TypeError(f"{value.value!r} in the place of a uint64")
                 return literal(np.uint64(value.value))
-            value = literal(value.value)
+            found = literal(value.value)
+            value = literal(float(value.value)) if kind == FLOAT else found
         if value.kind == kind:
             return value
         if {value.kind, kind} == {WHOLE, UNSIGNED}:
             return Value(kind, value.registers)
         if kind == TRUTH:
             return self.truth(value)
-        if not isinstance(value.kind, str):
-            raise TypeError(f"a value of the kind {value.kind} is no number")
-        source, target = REGISTERS[value.kind], REGISTERS[kind]
-        instruction = CONVERTED[value.kind, kind]
-        return Value(kind, (self.writer.value(f"{instruction} {source} {value.register} to {target}"),))
+        source, target, instruction = str(value.kind), REGISTERS[kind], CONVERTED.get((str(value.kind), kind))
+        if instruction is None:
+            raise TypeError(f"a value of the kind {source} in the place of a number of the kind {kind}")
+        return Value(kind, (self.writer.value(f"{instruction} {REGISTERS[source]} {value.register} to {target}"),))
 
     def truth(self, value: Value | Known) -> Value:
         """Tell whether a number is not zero."""
@@ -89,6 +93,13 @@ class Arithmetic:
         found = literal(value.value) if isinstance(value, Known) else value
         if not isinstance(found.kind, str):
             raise TypeError(f"a value of the kind {found.kind} is no number")
+        return found
+
+    def whole(self, value: Value | Known) -> Value:
+        """Return a whole number, which none of another kind is taken for."""
+        found = self.number(value)
+        if found.kind != WHOLE:
+            raise TypeError(f"a number of the kind {found.kind} in the place of a whole one")
         return found
 
     def common(self, values: list[Value | Known]) -> list[Value]:
@@ -111,9 +122,10 @@ class Arithmetic:
             left, right = self.converted(left, FLOAT), self.converted(right, FLOAT)
         if isinstance(operator, ast.Pow):
             return self._power(left, right)
-        if isinstance(operator, ast.LShift | ast.RShift) and self.number(left).kind == UNSIGNED:
+        shifts = isinstance(operator, ast.LShift | ast.RShift)
+        if shifts and self.number(left).kind == UNSIGNED:
             right = self.converted(right, UNSIGNED)
-        constant = right.value if isinstance(right, Known) else None
+        constant: Any = right.value if isinstance(right, Known) else None
         a, b = self.common([left, right])
         if a.kind == FLOAT:
             if isinstance(operator, ast.Mod):
@@ -126,10 +138,16 @@ class Arithmetic:
                 return Value(TRUTH, (self.writer.value(f"{_OF_WHOLES[type(operator)]} i1 {a.register}, {b.register}"),))
             a, b = self.converted(a, WHOLE), self.converted(b, WHOLE)
         if isinstance(operator, ast.FloorDiv | ast.Mod):
+            if a.kind == UNSIGNED:
+                raise TypeError("a division of a uint64: say how it is to be converted")
             return self._divided(isinstance(operator, ast.Mod), a, b, constant)
         instruction = _OF_WHOLES[type(operator)]
         if a.kind == UNSIGNED and instruction == "ashr":
             instruction = "lshr"
+        if shifts and constant is None:
+            return self._shifted(instruction, a, b)
+        if shifts and not 0 <= constant < 64:
+            raise TypeError(f"a shift by {constant}")
         return Value(a.kind, (self.writer.value(f"{instruction} i64 {a.register}, {b.register}"),))
 
     def negative(self, value: Value | Known) -> Value | Known:
@@ -138,7 +156,7 @@ class Arithmetic:
             return Known(-value.value)
         if value.kind == FLOAT:
             return self._float(f"fneg double {value.register}")
-        value = self.converted(value, WHOLE)
+        value = self.whole(self.converted(value, WHOLE) if value.kind == TRUTH else value)
         return Value(WHOLE, (self.writer.value(f"sub i64 0, {value.register}"),))
 
     def compared(self, operator: ast.cmpop, left: Value | Known, right: Value | Known) -> Value:
@@ -169,7 +187,7 @@ class Arithmetic:
         value = self.number(value)
         if value.kind == FLOAT:
             return self.intrinsic("fabs", [value])
-        value = self.converted(value, WHOLE)
+        value = self.whole(self.converted(value, WHOLE) if value.kind == TRUTH else value)
         return Value(WHOLE, (self.writer.value(f"call i64 @llvm.abs.i64(i64 {value.register}, i1 false)"),))
 
     def intrinsic(self, name: str, values: list[Value | Known] | list[Value]) -> Value:
@@ -185,18 +203,30 @@ class Arithmetic:
             return self.intrinsic("pow", [base, exponent])
         if not (isinstance(base, Known) and base.value == 2):
             raise TypeError("powers of whole numbers other than 2")
-        return Value(WHOLE, (self.writer.value(f"shl i64 1, {self.converted(exponent, WHOLE).register}"),))
+        return self.binary(ast.LShift(), Known(1), exponent if isinstance(exponent, Known) else self.whole(exponent))
+
+    def _shifted(self, instruction: str, a: Value, b: Value) -> Value:
+        """Shift by any number of bits: by 64 and more, or fewer than none, all are lost."""
+        value = self.writer.value
+        if instruction == "ashr":
+            bits = value(f"call i64 @llvm.umin.i64(i64 {b.register}, i64 63)")
+            return Value(a.kind, (value(f"ashr i64 {a.register}, {bits}"),))
+        few, shifted = value(f"icmp ult i64 {b.register}, 64"), value(f"{instruction} i64 {a.register}, {b.register}")
+        return Value(a.kind, (value(f"select i1 {few}, i64 {shifted}, i64 0"),))
 
     def _divided(self, wants_rest: bool, a: Value, b: Value, constant: int | None) -> Value:
-        """Divide whole numbers: the quotient is rounded down, and the rest has the sign of the divisor."""
+        """Divide whole numbers: the quotient is rounded down, and the rest has the sign of the divisor.
+
+        The processor is not asked for quotients by 0 and -1, at some of which it ends the process.
+        """
         one, other = a.register, b.register
         if constant is not None and constant > 0 and constant & (constant - 1) == 0:
-            bits = constant.bit_length() - 1
+            bits = int(constant).bit_length() - 1
             text = f"and i64 {one}, {constant - 1}" if wants_rest else f"ashr i64 {one}, {bits}"
             return Value(WHOLE, (self.writer.value(text),))
         value = self.writer.value
-        nothing = value(f"icmp eq i64 {other}, 0")
-        safe = value(f"select i1 {nothing}, i64 1, i64 {other}")
+        known = value(f"icmp ult i64 {value(f'add i64 {other}, 1')}, 2")
+        safe = value(f"select i1 {known}, i64 1, i64 {other}")
         quotient, rest = value(f"sdiv i64 {one}, {safe}"), value(f"srem i64 {one}, {safe}")
         signs, uneven = value(f"xor i64 {rest}, {safe}"), value(f"icmp ne i64 {rest}, 0")
         differ = value(f"icmp slt i64 {signs}, 0")
@@ -207,7 +237,8 @@ class Arithmetic:
         else:
             moved = value(f"sub i64 {quotient}, 1")
             result = value(f"select i1 {wrong}, i64 {moved}, i64 {quotient}")
-        return Value(WHOLE, (value(f"select i1 {nothing}, i64 0, i64 {result}"),))
+        alone = "0" if wants_rest else value(f"mul i64 {one}, {other}")
+        return Value(WHOLE, (value(f"select i1 {known}, i64 {alone}, i64 {result}"),))
 
     def _remainder_of_floats(self, a: Value, b: Value) -> Value:
         """Return the remainder that has the sign of the divisor."""

@@ -6,7 +6,9 @@ import ast
 from typing import Any
 
 from .expressions import Expressions
+from .failures import Failure
 from .values import (
+    SEEN_AGAIN,
     WHOLE,
     ArrayKind,
     Kind,
@@ -15,6 +17,7 @@ from .values import (
     Value,
     items_of,
     joined,
+    made,
     registers,
     tuple_of,
 )
@@ -28,13 +31,19 @@ class Statements(Expressions):
     """The body of a function: its variables, in memory that LLVM makes registers of, and its statements."""
 
     def __init__(
-        self, module: Any, what: Any, kinds: dict[str, Kind], result: list[Kind], fixed: dict[str, Value]
+        self,
+        module: Any,
+        what: Any,
+        kinds: dict[str, Kind],
+        result: list[Kind],
+        fixed: dict[str, Value],
+        names: frozenset[str],
     ) -> None:
-        super().__init__(module, what, kinds, fixed)
+        super().__init__(module, what, kinds, fixed, names)
         self._result = result
+        self._ends_without = False
         self.conversions: list[str] = []
         self.results = [self.writer.memory(t) for t in registers(self.result)]
-        self._loops: list[tuple[str, str]] = []
         for name in kinds:
             if name not in fixed:
                 self._place(name)
@@ -43,6 +52,12 @@ class Statements(Expressions):
     def result(self) -> Kind:
         """The kind of what is returned, as far as that is known."""
         return self._result[0] if self._result else None
+
+    def function(self, statements: list[ast.stmt]) -> None:
+        """Write all statements."""
+        self.block(statements)
+        if self._result and (self._ends_without or not self.writer.ended):
+            raise TypeError("the function may end without a result")
 
     def block(self, statements: list[ast.stmt]) -> None:
         """Write statements, one after the other."""
@@ -77,6 +92,8 @@ class Statements(Expressions):
         kind = self.numbers.number(value).kind if isinstance(value, Known) else value.kind
         if kind is None:
             raise TypeError(f"{name} is what a function returns that returns nothing")
+        if made(kind) == SEEN_AGAIN:
+            raise TypeError(f"{name} is an array made in a loop, or part of one, which has a name already")
         if name not in self.kinds:
             self.kinds[name] = kind
         elif self.kinds[name] != (wider := joined(self.kinds[name], kind)):
@@ -87,6 +104,7 @@ class Statements(Expressions):
         fitted = self.fitted(value, self.kinds[name])
         for t, register, place in zip(registers(fitted.kind), fitted.registers, self.places[name], strict=True):
             self.writer.write(f"store {t} {register}, ptr {place}")
+        self.bound.add(name)
 
     def _assign_to(self, target: ast.expr, value: Value | Known) -> None:
         if isinstance(target, ast.Name):
@@ -95,11 +113,19 @@ class Statements(Expressions):
             for one, item in zip(target.elts, self.items(value, len(target.elts)), strict=True):
                 self._assign_to(one, item)
         elif isinstance(target, ast.Subscript):
-            self.arrays.assign(self.array(target.value), self.indices(target.slice), value)
+            array, indices = self.array(target.value), self.indices(target.slice)
+            if isinstance(value, Value) and isinstance(value.kind, ArrayKind):  # it may be part of the target
+                lengths: list[Value | Known] = [Value(WHOLE, (length,)) for length in self.arrays.shape(value)]
+                source, value = value, self.allocated(lengths, value.kind.element)
+                self.arrays.assign(value, [(None, None)], source)
+            self.arrays.assign(array, indices, value)
         else:
             raise TypeError(f"an assignment to {ast.unparse(target)}")
 
     def _assign(self, statement: ast.Assign) -> None:
+        given = statement.value.elts if isinstance(statement.value, ast.Tuple) else [statement.value]
+        are_new = len(given) == 1 or not any(isinstance(part, ast.Subscript) for one in given for part in ast.walk(one))
+        self.making = given if len(statement.targets) == 1 and are_new else []
         value = self.expression(statement.value)
         for target in statement.targets:
             self._assign_to(target, value)
@@ -108,11 +134,12 @@ class Statements(Expressions):
         target = statement.target
         if isinstance(target, ast.Subscript):
             array, indices = self.array(target.value), self.indices(target.slice)
-            added = self.expression(statement.value)
             before = self.arrays.indexed(array, indices)
+            added = self.expression(statement.value)
             self.arrays.assign(array, indices, self.numbers.binary(statement.op, before, added))
         else:
-            assert isinstance(target, ast.Name)
+            if not isinstance(target, ast.Name):
+                raise TypeError(f"an assignment to {ast.unparse(target)}")
             found = self.expression(ast.Name(target.id))
             self._set(target.id, self.numbers.binary(statement.op, found, self.expression(statement.value)))
 
@@ -131,35 +158,49 @@ class Statements(Expressions):
         w = self.writer
         then, otherwise, after = w.label(), w.label(), w.label()
         self.condition(statement.test, then, otherwise)
-        ends = True
+        before, ways = self.bound, []
         for label, statements in ((then, statement.body), (otherwise, statement.orelse)):
             w.begin(label)
+            self.bound = set(before)
             self.block(statements)
-            ends &= w.ended
+            ways += [] if w.ended else [self.bound]
             w.jump(after)
-        w.begin(after)
-        if ends:
-            w.write("unreachable")
-            w.ended = True
+        self._after(after, ways)
+
+    def _after(self, label: str, ways: list[set[str]]) -> None:
+        """Begin a block to which there are ways with these names bound."""
+        self.writer.begin(label)
+        if not ways:
+            self.writer.write("unreachable")
+            self.writer.ended = True
+        else:
+            self.bound = set.intersection(*ways)
 
     def _while(self, statement: ast.While) -> None:
         w = self.writer
         test, body, after = w.label(), w.label(), w.label()
         w.begin(test)
         self.condition(statement.test, body, after)
+        known, before = self.known(statement.test), set(self.bound)
         w.begin(body)
-        self._inside(statement.body, test, after)
+        ways = self._inside(statement.body, test, after)
         w.repeat(test)
-        w.begin(after)
+        self._after(after, ways if known is not None and known.value else [before])
 
-    def _inside(self, statements: list[ast.stmt], again: str, after: str) -> None:
-        self._loops.append((again, after))
+    def _inside(self, statements: list[ast.stmt], again: str, after: str) -> list[set[str]]:
+        self.turns.append((again, after, []))
         self.block(statements)
-        self._loops.pop()
+        return self.turns.pop()[2]
 
     def _for(self, statement: ast.For) -> None:
-        assert isinstance(statement.target, ast.Name)
-        name, source = statement.target.id, statement.iter
+        if not isinstance(statement.target, ast.Name):
+            raise TypeError(f"a loop over {ast.unparse(statement.target)}")
+        before = set(self.bound)
+        self._for_name(statement.target.id, statement)
+        self.bound = before
+
+    def _for_name(self, name: str, statement: ast.For) -> None:
+        source = statement.iter
         if isinstance(source, ast.Call) and self.known(source.func) == Known(range):
             self._for_range(name, source.args, statement.body)
             return
@@ -184,8 +225,12 @@ class Statements(Expressions):
     def _for_range(self, name: str, given: list[ast.expr], body: list[ast.stmt]) -> None:
         w = self.writer
         numbers = [self.expression(one) for one in given]
-        begin, end, step = [*([Known(0)] if len(numbers) == 1 else []), *numbers, Known(1)][:3]
-        first, last, width = (self.numbers.converted(one, WHOLE).register for one in (begin, end, step))
+        if len(numbers) == 1:
+            numbers.insert(0, Known(0))
+        begin, end, step = [*numbers, Known(1)] if len(numbers) == 2 else numbers
+        first, last, width = (self.numbers.whole(one).register for one in (begin, end, step))
+        if not isinstance(step, Known) or step.value == 0:
+            self.arrays.require(f"icmp ne i64 {width}, 0", Failure.WRONG_VALUE)
         counter, test, inside, again, after = w.memory("i64"), w.label(), w.label(), w.label(), w.label()
         w.write(f"store i64 {first}, ptr {counter}")
         w.begin(test)
@@ -205,15 +250,20 @@ class Statements(Expressions):
         w.begin(after)
 
     def _break(self, statement: ast.Break) -> None:
-        self.writer.jump(self._loops[-1][1])
+        self.turns[-1][2].append(self.bound)
+        self.writer.jump(self.turns[-1][1])
 
     def _continue(self, statement: ast.Continue) -> None:
-        self.writer.jump(self._loops[-1][0])
+        self.writer.jump(self.turns[-1][0])
 
     def _return(self, statement: ast.Return) -> None:
-        if statement.value is not None:
+        if statement.value is None:
+            self._ends_without = True
+        else:
             found = self.expression(statement.value)
             value = self.numbers.number(found) if isinstance(found, Known) else found
+            if made(value.kind):
+                raise TypeError("an array is returned that was made here and does not last")
             wider = value.kind if not self._result else joined(self._result[0], value.kind)
             if self._result != [wider]:
                 self._result[:] = [wider]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,32 @@ WHOLE, UNSIGNED, FLOAT, TRUTH = "int64", "uint64", "float64", "bool"
 
 REGISTERS = {WHOLE: "i64", UNSIGNED: "i64", FLOAT: "double", TRUTH: "i1"}
 
+STORED = {
+    "float64": "double", "int64": "i64", "uint64": "i64", "int32": "i32", "uint32": "i32", "int16": "i16",
+    "uint16": "i16", "int8": "i8", "uint8": "i8", "bool": "i8", "float32": "float",
+}  # fmt: skip
+"""Types of elements, and LLVM's."""
+
+HERE, AGAIN, SEEN_AGAIN = 1, 2, 3
+"""An array made once, one made in a loop, and what has come of it since."""
+
 CONTIGUOUS, IN_ROWS, STRIDED = "C", "rows", "A"
 """Layouts of arrays: in one piece; with an innermost axis in one piece; with any strides."""
 
 
 @dataclass(frozen=True)
 class ArrayKind:
-    """An array: NumPy's name of the type of its elements, dimensions, layout, and whether it can be written to."""
+    """An array: NumPy's name of the type of its elements, dimensions, layout, and whether it can be written to.
+
+    Memory of arrays that a function makes is ``made``: it lasts until the function returns, or, ``AGAIN``, until the
+    next turn of a loop.
+    """
 
     element: str
     ndim: int
     layout: str = CONTIGUOUS
     writeable: bool = True
+    made: int = 0
 
     @property
     def itemsize(self) -> int:
@@ -109,11 +123,39 @@ def tuple_of(items: list[Value], names: tuple[str, ...] = ()) -> Value:
     return Value(kind, tuple(register for item in items for register in item.registers))
 
 
+def element_of(dtype: Any) -> str:
+    """Return the name of a type of elements.
+
+    Raises
+    ------
+    TypeError
+        Where the language does not have it.
+    """
+    found = np.dtype(dtype)
+    if found.name not in STORED or not found.isnative:
+        raise TypeError(f"an array of {found.str} ({found.name}): convert it to one of {', '.join(STORED)}")
+    return found.name
+
+
+def made(kind: Kind) -> int:
+    """Return how long the memory of a value lasts."""
+    if isinstance(kind, TupleKind):
+        return max(map(made, kind.items), default=0)
+    return kind.made if isinstance(kind, ArrayKind) else 0
+
+
+def lasting(kind: Kind, how: int) -> Kind:
+    """Return a kind, with arrays whose memory lasts as told."""
+    if isinstance(kind, TupleKind):
+        return TupleKind(tuple(lasting(item, how) for item in kind.items), kind.names)
+    return replace(kind, made=how) if isinstance(kind, ArrayKind) and kind.made != how else kind
+
+
 def kind_of_argument(argument: Any) -> Kind:
     """Return the kind of what a loop is called with: ndarray, tuple, int, float."""
     if isinstance(argument, np.ndarray):
         layout = CONTIGUOUS if argument.flags.c_contiguous else STRIDED
-        return ArrayKind(argument.dtype.name, argument.ndim, layout, argument.flags.writeable)
+        return ArrayKind(element_of(argument.dtype), argument.ndim, layout, argument.flags.writeable)
     if isinstance(argument, tuple):
         return TupleKind(tuple(map(kind_of_argument, argument)), getattr(argument, "_fields", ()))
     return FLOAT if isinstance(argument, float) else WHOLE
@@ -137,7 +179,8 @@ def joined(one: Kind, other: Kind) -> Kind:
         if (one.element, one.ndim) == (other.element, other.ndim):
             layouts = (CONTIGUOUS, IN_ROWS, STRIDED)
             layout = max(one.layout, other.layout, key=layouts.index)
-            return ArrayKind(one.element, one.ndim, layout, one.writeable and other.writeable)
+            writeable = one.writeable and other.writeable
+            return ArrayKind(one.element, one.ndim, layout, writeable, max(one.made, other.made))
     elif isinstance(one, TupleKind) and isinstance(other, TupleKind) and len(one.items) == len(other.items):
         items = tuple(joined(a, b) for a, b in zip(one.items, other.items, strict=True))
         return TupleKind(items, one.names if one.names == other.names else ())
