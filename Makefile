@@ -26,6 +26,7 @@ help:
 	@echo "make figures      every study, into studies/output/"
 	@echo "make test         fast tests and the examples in docstrings"
 	@echo "make test-all     slow tests as well"
+	@echo "make mutants      share of small changes of the code that the tests of the same room notice"
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
 	@echo "make check        check-code, check-pins and check-site"
 	@echo "make check-code   format, lint, types, import contracts"

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import shortest_path
 
+from cellmap import CellGrid, discrete_map
 from cellmap._compiled.kernels.cell_errors import bounding, curve
 from cellmap._compiled.kernels.cell_images import SEVERAL, reach_ends
 from cellmap._compiled.kernels.certainty import carry_rows
+from cellmap.basins.certification.table_errors import slopes_of, tolerance_in_cells
+from systems import henon_map
 
 
 def test_error_ellipsoids_hold_all_errors():
@@ -103,3 +108,30 @@ def test_bounds_of_cells_by_maximum_filters(wraps):
     np.testing.assert_allclose(estimates, error, rtol=1e-12)
     np.testing.assert_allclose(errors, np.where(clear & ~rough.ravel(), error, np.inf), rtol=1e-12)
     np.testing.assert_allclose(tolerances, np.where(clear, tolerance, np.inf), rtol=1e-12)
+
+
+def test_slopes_and_bends_of_a_quadratic_map():
+    """Differences of a polynomial of degree two are exact: f(x + h) - 2 f(x) + f(x - h) = h^2 f''."""
+    a, b, c, e = 0.7, -0.4, 0.3, 0.9
+    quadratic = discrete_map(
+        lambda x, p: (a * x[0] ** 2 + e * x[1] ** 2, b * x[1] ** 2 + c * x[0] * x[1]), {}, ("x", "y")
+    )
+    points = np.random.default_rng(0).uniform(-1, 1, (20, 2))
+    x, y = points.T
+    widths, steps = np.array([0.5, 0.125]), np.linspace(0.1, 0.4, 20)
+    slopes, bends = slopes_of(quadratic, points, widths, steps)
+    derivatives = np.array([[2 * a * x, 2 * e * y], [c * y, c * x + 2 * b * y]]).transpose(2, 0, 1)
+    np.testing.assert_allclose(slopes, derivatives * widths / widths[:, None], rtol=1e-11, atol=1e-12)
+    # Along x only the first image bends, along y both.
+    second = (
+        np.array([[2 * a * widths[0] ** 2, 2 * e * widths[1] ** 2], [0.0, 2 * b * widths[1] ** 2]]) / widths[:, None]
+    )
+    np.testing.assert_allclose(bends, steps * np.linalg.norm(second), rtol=1e-11)
+
+
+def test_tolerances_are_those_of_the_worst_coordinate():
+    """(atol + rtol abs(x)) / width, by hand: 0.003 / 0.5 = 0.006 against 0.021 / 3 = 0.007, and 0.021 / 0.5 = 0.042."""
+    exact = dataclasses.replace(henon_map(), tolerance=(0.01, 0.001))
+    grid = CellGrid((0.0, 0.0), (5.0, 30.0), (10, 10))
+    found = tolerance_in_cells(exact, np.array([[0.2, -2.0], [2.0, 2.0]]), grid)
+    np.testing.assert_allclose(found, [0.007, 0.042], rtol=1e-14)

@@ -16,6 +16,7 @@ from cellmap.basins.planning.extrapolation import error_of, fallback_of, sized, 
 from cellmap.basins.planning.measurements import ExactProbe, Labelling, Measurements, TableProbe
 from cellmap.basins.planning.options import SAFETY, choose, options_of, parallel
 from cellmap.maps.interpolation.interpolated import table_memory
+from cellmap.maps.interpolation.spline_coefficients import number_of_nodes
 from systems import dimensionless_pendulum, henon_map
 
 mpl.use("Agg")
@@ -102,6 +103,33 @@ def test_fallback_falls_and_ends():
     assert fallback_of(probe, 32) == pytest.approx(4.0)
     assert fallback_of(table_probe(3, fallback=((64, 4.0), (128, 0.0))), 256) == 0.0
     assert fallback_of(table_probe(3), 256) == 0.0
+
+
+def test_the_exact_map_is_needed_no_more_rarely_than_the_order_allows():
+    """From 4 to 1e-3 over a factor of two in size; an error falls by 2^4 at most, and so does what it causes."""
+    assert fallback_of(table_probe(3, fallback=((64, 4.0), (128, 1e-3))), 256) == pytest.approx(1e-3 / 16)
+    assert fallback_of(table_probe(1, fallback=((64, 4.0), (128, 1e-3))), 512) == pytest.approx(1e-3 / 16)
+
+
+def test_costs_are_sums_of_their_parts():
+    """Two threads; 250,000 points; 100 nanoseconds more for each image of a table."""
+    measured = measurements(
+        direct=Labelling(0.5, 3e-5), tables=(table_probe(3, labelling=Labelling(0.25, 2e-6), fallback=((128, 0.5),)),)
+    )
+    options = options_of(measured)
+    direct = next(o for o in options if o.kind == "direct" and (o.method, o.tolerance) == ("Taylor", 1e-4))
+    source, base = EXACT[0].seconds, EXACT[2].seconds
+    assert direct.iteration == pytest.approx(source / base * 3e-5 * 250_000 / 2)
+    assert direct.search == pytest.approx(source / base * 0.5)
+    assert direct.seconds == pytest.approx(direct.iteration + direct.search)
+    table = next(o for o in options if o.kind == "table" and o.shape == (32, 32))
+    exact = next(e for e in EXACT if (e.method, e.tolerance) == (table.method, table.tolerance))
+    nodes = 32 * 32 + number_of_nodes(sized(SQUARE, 32), 3)
+    assert table.tabulation == pytest.approx(nodes * (exact.seconds + 1e-7) / 2)
+    assert table.iteration == pytest.approx((2e-6 + 0.5 * exact.seconds) * 250_000 / 2)
+    assert table.search == 0.25
+    assert table.seconds == pytest.approx(table.tabulation + table.iteration + 0.25)
+    assert table.error == pytest.approx(error_of(measured.tables[0], sized(SQUARE, 32)) + 2.0 * exact.error)
 
 
 def test_a_table_serves_many_periods_and_the_integrator_few():

@@ -1,7 +1,7 @@
 """Mutants: small changes of the library's code, each of which some test should notice.
 
-The operators are those of cosmic-ray and mutmut for numbers, comparisons, arithmetic and conditions.  What says and types
-things is left alone: docstrings, annotations, decorators, errors, warnings and representations.
+The operators are those of cosmic-ray and mutmut for numbers, comparisons, arithmetic and conditions.  Docstrings,
+annotations, decorators, errors, warnings and representations stay as they are.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Run mutants: `python tests/mutation/run.py maps=70 basins=80`; with `--at cellmap/maps/grid.py:40` all of a line.
 
-The tree is copied to `--work`.  First the tests of a room run once, with coverage, which says what tests execute each line.
-Then a process that has collected them is forked for each mutant: the copy gets the code of the mutant and runs the tests
-that execute it, the fastest first, up to the first failure.  What runs at import is imported again instead.  Limits are in
-CPU time, so that they do not depend on the load: 3 times that of the tests and 20 s; beyond it a mutant is killed.
-The rows of `--work/results.jsonl` are kept: what has been run is not run again.  Needs the package `coverage`, and Linux.
+The tree is copied to `--work`.  First the tests of a room run once, with coverage, which says what tests execute each
+line.  Then a process that has collected them is forked for each mutant: the copy gets the code of the mutant and runs
+the tests that execute it, the fastest first, up to the first failure.  What runs at import is imported again instead.
+Limits are in CPU time, so that they do not depend on the load: 3 times that of the tests and 20 s; beyond it a mutant
+is killed.  The rows of `--work/results.jsonl` are kept: what has been run is not run again.  Needs the package
+`coverage`, and Linux.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ AT_IMPORT = -1
 
 
 class Recorder:
-    """Plugin that measures the tests and what lines each executes; what fixtures of many tests do counts for all of these."""
+    """Plugin that measures what lines each test executes; what shared fixtures do counts for all their users."""
 
     def __init__(self, coverage: Any) -> None:
         self.coverage, self.used, self.seconds, self.failed = coverage, {}, {}, set()
@@ -111,7 +112,7 @@ def _record(tree: Path, room: str, kept: Path) -> int:
 
 
 def tests_of(mutant: Mutant, recorded: list[dict[str, Any]]) -> tuple[list[str], float, bool]:
-    """List the tests that execute a mutant, the fastest first, with their time, and whether it runs at import as well."""
+    """List the tests that execute a mutant, the fastest first, their time, and whether it runs at import too."""
     found: dict[str, float] = {}
     at_import = mutant.line not in mutant.function
     for room in recorded:
@@ -184,7 +185,9 @@ class Judge:
     def imported(self, tests: list[str]) -> int:
         sys.dont_write_bytecode = True
         self.rank = {test: i for i, test in enumerate(tests)}
-        return int(pytest.main([*OPTIONS, *sorted({test.partition("::")[0] for test in tests})], plugins=[Ordered(self)]))
+        return int(
+            pytest.main([*OPTIONS, *sorted({test.partition("::")[0] for test in tests})], plugins=[Ordered(self)])
+        )
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
@@ -211,7 +214,9 @@ class Judge:
         row = vars(mutant) | {"tests": len(tests), "killed": status != 0, "by": by, "seconds": used}
         with self.results.open("a") as file:
             file.write(json.dumps(row) + "\n")
-        said = f"{'killed  ' if status else 'SURVIVED'} {mutant}  [{len(tests)} tests, {used:.1f} of {seconds:.0f} s] {by}"
+        said = (
+            f"{'killed  ' if status else 'SURVIVED'} {mutant}  [{len(tests)} tests, {used:.1f} of {seconds:.0f} s] {by}"
+        )
         os.write(self.out, f"{said}\n".encode())
 
 
