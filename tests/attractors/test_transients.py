@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from small_maps import logistic
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins
+from cellmap.attractors.chaos import examine
 from cellmap.attractors.transients import Reason, follow_on
 
 # From below 1 orbits go to the fixed point at 0, from above to infinity; at 1 the multiplier is 1.5.
@@ -34,3 +36,19 @@ def test_basins_name_what_escapes_later():
     sink = find_attractors(SLOW, [[0.5]])
     basins = find_basins(SLOW, CellGrid((1.0,), (1.001,), (10,)), max_periods=10, attractors=sink)
     assert basins.undecided == {Reason.ENDING: 10}
+
+
+def test_at_the_age_of_zero_nothing_is_followed():
+    """Five times nothing, where no chaotic attractor is known."""
+    points = np.array([[0.9], [0.3]])
+    followed = follow_on(SLOW, points, np.zeros(2, bool), find_attractors(SLOW, [[0.5]]), age=0)
+    assert followed.lasting.tolist() == [0, 1]
+    assert np.array_equal(followed.orbits.points, points)
+
+
+def test_an_unstable_fixed_point_keeps_its_reason_among_chaotic_orbits():
+    """1 - 1/r of the logistic map at r = 3.9."""
+    chaotic = logistic(3.9).iterate(np.linspace(0.2, 0.4, 10)[:, None], 200).points
+    found = examine(logistic(3.9), np.vstack([chaotic, [[1 - 1 / 3.9]]]), age=100)
+    assert len(found.attractors) == 1
+    assert found.reasons == (Reason.PERIODIC,)

@@ -111,8 +111,8 @@ def _record(tree: Path, room: str, kept: Path) -> int:
     return 0
 
 
-def tests_of(mutant: Mutant, recorded: list[dict[str, Any]]) -> tuple[list[str], float, bool]:
-    """List the tests that execute a mutant, the fastest first, their time, and whether it runs at import too."""
+def tests_of(mutant: Mutant, recorded: list[dict[str, Any]], most: float) -> tuple[list[str], float, bool]:
+    """List tests that execute a mutant, the fastest first, up to some seconds; their time; if it runs at import."""
     found: dict[str, float] = {}
     at_import = mutant.line not in mutant.function
     for room in recorded:
@@ -124,7 +124,12 @@ def tests_of(mutant: Mutant, recorded: list[dict[str, Any]]) -> tuple[list[str],
             if tests:
                 break
         found |= {room["tests"][i]: room["seconds"][i] for i in tests}
-    return sorted(found, key=found.__getitem__), sum(found.values()), at_import
+    order, total = [], 0.0
+    for test in sorted(found, key=found.__getitem__):
+        if not order or total + found[test] <= most:
+            order.append(test)
+            total += found[test]
+    return order, total, at_import
 
 
 def forked(work: Callable[[], int], limit: float, log: Path | None = None) -> tuple[int, float]:
@@ -245,6 +250,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", metavar="room=number")
     parser.add_argument("--at", nargs="*", default=[], metavar="path:line", help="run all mutants of these lines")
+    parser.add_argument("--most", type=float, default=60.0, metavar="SECONDS", help="of tests for each mutant")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--work", type=Path, default=Path("/tmp/cellmap-mutants"))
     given = parser.parse_args()
@@ -272,7 +278,7 @@ def main() -> None:
     for room in dict.fromkeys(Path(mutant.path).parts[1] for mutant in mutants):
         used = USED.get(room, [room])
         recorded = [record(tree, r, given.work / f"{r}.json") for r in used]
-        found = [(m, *tests_of(m, recorded)) for m in mutants if Path(m.path).parts[1] == room]
+        found = [(m, *tests_of(m, recorded, given.most)) for m in mutants if Path(m.path).parts[1] == room]
         judge = Judge(tree, results, [(m, tests, seconds) for m, tests, seconds, at_import in found if not at_import])
         log = given.work / "collected.txt"
         if judge.work:
