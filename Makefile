@@ -19,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest check check-code check-pins check-site bench docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest mutants check check-code check-pins check-site bench docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -35,7 +35,8 @@ help:
 	@echo "make bench        speed against other programs, as ratios"
 	@echo "make docs         the site, into docs/_build/html/"
 	@echo "make pins         renew constraints.txt: the newest version of every package"
-	@echo "make env          the environment alone, in .venv/; make env-docs adds what the site needs"
+	@echo "make env          the environment alone, in .venv/"
+	@echo "make env-docs     the same with what the site needs"
 	@echo "make clean        remove what the other verbs have made, except .venv/"
 
 $(RUN):
@@ -78,6 +79,14 @@ test-all: env
 test-newest:
 	rm -rf .venv-newest
 	$(MAKE) --no-print-directory VENV=.venv-newest PINS= test
+
+# Hours at low priority; what has been run is kept in /tmp/cellmap-mutants, and not run again.
+MUTANTS := maps=80 attractors=60 basins=80 analysis=85 bifurcations=115 _lib=35
+
+mutants: export OPENBLAS_NUM_THREADS ?= 1
+mutants: env
+	$(INSTALL) coverage
+	nice -n 15 $(RUN) tests/mutation/run.py $(MUTANTS)
 
 # The same versions for all Pythons where that is possible; those that came later than these take what is the newest.
 PIN = pip compile --quiet --no-annotate --no-header --all-extras pyproject.toml - -o

@@ -37,9 +37,9 @@ COMPUTED = {
 }
 TWINS = ("min max", "minimum maximum", "fmin fmax", "any all", "argmin argmax", "floor ceil", "zeros ones", "sin cos")
 CALLED = {a: b for pair in map(str.split, TWINS) for a, b in (pair, pair[::-1])}
-SILENT = {"__repr__", "__str__", "_repr_html_", "warn", "warning"}
-"""Functions whose bodies, and calls whose arguments, only say something."""
-UNSEEN = {"repr", "strict", "stacklevel", "kw_only", "desc", "unit", "disable"}
+SILENT = {"__repr__", "__str__", "_repr_html_", "warn", "warning", "default_rng"}
+"""Functions whose bodies, and calls whose arguments, only say something, or seed."""
+UNSEEN = {"repr", "strict", "stacklevel", "kw_only", "desc", "unit", "disable", "optimize"}
 """Keywords that change no number."""
 
 
