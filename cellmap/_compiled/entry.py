@@ -74,8 +74,8 @@ def plain(argument: Any) -> Any:
     """
     if isinstance(argument, np.ndarray):
         if type(argument) not in (np.ndarray, np.memmap) or not argument.flags.aligned:
-            kind = type(argument).__name__ if argument.flags.aligned else "array that is not aligned"
-            raise TypeError(f"a loop is given a {kind}: make an array of it with np.array(..., copy=True)")
+            kind = type(argument).__name__ if argument.flags.aligned else "misaligned array"
+            raise TypeError(f"a loop is given a {kind}: make an ndarray of it with np.array(..., copy=True)")
         array = argument.view(np.ndarray)
         standard = np.dtype(array.dtype.str)  # of which there is one, to be known by its address
         return array if array.dtype is standard else array.view(standard)

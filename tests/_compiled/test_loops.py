@@ -227,3 +227,48 @@ def test_threads_that_come_first_together_share_one_machine_code(fresh):
         thread.join()
     assert len(entries) == 4
     assert len(set(map(id, entries))) == 1
+
+
+@loop(contract=False)
+def added(a):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for v in a.flat:
+        total += v
+    return total
+
+
+@loop
+def factor_of(scaled):  # type: ignore[no-untyped-def]
+    return scaled.factor
+
+
+def test_arrays_of_any_kind_are_right_or_refused() -> None:
+    for one in (
+        np.zeros((0, 3)),
+        np.array(2.0),
+        np.arange(9)[::-2],
+        np.broadcast_to(1.5, (2, 2)),
+        np.array([1, 0], bool),
+    ):
+        assert added(one) == one.sum()
+    misaligned = np.zeros(17, np.uint8)[1:].view(np.float64)
+    foreign = [np.arange(3).astype(kind) for kind in (">f8", ">i8", object, complex, np.float16, np.longdouble, "U2")]
+    for one in [
+        *foreign,
+        misaligned,
+        np.zeros(1).view(np.recarray),
+        np.ma.masked_array([1.0]),
+        np.zeros(2, [("a", "f8")]),
+    ]:
+        with pytest.raises(TypeError, match=r"convert it|make an ndarray"):
+            added(one)
+    for number in (1j, "1", None, [1.0], np.longdouble(1.0)):
+        with pytest.raises(TypeError):
+            table(number)
+    with pytest.raises(OverflowError):
+        table(np.uint64(2**63))
+
+
+def test_tuples_of_two_classes_of_one_name_and_equal_fields() -> None:
+    classes = [namedtuple("Twin", ["numbers", "factor"]) for _ in range(2)]
+    assert [factor_of(one(1, factor)) for factor, one in enumerate(classes)] == [0, 1]
