@@ -21,9 +21,18 @@ which the labels of failed initial conditions rest.
 INLINE: dict[str, Any] = {k: v for k, v in LOOP.items() if k != "nogil"} | {"forceinline": True}
 """Of a function called in the body of a loop over lanes; it must vanish into the loop, or the loop stays scalar."""
 
+OF_USERS = INLINE | {"boundscheck": True, "error_model": "python"}
+"""Of functions that users write: what Python raises they raise, also beyond the end of an array and for ``1 // 0``."""
 
 PERIOD = "void(CPointer(i8), CPointer(f8), CPointer(i8), f8, f8, CPointer(f8), CPointer(f8), i8)"
 """Numba's signature of a period, as :mod:`cellmap._compiled.kernels.calls` has it in words."""
+
+
+def whole(x: Any) -> int:
+    """Stand for ``int`` in compiled functions, whose whole numbers have 64 bits."""
+    if not abs(x) < 2.0**63:
+        raise OverflowError("a whole number is larger than 2**63")
+    return int(x)
 
 
 class ForNumba:

@@ -19,7 +19,7 @@ from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .misread import lacking
+from .misread import check_compiled, lacking
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
@@ -107,6 +107,9 @@ class Discrete(MapSpec[PointMap]):
             raise TypeError(f"function={shown(self.function)}: {error}") from error
         assert kernel is not None, "without tangents there is always one"
         parameters = np.array([float(v) for v in self.params.values()])
+        if self._formulas:
+            record = parameter_record(tuple(self.params))(*self.params.values())
+            check_compiled("function", lambda t, x: self.function(x, record), kernel, d, parameters, 0.0)
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
 
@@ -183,20 +186,17 @@ def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:
     record = parameter_record(tuple(params))(*params.values())
+    beyond: IndexError | None = None
     for start in (0.1, 0.37, 1.3):
         try:
             image = function(tuple(start + 0.1 * j for j in range(len(axes))), record)
-        except (ValueError, ZeroDivisionError, OverflowError):
-            continue  # outside the domain of the function
         except AttributeError as error:
             raise lacking("function", error) from error
-        except IndexError as error:
-            names = ", ".join(c.name for c in axes)
-            raise ValueError(
-                f"function asks for more state variables than there are coordinates ({names}): name each ({error})"
-            ) from error
         except TypeError as error:
             raise TypeError(f"function must be callable as function(x, p) and return a tuple: {error}") from error
+        except Exception as error:
+            beyond = error if isinstance(error, IndexError) else beyond
+            continue  # outside the domain of the function
         try:
             count = len(image)
         except TypeError:
@@ -206,3 +206,8 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
                 f"function returns {count} components for {len(axes)} coordinates: return one image for each"
             )
         return
+    if beyond is not None:
+        names = ", ".join(c.name for c in axes)
+        raise ValueError(
+            f"function asks for more state variables than there are coordinates ({names}): name each ({beyond})"
+        ) from beyond

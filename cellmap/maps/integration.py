@@ -21,12 +21,14 @@ from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.periods import PROBE, Motion, integrate
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
+from .misread import check_compiled
 from .orbit_batch import Orbits, portions
 from .reversals import warn_of_reversals
 from .system import ForcedSystem
 
 _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _RUNGS_PER_OCTAVE = 4
+_SHORT = 1e-9  # step that tells a right-hand side
 _FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
@@ -52,6 +54,8 @@ def flow(
         fewest_steps=_fewest_steps(known, length, max(rtol, atol)),
         unknown_formulas=known.unknown,
     )
+    if known.unknown and not known.has_events:
+        check_compiled("rhs", system.derivative, chosen.kernel.advance, system.dimension, chosen.parameters, _SHORT)
     may_be_stiff = method == "auto" and known.plain is not None and not known.plain.has_branches
     return _fitting(chosen, known) if may_be_stiff else chosen
 
@@ -174,7 +178,7 @@ def _forcing(known: Formulas) -> Iterator[NDArray[np.float64]]:
     for size in (0.1, 1.1):
         try:
             samples = known.derivatives(times, tuple(size + 0.1 * j for j in range(known.system.dimension)))
-        except (ValueError, ZeroDivisionError, OverflowError):
+        except Exception:
             continue  # outside the domain of the right-hand side
         if np.isfinite(samples).all():
             yield samples

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
+from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import State
+from .._compiled.kernels.blocks import LANES
 from .coordinates import Coordinate
 
 
@@ -55,3 +59,39 @@ def lacking(functions: str, error: AttributeError) -> ValueError:
             f"{functions} asks for a parameter that params lacks: p.{error.name}; there are {', '.join(names)}"
         )
     return ValueError(f"{functions} asks for a parameter that params lacks ({error})")
+
+
+def check_compiled(
+    name: str,
+    function: Callable[..., Any],
+    compiled: CompiledPeriod,
+    dimension: int,
+    parameters: Sequence[float],
+    h: float,
+) -> None:
+    """Compare a function without known formulas with what has been compiled of it, at a few places.
+
+    With `h` it is a right-hand side, and a step of this length is compared, else a map.
+
+    Raises
+    ------
+    TypeError
+        Where both differ: compiled whole numbers have 64 bits.
+    """
+    rng, p = np.random.default_rng(0), np.array(parameters, dtype=float)
+    for size in (0.1, 1.0, 10.0):
+        x = rng.uniform(-size, size, dimension)
+        try:
+            expected = np.array([float(v) for v in function(0.0, tuple(x.tolist()))])
+        except Exception:
+            continue  # outside the domain of the function
+        block, errors = np.repeat(x[np.newaxis, :, np.newaxis], LANES, axis=2), np.zeros((1, dimension, LANES))
+        compiled(block, np.ones(1, np.int64), 0.0, h or 1.0, p, errors)
+        found = (block[0, :, 0] - x) / h if h else block[0, :, 0]
+        with np.errstate(all="ignore"):
+            near = np.abs(found - expected) <= (1e-2 if h else 1e-9) * (1.0 + np.abs(expected).max())
+        if np.isfinite((expected, found)).all() and not near.all():
+            raise TypeError(
+                f"{name} is {expected.tolist()} at {x.tolist()}, but {found.tolist()} once it is compiled: its whole "
+                "numbers are larger than 2**63, or it does what has another meaning there; compute with floats"
+            )

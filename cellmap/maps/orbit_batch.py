@@ -30,7 +30,7 @@ class Status(IntEnum):
     """The orbit left the window of an interpolated map."""
     DIVERGED = periods.DIVERGED
     """The orbit grew beyond all bounds, or an angle reached 1e15 full rotations, where it has no phase; or the
-    right-hand side was not finite on the orbit."""
+    right-hand side, or the function of a discrete map, was not finite there or raised an exception."""
     NO_RETURN = 4
     """The orbit did not return to the Poincaré section."""
     OUT_OF_STEPS = periods.OUT_OF_STEPS

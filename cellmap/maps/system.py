@@ -226,10 +226,10 @@ class ForcedSystem:
             for name, count in (("guard", 1), ("reset", self.dimension)):
                 try:
                     found = getattr(impact, name)(0.01370521 * self.length, place, self.parameters)
-                except (ValueError, ZeroDivisionError, OverflowError):
-                    continue  # outside the domain of the function
                 except (AttributeError, IndexError, TypeError) as error:
                     raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
+                except Exception:
+                    continue  # outside the domain of the function
                 values = np.atleast_1d(np.array(found, dtype=object))
                 if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
                     what = "a number" if name == "guard" else f"the {count} state variables after the impact"
@@ -252,13 +252,13 @@ class ForcedSystem:
                     self.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]])
                     for j, c in angles
                 ]
-            except (ValueError, ZeroDivisionError, OverflowError) as error:
-                failure = error
-                continue  # outside the domain of the right-hand side; other places may be inside
             except StateChangedError:
                 raise
-            except (AttributeError, IndexError, TypeError) as error:
+            except (AttributeError, TypeError) as error:
                 raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
+            except Exception as error:
+                failure = error
+                continue  # outside the domain of the right-hand side; other places may be inside
             if len(now) != self.dimension:
                 names = ", ".join(c.name for c in self.axes)
                 raise ValueError(
@@ -288,6 +288,9 @@ class ForcedSystem:
                 "rhs changes a value outside of it: it must depend on t, x and p alone, for it is not called in the "
                 "order of time. Declare events at which the state jumps as impacts=[Impact(guard, reset)]"
             )
+        if not checked and isinstance(failure, IndexError):
+            arguments = (0.0, tuple(places), self.parameters)
+            raise misread(self.rhs, self.switches, arguments, self.axes, failure) from failure
         if not checked and isinstance(failure, TypeError):
             raise failure
         if not checked:

@@ -11,6 +11,7 @@ parameters alone is decided where it stands.  For one application of a discrete 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from .evaluation import evaluated
-from .expression import Comparison, Expression, Graph, UntraceableError, in_order
+from .expression import Comparison, Expression, Graph, UndefinedError, UntraceableError, in_order
 from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, moves
 
 MOST_PATHS = 256
@@ -154,16 +155,28 @@ class BranchingGraph(Graph):
         alone.
         """
         known = len(self.switches)
-        runs: list[tuple[tuple[Expression, ...], list[Met]]] = []
+        found: list[tuple[tuple[Expression, ...] | None, list[Met]]] = []
+        undefined = UndefinedError("it has no values")
         waiting: list[list[bool]] = [[]]
         while waiting:
-            if len(runs) + len(waiting) > MOST_PATHS:
+            if len(found) + len(waiting) > MOST_PATHS:
                 raise UntraceableError(f"its branches have more than {MOST_PATHS} combinations")
             self._answers, self._met = waiting.pop(), []
-            outputs = tuple(self.lift(e) for e in run())
-            runs.append((outputs, self._met))
+            outputs: tuple[Expression, ...] | None = None
+            try:
+                outputs = tuple(self.lift(e) for e in run())
+            except UndefinedError as error:
+                if self.modes:
+                    raise  # an orbit cannot go over to a mode without motion: it is met by a step that fails
+                undefined = error
+            found.append((outputs, self._met))
             given = [yes for _, yes in self._met if yes is not None]
             waiting += [[*given[:i], False] for i in range(len(self._answers), len(given))]
+        count = max((len(outputs) for outputs, _ in found if outputs is not None), default=0)
+        if count == 0:
+            raise undefined
+        nowhere = (self.constant(math.nan),) * count
+        runs = [(nowhere if outputs is None else outputs, met) for outputs, met in found]
         joined = self._joined(runs, 0)
         for i in range(known, len(self.switches)):
             own = self.switches[i]

@@ -36,6 +36,8 @@ def along(
     for node in in_order(outputs):
         if node not in known:
             known[node] = _rule(graph, node, [known[a] for a in node.arguments]) if node.arguments else None
+            if node.operation == "constant" and node.value != node.value:
+                known[node] = node  # where a function is not defined its derivative is not either
     return tuple(zero if (slope := known[e]) is None else slope for e in outputs)
 
 

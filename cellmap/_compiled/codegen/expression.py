@@ -61,6 +61,10 @@ class UntraceableError(TypeError):
     """A right-hand side does with a state variable what no expression can hold, such as branching on its value."""
 
 
+class UndefinedError(UntraceableError):
+    """A function raises an exception of its own: where it does so it has no value."""
+
+
 class Expression:
     """One node: an operation on other nodes, an input (state, time, parameter) or a constant."""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from math import log10
 from typing import Any
 
-from ..for_numba import INLINE, ForNumba, numba
+from ..for_numba import OF_USERS, ForNumba, numba, whole
 from ..kernels import periods, simd_math
 from ..machine_code import MachineCode
 from .captured import kept
@@ -180,7 +180,7 @@ def discrete_kernel(
         state = "(" + "".join(f"x{j}, " for j in range(dimension)) + ")"
         targets = "".join(f"y{j}, " for j in range(dimension))
         zeros = tuple(f"e{j} = 0.0" for j in range(dimension))
-        code = StepCode((f"record = {record}",), (), (f"{targets}= rhs(t, {state}, record)", *zeros))
+        code = StepCode((f"record = {record}",), (), (f"{targets}= defined(t, {state}, record)", *zeros))
         return _called(function, code, dimension, names)
     try:
         traced = tangent_trace(traced) if tangent else traced
@@ -255,9 +255,9 @@ def _tableau(method: Method) -> Any:
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names))
-    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)}
+    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)} | {"int": ForNumba(whole)}
     try:
-        scope = {"rhs": rebind(function, table, numba().njit(**INLINE)), "Parameters": parameter_record(names)}
+        scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}
         advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
     except Exception as error:
         raise TypeError(

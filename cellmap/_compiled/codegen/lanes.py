@@ -22,8 +22,8 @@ from ..kernels.blocks import LANES
 
 HEADER = """\
 import math
-from numba import carray, cfunc
-from cellmap._compiled.for_numba import LOOP, PERIOD
+from numba import carray, cfunc, njit
+from cellmap._compiled.for_numba import INLINE, LOOP, PERIOD
 from cellmap._compiled.kernels import simd_math
 from cellmap._compiled.kernels.sums import dot
 
@@ -77,7 +77,28 @@ def lane_module(code: StepCode, dimension: int, parameters: int) -> str:
         "                if finite == 0:",
         "                    break",
     ]
-    return HEADER + "\n".join(lines) + "\n"
+    return HEADER + called(dimension) + "\n".join(lines) + "\n"
+
+
+def called(dimension: int) -> str:
+    """Return the text of a function ``defined``: that of the user, and NaN where it raises an exception.
+
+    A lane whose function raises would end the work on all lanes.
+    """
+    targets = "".join(f"y{j}, " for j in range(dimension))
+    return "\n".join(
+        [
+            "@njit(**INLINE)",
+            "def defined(t, x, p):",
+            "    try:",
+            f"        {targets}= rhs(t, x, p)",
+            "    except Exception:",
+            *indent(2, (f"y{j} = math.nan" for j in range(dimension))),
+            f"    return {targets}",
+            "",
+            "",
+        ]
+    )
 
 
 def indent(depth: int, lines: Iterable[str]) -> list[str]:

@@ -63,7 +63,7 @@ def called_steps(dimension: int, parameters: int, tableau: Tableau) -> StepCode:
         state = "(" + "".join(f"s{stage}_{j}, " for j in range(dimension)) + ")"
         targets = "".join(f"k{stage}_{j}, " for j in range(dimension))
         per_lane += _stage_states(tableau, stage, dimension)
-        per_lane.append(f"{targets}= rhs(t + {c!r} * h, {state}, record)")
+        per_lane.append(f"{targets}= defined(t + {c!r} * h, {state}, record)")
     per_lane += _finish(tableau, dimension)
     return StepCode(
         (f"record = Parameters{record}" if parameters else "record = ()",), tuple(per_step), tuple(per_lane)

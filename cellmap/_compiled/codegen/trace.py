@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import functools
 import random
 from collections import namedtuple
@@ -17,6 +18,7 @@ from .evaluation import evaluated
 from .expression import (
     JUMPING,
     Expression,
+    UndefinedError,
     UntraceableError,
     in_order,
     is_analytic,
@@ -72,7 +74,8 @@ class Trace:
             except (StateChangedError, UntraceableError):
                 raise
             except Exception as error:
-                raise UntraceableError(f"{type(error).__name__}: {error}") from error
+                kind = UndefinedError if _is_meant(error) else UntraceableError
+                raise kind(f"{type(error).__name__}: {error}") from error
 
         return run
 
@@ -104,6 +107,19 @@ class Trace:
             own = inputs.get(node.operation, CONSTANT)
             levels[node] = max([own, *(levels[a] for a in node.arguments)])
         return levels
+
+
+def _is_meant(error: Exception) -> bool:
+    """Whether plain numbers would lead to an exception as well: it is raised by a statement, or by arithmetic."""
+    if isinstance(error, ArithmeticError):
+        return True
+    place = error.__traceback__
+    assert place is not None, "it has been raised"
+    while place.tb_next is not None:
+        place = place.tb_next
+    code, module = place.tb_frame.f_code, place.tb_frame.f_globals.get("__name__", "")
+    raised = code.co_code[place.tb_lasti] == dis.opmap["RAISE_VARARGS"]
+    return raised and module.partition(".")[0] not in {"cellmap", "numpy", "scipy"}
 
 
 @functools.lru_cache(maxsize=256)
@@ -149,7 +165,7 @@ def is_faithful(
             if any(isinstance(v, complex) for v in found):
                 continue  # outside the domain of a power
             values = [float(v) for v in found]
-        except (ArithmeticError, ValueError):
+        except Exception:
             continue  # outside the domain of the function
         if len(values) != len(traced.outputs):
             return False
