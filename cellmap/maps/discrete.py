@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_jet_kernel, discrete_kernel, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
@@ -19,7 +20,7 @@ from .._lib.checks import parameter_values, shown, text
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .misread import check_compiled, lacking
+from .misread import called_twice, check_compiled, lacking
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
@@ -189,7 +190,9 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
     beyond: IndexError | None = None
     for start in (0.1, 0.37, 1.3):
         try:
-            image = function(tuple(start + 0.1 * j for j in range(len(axes))), record)
+            image = called_twice("function", function, tuple(start + 0.1 * j for j in range(len(axes))), record)
+        except ImpureError:
+            raise
         except AttributeError as error:
             raise lacking("function", error) from error
         except TypeError as error:

@@ -6,11 +6,31 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import State
 from .._compiled.kernels.blocks import LANES
 from .coordinates import Coordinate
+
+
+def called_twice(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return the value of a function.
+
+    Raises
+    ------
+    ImpureError
+        Where a second call gives another value.
+    """
+    first, second = function(*arguments), function(*arguments)
+    try:
+        alike = np.array_equal(np.asarray(first, dtype=float), np.asarray(second, dtype=float), equal_nan=True)
+    except (TypeError, ValueError):
+        return first  # no numbers; the caller says so
+    if not alike:
+        raise ImpureError(name, f"is {first} and, called again with the same arguments, {second}")
+    return first
 
 
 def misread(
@@ -66,7 +86,7 @@ def check_compiled(
     function: Callable[..., Any],
     compiled: CompiledPeriod,
     dimension: int,
-    parameters: Sequence[float],
+    p: NDArray[np.float64],
     h: float,
 ) -> None:
     """Compare a function without known formulas with what has been compiled of it, at a few places.
@@ -78,7 +98,7 @@ def check_compiled(
     TypeError
         Where both differ: compiled whole numbers have 64 bits.
     """
-    rng, p = np.random.default_rng(0), np.array(parameters, dtype=float)
+    rng = np.random.default_rng(0)
     for size in (0.1, 1.0, 10.0):
         x = rng.uniform(-size, size, dimension)
         try:

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.codegen.captured import captured
+from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import State, StateChangedError, parameter_record
 from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import Impact, joined
-from .misread import misread
+from .misread import called_twice, misread
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -225,7 +226,10 @@ class ForcedSystem:
         for k, impact in enumerate(self.impacts):
             for name, count in (("guard", 1), ("reset", self.dimension)):
                 try:
-                    found = getattr(impact, name)(0.01370521 * self.length, place, self.parameters)
+                    arguments = (0.01370521 * self.length, place, self.parameters)
+                    found = called_twice(f"impacts[{k}].{name}", getattr(impact, name), *arguments)
+                except ImpureError:
+                    raise
                 except (AttributeError, IndexError, TypeError) as error:
                     raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
                 except Exception:
@@ -247,12 +251,15 @@ class ForcedSystem:
         for fraction in (0.01370521, 0.21093467, 0.47316089, 0.83052713):
             t = fraction * self.length
             try:
-                now, later = self.derivative(t, places), self.derivative(t + self.length, places)
+                now, later = (
+                    called_twice(functions, self.derivative, t, places),
+                    self.derivative(t + self.length, places),
+                )
                 turned = [
                     self.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]])
                     for j, c in angles
                 ]
-            except StateChangedError:
+            except (ImpureError, StateChangedError):
                 raise
             except (AttributeError, TypeError) as error:
                 raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
@@ -273,7 +280,8 @@ class ForcedSystem:
             if _differ(now, later):
                 raise ValueError(
                     f"period={self.length!r}: {functions} at t = {t:g} is {_short(now)} and one period later "
-                    f"{_short(later)}; give the period of the forcing (any positive number for an autonomous system)"
+                    f"{_short(later)}; give the period of the forcing (any positive number for an autonomous system). "
+                    "What happens at one time only, as `if t < 1`, is not periodic: such times cannot be used"
                 )
             for (_, c), there in zip(angles, turned, strict=True):
                 if _differ(now, there):

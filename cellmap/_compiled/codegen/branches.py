@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from .evaluation import evaluated
-from .expression import Comparison, Expression, Graph, UndefinedError, UntraceableError, in_order
+from .expression import Comparison, Expression, Graph, ImpureError, UndefinedError, UntraceableError, in_order
 from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, moves
 
 MOST_PATHS = 256
@@ -165,6 +165,10 @@ class BranchingGraph(Graph):
             outputs: tuple[Expression, ...] | None = None
             try:
                 outputs = tuple(self.lift(e) for e in run())
+                if asked := len(self._met):
+                    if any(a is not b for a, b in zip(outputs, map(self.lift, run()), strict=False)):
+                        raise ImpureError("a function", "computes another value in a branch when it is called again")
+                    del self._met[asked:]
             except UndefinedError as error:
                 if self.modes:
                     raise  # an orbit cannot go over to a mode without motion: it is met by a step that fails

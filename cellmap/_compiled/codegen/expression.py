@@ -65,6 +65,17 @@ class UndefinedError(UntraceableError):
     """A function raises an exception of its own: where it does so it has no value."""
 
 
+class ImpureError(ValueError):
+    """A function gives other values when it is called again."""
+
+    def __init__(self, name: str, difference: str) -> None:
+        super().__init__(
+            f"{name} {difference}: it is not a pure function of its arguments. Random numbers, clocks, and values that "
+            "change from call to call cannot be used in it; for noise that acts once a period iterate the map, and add "
+            "the noise between two calls"
+        )
+
+
 class Expression:
     """One node: an operation on other nodes, an input (state, time, parameter) or a constant."""
 
