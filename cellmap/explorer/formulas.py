@@ -6,13 +6,25 @@ import ast
 import math
 from math import isfinite, pi
 
+from .._compiled.codegen.elementary import OF_MATH
+from .._compiled.codegen.rebind import NUMPY_NAMES
+
 LONGEST_TEXT = 10_000
 """Characters of a text of equations."""
 
-FUNCTIONS = "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt fabs hypot floor".split()
+FUNCTIONS = OF_MATH
 """Functions of :mod:`math` that formulas may call."""
 
 BUILT_IN = ("abs", "min", "max")
+
+IN_NUMPY = {name: known for name, known in NUMPY_NAMES.items() if known in FUNCTIONS} | {
+    "minimum": "min",
+    "maximum": "max",
+    "fmin": "min",
+    "fmax": "max",
+    "power": "pow",
+}
+"""Functions of NumPy by their names in :mod:`math`."""
 OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.Mod, ast.USub, ast.UAdd)
 COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 

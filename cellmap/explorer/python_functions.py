@@ -11,17 +11,11 @@ import ast
 from collections.abc import Mapping, Sequence
 
 from .._lib.checks import shown
-from .formulas import BUILT_IN, COMPARISONS, FUNCTIONS, OPERATORS, PlainNumbers, is_number
+from .formulas import BUILT_IN, COMPARISONS, FUNCTIONS, IN_NUMPY, OPERATORS, PlainNumbers, is_number
 from .python_parts import Function, Kind, Names, Places, Value, is_docstring
 
 MOST_WORK = 5000
 """Operations of one call of the right-hand side, with those of all functions that it calls."""
-
-IN_NUMPY = {
-    "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "absolute": "fabs", "minimum": "min",
-    "maximum": "max",
-}  # fmt: skip
-"""Functions of numpy that have other names in :mod:`math`."""
 
 _RESERVED = {"ForcedSystem", "discrete_map", "angle", "Coordinate", "system", *FUNCTIONS, *BUILT_IN, "pi"}
 

@@ -25,8 +25,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .._lib.checks import parameter_values
-from .formulas import BUILT_IN, FUNCTIONS, LONGEST_TEXT, EquationError, value_of
-from .python_functions import IN_NUMPY, Functions, Written
+from .formulas import BUILT_IN, FUNCTIONS, IN_NUMPY, LONGEST_TEXT, EquationError, value_of
+from .python_functions import Functions, Written
 from .python_parts import Function, Kind, Places
 
 _ARGUMENTS = {

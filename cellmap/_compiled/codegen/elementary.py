@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,9 @@ FUNCTIONS = (
     "hypot ceil asinh acosh atanh erf trunc fmod mod sign cbrt exp2"
 ).split()
 """Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
+
+OF_MATH = [name for name in (*FUNCTIONS, "pow") if hasattr(math, name)]
+"""Those that :mod:`math` has, which the explorer lets formulas call."""
 
 
 def elementary_functions() -> dict[str, Callable[..., Any]]:

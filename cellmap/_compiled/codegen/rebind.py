@@ -12,25 +12,29 @@ from typing import Any
 
 import numpy as np
 
-_NUMPY_NAMES = {
+NUMPY_NAMES = {
     "arcsin": "asin",
     "arccos": "acos",
     "arctan": "atan",
     "arctan2": "atan2",
+    "arcsinh": "asinh",
+    "arccosh": "acosh",
+    "arctanh": "atanh",
     "absolute": "fabs",
     "sign": "sign",
     "remainder": "mod",
     "heaviside": "heaviside",
 }
+"""Functions of NumPy by other names than those of :mod:`math`."""
 
 
 def _canonical_names() -> dict[Any, str]:
     """Name under which a table lists each function of :mod:`math`, of NumPy and of the built-ins."""
     names: dict[Any, str] = {f: n for n, f in vars(math).items() if callable(f) and not n.startswith("_")}
-    for name in (*vars(math), *_NUMPY_NAMES):
+    for name in (*vars(math), *NUMPY_NAMES):
         ufunc = getattr(np, name, None)
         if isinstance(ufunc, np.ufunc):
-            names[ufunc] = _NUMPY_NAMES.get(name, name)
+            names[ufunc] = NUMPY_NAMES.get(name, name)
     names[np.abs] = names[abs] = "fabs"
     names[min] = names[np.minimum] = names[np.fmin] = "fmin"
     names[max] = names[np.maximum] = names[np.fmax] = "fmax"
