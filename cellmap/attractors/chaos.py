@@ -145,7 +145,7 @@ def examine(
 
 
 def _resolution(clouds: Clouds, members: NDArray[np.int64], cover: Cover) -> NDArray[np.float64]:
-    """Return the distance below which sets are not told apart; of those that were joined it is the width of a box."""
+    """Return the distance below which sets are not distinguished; of joined ones it is the width of a box."""
     resolved = clouds.resolution(members)
     return resolved if len(np.unique(clouds.group[members])) == 1 else np.maximum(resolved, cover.widths)
 

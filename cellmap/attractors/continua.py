@@ -1,10 +1,10 @@
-"""Continua of cycles: segments of periodic points with one multiplier 1, beside which all orbits come to them."""
+"""Continua of cycles: curves of periodic points with one multiplier 1, beside which all orbits come to them."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,11 +38,12 @@ _SAMPLE = 256
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A curve with two ends, in points (n, dimension); ``size`` makes distances along axes comparable."""
+    """A curve, in points (n, dimension), closed or with two ends; ``size`` makes distances along axes comparable."""
 
     exact: PointMap
     points: NDArray[np.float64]
     size: NDArray[np.float64]
+    closed: bool = False
 
     def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance of points (n, dimension) to the segment, inf for points that are not finite."""
@@ -54,7 +55,8 @@ class Segment:
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         nearest = nearest_places(self, points[finite])
         for side in (-1, 1):
-            there = np.clip(nearest + side, 0, len(self.points) - 1)
+            there, last = nearest + side, len(self.points) - 1
+            there = there % (last + 1) if self.closed else np.clip(there, 0, last)
             here = self.points[nearest]
             far, fraction = feet_on_edges(self, points[finite], here, self.points[there])
             closer = far < apart[finite]
@@ -99,6 +101,7 @@ def continua(
     if exact.dimension < 2 or not closed:
         return found
     places, periods = (np.array(column) for column in zip(*closed, strict=True))
+    extent = np.maximum(extent, np.ptp(places, axis=0))  # a line may reach farther than the region
     seen = [a.points for a in known if a.kind is Kind.CONTINUUM] + refused
     left = np.array([not any(_beside(place, line, exact, extent) for line in seen) for place in places], bool)
     far, failures = np.full(len(places), np.inf), 0
@@ -159,12 +162,12 @@ def _explored(
     curve = traced(exact, place, period, extent)
     if curve is None:
         return None, place[None]
-    points, matrix = curve
-    dense = densely(points, exact, extent)
+    points, matrix, closed = curve
+    dense = densely(points, exact, extent, closed)
     size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
-    segments = [Segment(exact, dense, size)]
+    segments = [Segment(exact, dense, size, closed)]
     for _ in range(period - 1):
-        segments.append(Segment(exact, follow(exact, segments[-1].points, 1).points, size))
+        segments.append(replace(segments[-1], points=follow(exact, segments[-1].points, 1).points))
     line = np.concatenate([segment.points[::8] for segment in segments])
     covers = [_cover(segment, period) for segment in segments]
     if any(cover is None for cover in covers):
@@ -191,7 +194,7 @@ def _cover(segment: Segment, period: int) -> Cover | None:
         begin = wrap(segment.surface(np.array([radius])).reshape(-1, d), exact.coordinates)
         # What the middle needs all of it needs: it is in every part that is long enough.
         steps, moved = _halving(segment, begin.reshape(_ALONG, -1, d)[_ALONG // 2], radius, period)
-        if not steps or 2 * _left_out(moved, radius / unit) >= DENSE // 2:
+        if not steps or (not segment.closed and 2 * _left_out(moved, radius / unit) >= DENSE // 2):
             continue
         # In more steps points move as far along it, or farther, in all directions as in some.
         few = begin.reshape(_ALONG, -1, d)[:, ::_FEW].reshape(-1, d)
@@ -204,7 +207,7 @@ def _cover(segment: Segment, period: int) -> Cover | None:
             if kept is not None:
                 low, high = kept
                 if high - low > DENSE // 2:
-                    shorter = Segment(exact, segment.points[low : high + 1], segment.size)
+                    shorter = replace(segment, points=segment.points[low : high + 1])
                     return cover_of_tube(shorter, Tube(radius, steps, 0.5))
                 break
             made, steps = steps, 2 * steps
@@ -223,6 +226,8 @@ def _between_ends(
     apart, after = segment.feet(orbits.points)
     along = np.abs(after - segment.feet(begin)[1]).reshape(_ALONG, -1)
     halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
+    if segment.closed:
+        return (0, DENSE - 1) if halved.all() else None
     inner, each = np.flatnonzero(halved), (DENSE - 1) / (_ALONG - 1)
     if len(inner) <= _ALONG // 2 or not halved[inner[0] : inner[-1] + 1].all():
         return None
@@ -260,7 +265,7 @@ def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
     first, exact = covers[0], segments[0].exact
     centres = np.concatenate([c.lower + (c.boxes + 0.5) * c.widths for c in covers])
     boxes = np.unique(boxes_of(centres, first.lower, first.widths, exact), axis=0)
-    if len(segments) > 1:
+    if len(segments) > 1 or segments[0].closed:
         return Cover(first.lower, first.widths, boxes, np.ones(len(boxes), bool))
     known = Cover(first.lower, first.widths, boxes)
     points = segments[0].points

@@ -42,12 +42,14 @@ def sticking_sets(
     """
     exact = point_map.without_table
     left = states[_rests(exact, states, extent)]
+    region = None if not len(left) else np.array([left.min(axis=0) - extent, left.max(axis=0) + extent])
     for other in known:
         if other.cover is not None and other.kind is Kind.EQUILIBRIA and len(left):
             left = left[~inside_cover(other.cover, left, exact)]
     found: list[Attractor] = []
     while len(left):
-        attractor = _explored(exact, left[0], extent)
+        assert region is not None
+        attractor = _explored(exact, left[0], extent, region)
         inside = np.zeros(len(left), bool)
         inside[0] = True
         if attractor is not None:
@@ -77,8 +79,13 @@ def _moved(exact: PointMap, states: NDArray[np.float64], periods: int) -> Orbits
     return orbits
 
 
-def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
-    """Return the continuum of equilibria around one of them; None where it is isolated or does not attract."""
+def _explored(
+    exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64], region: NDArray[np.float64]
+) -> Attractor | None:
+    """Return the continuum of equilibria around one of them in a region (lower and upper corner).
+
+    None where it is isolated or does not attract.
+    """
     d = exact.dimension
     matrix = jacobian(exact, place) * (extent / extent[:, None])
     multipliers = multipliers_of(matrix)
@@ -98,7 +105,7 @@ def _explored(exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.fl
     widths = np.where(wide, 2.0 * reaches * extent / across, _THIN * resolution(place, extent))
     around = boxes_around(widths, turn)
     widths = np.where(turn > 0, turn / np.maximum(around, 1), widths)
-    boxes = _flooded(exact, place, widths, around, wide, extent)
+    boxes = _flooded(exact, place, widths, around, wide, extent, region)
     centres = wrap(place + boxes * widths, exact.coordinates)
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers))
@@ -137,6 +144,7 @@ def _flooded(
     around: NDArray[np.int64],
     wide: NDArray[np.bool_],
     extent: NDArray[np.float64],
+    region: NDArray[np.float64],
 ) -> NDArray[np.int64]:
     """Return the boxes around equilibria that can be reached through one another, by their numbers from the first."""
     steps = np.concatenate([sign * np.eye(len(place), dtype=np.int64)[wide] for sign in (1, -1)])
@@ -144,7 +152,8 @@ def _flooded(
     while len(front) and len(known) < _MOST_BOXES:
         new = moved_boxes(front, steps, around)
         new = _not_among(new, known)
-        new = new[((np.abs(new * widths) <= extent) | (around > 0)).all(axis=-1)]
+        centres = place + new * widths
+        new = new[(((centres >= region[0]) & (centres <= region[1])) | ~wide | (around > 0)).all(axis=-1)]
         front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
         known = np.concatenate([known, front])
     return np.unique(known, axis=0)

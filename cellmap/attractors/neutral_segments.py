@@ -24,7 +24,8 @@ _NEUTRAL = 1e-6  # distance of the one multiplier from 1
 _CONTRACTING = 1.0 - 1e-3  # largest other multiplier
 _STEPS = 64  # along the extent of the region
 _FARTHEST = 2.0  # from where an orbit has come to rest, in extents of the region
-_MOST_POINTS = 256  # of a segment
+_MOST_POINTS = 512  # of a segment
+_TURNING = 6  # points after which a curve may have come back to the first of them
 _SHORTEST = 0.5**20  # step, in extents of the region
 _END = 0.5**12  # of the length of a segment to which its ends are found
 
@@ -57,27 +58,31 @@ def _periodic(
 
 def traced(
     exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the periodic points beside one of them, in their order, and its derivative; None if it is alone."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool] | None:
+    """Return the periodic points beside one of them, in their order, its derivative, and whether they close a curve.
+
+    None if it is alone.
+    """
     first = _periodic(exact, place, period, extent)
     if first is None:
         return None
     ahead = np.linalg.svd(np.eye(len(place)) - first[1])[2][-1]
 
-    def work(sign: float) -> list[NDArray[np.float64]]:
+    def work(sign: float) -> tuple[list[NDArray[np.float64]], bool]:
         return contexts[sign].run(_half, exact, first[0], sign * ahead, period, extent)
 
     # The thread of each half looks for a request to stop where this one does.
     contexts = {sign: copy_context() for sign in (-1.0, 1.0)}
     halves = dict(results_of(tuple(contexts), work))
-    points = np.array([*halves[-1.0][::-1], first[0], *halves[1.0]])
-    return (points, first[1]) if len(points) > 8 else None
+    (behind, _), (before, closed) = halves[-1.0], halves[1.0]
+    points = np.array([first[0], *before] if closed else [*behind[::-1], first[0], *before])
+    return (points, first[1], closed) if len(points) > 8 else None
 
 
 def _half(
     exact: PointMap, first: NDArray[np.float64], ahead: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
-    """Return the periodic points on one side of the first, in their order."""
+) -> tuple[list[NDArray[np.float64]], bool]:
+    """Return the periodic points on one side of the first, in their order, and whether they come back to it."""
     direction, point, length = ahead, first, 1.0 / _STEPS
     half: list[NDArray[np.float64]] = []
     travelled, begun = 0.0, False
@@ -96,16 +101,22 @@ def _half(
             begun, length = True, length / 16.0  # a segment, or what is left of it, that is shorter than a step
             continue
         point, direction, begun = found[0], shift / np.linalg.norm(shift), True
+        back = np.linalg.norm(difference(point, first, exact.coordinates) / extent)
+        if len(half) > _TURNING and back < length:
+            return half, True
         half.append(point)
         travelled += length
         length = min(max(length, travelled / 8.0), 1.0 / _STEPS)
-    return half
+    return half, False
 
 
-def densely(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return many points along straight lines between some, at equal distances."""
+def densely(
+    points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64], closed: bool = False
+) -> NDArray[np.float64]:
+    """Return many points along straight lines between some, at equal distances; of a closed curve without its end."""
+    points = np.concatenate([points, points[: int(closed)]])
     steps = difference(points[1:], points[:-1], exact.coordinates)
     path = np.concatenate([points[:1], points[0] + np.cumsum(steps, axis=0)])
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps / extent, axis=1))])
-    where = np.linspace(0.0, length[-1], DENSE)
+    where = np.linspace(0.0, length[-1], DENSE, endpoint=not closed)
     return wrap(np.stack([np.interp(where, length, column) for column in path.T], axis=-1), exact.coordinates)

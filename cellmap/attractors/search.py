@@ -21,6 +21,7 @@ from .continua import closed_orbits, continua
 from .equilibria import sticking_sets
 from .examined import Examined
 from .guesses import LOOKED_AT, guesses_of
+from .joined_continua import joined_continua
 from .labels import Label
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
@@ -92,7 +93,7 @@ def find_attractors(
     attractors = found.attractors
     if len(found.orbits):
         attractors = [*attractors, *found.examined(point_map, states, extent).attractors]
-    return tuple(sorted(attractors, key=sort_key))
+    return tuple(sorted(joined_continua(point_map, attractors)[0], key=sort_key))
 
 
 @dataclass(frozen=True, eq=False)

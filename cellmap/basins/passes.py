@@ -18,6 +18,7 @@ from .._lib.threads import slices
 from .._lib.tiles import completed
 from ..attractors.chaos import examine
 from ..attractors.examined import Examined
+from ..attractors.joined_continua import joined_continua
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
@@ -91,9 +92,10 @@ class Run:
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)
-        attractors = () if self.now is None else self.now.attractors
+        found = () if self.now is None else self.now.attractors
+        attractors, joined = joined_continua(self.point_map, found)
         # Attractors in their order, without those that no initial condition ends on; labels get their new numbers.
-        used = sorted(store.used(len(attractors)).tolist(), key=lambda k: sort_key(attractors[k]))
+        used = sorted(set(joined[store.used(len(found))].tolist()), key=lambda k: sort_key(attractors[k]))
         if not self.complete:
             left = int(np.count_nonzero(store.labels == Label.UNLABELLED))
             warn_caller(
@@ -101,7 +103,7 @@ class Run:
                 "max_seconds, or give a checkpoint, from which the same call goes on"
             )
         basins = replace(self.described(settings, seconds), attractors=tuple(attractors[k] for k in used))
-        return replace(store.finish(basins, new_numbers(used, len(attractors))), point_map=self.point_map)
+        return replace(store.finish(basins, new_numbers(used, joined)), point_map=self.point_map)
 
     def described(self, settings: Mapping[str, Any], seconds: float) -> Basins:
         """Return basins with everything but labels, settling times and attractors."""
@@ -294,11 +296,14 @@ def _tile_size(total: int, point_map: PointMap) -> int:
     return min(max(least, total // _TILES), most)
 
 
-def new_numbers(used: Sequence[int], attractors: int) -> NDArray[np.int16]:
-    """Return the new label of each old one, from the lowest label on, where only some attractors are kept, in order."""
-    numbers = np.arange(min(LABEL_NAMES), attractors, dtype=np.int16)
-    numbers[np.array(used, np.int64) - min(LABEL_NAMES)] = np.arange(len(used))
-    return numbers
+def new_numbers(used: Sequence[int], joined: NDArray[np.int64]) -> NDArray[np.int16]:
+    """Return the new label of each old one, from the lowest label on, where only some attractors are kept, in order.
+
+    ``joined`` are the numbers, before those are chosen, of attractors some of which have been found in pieces.
+    """
+    places = {k: place for place, k in enumerate(used)}
+    numbers = [places.get(k, min(LABEL_NAMES)) for k in joined.tolist()]
+    return np.array([*range(min(LABEL_NAMES), 0), *numbers], np.int16)
 
 
 def _joined_tiles(groups: Sequence[Sequence[StridedTile]]) -> tuple[StridedTile, ...]:

@@ -143,7 +143,7 @@ class _Frames:
         run = self.run
         attractors = self.known if run.now is None else run.now.attractors
         order = sorted(range(len(attractors)), key=lambda k: sort_key(attractors[k]))
-        labels = new_numbers(order, len(attractors))[run.store.labels - min(Label)]
+        labels = new_numbers(order, np.arange(len(attractors)))[run.store.labels - min(Label)]
         basins = replace(
             run.described(self.settings, seconds),
             labels=labels.reshape(run.store.shape),

@@ -113,9 +113,9 @@ class Attractor(ShownAsHtml):
     torus : InvariantTorus or None
         Torus of a quasi-periodic attractor with two frequencies.
     resolution : ndarray, shape (dimension,), or None
-        Of a chaotic attractor, distance along each coordinate below which it is not told apart from another one that is
-        that near throughout: that of its sampled points.  Where attractors merely come close to each other, orbits tell
-        them apart at any distance.
+        Of a chaotic attractor, distance along each coordinate below which it is not distinguished from another one
+        that is that near throughout: that of its sampled points.  Where attractors merely come close to each other,
+        orbits distinguish them at any distance.
     grazing_distance : float
         Of a periodic attractor, how near it comes to grazing a surface of impacts or of a discontinuity, see
         :func:`cellmap.maps.grazing_distance`.

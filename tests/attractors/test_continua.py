@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, ForcedSystem, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors.boxes import inside_cover
 from cellmap.attractors.continua import closed_orbits, continua
+from cellmap.attractors.equilibria import sticking_sets
+from cellmap.attractors.joined_continua import joined_continua
 from cellmap.attractors.labels import Label
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
@@ -167,3 +170,60 @@ def test_a_segment_whose_derivative_is_far_from_normal():
         x, y, z = segment.points.T
         assert x.min() < -1.5 and x.max() > 1.5
         assert z == pytest.approx(0.3 * x + 0.2 * x**2, abs=1e-3) and np.abs(y).max() < 1.0
+
+
+def test_a_segment_found_twice_is_one() -> None:
+    """y = x^2, of which a look finds the vertex as a set along x, and the curve later."""
+
+    def function(x, p):
+        away = x[1] - x[0] ** 2
+        return x[0] + 0.2 * away, x[0] ** 2 + (0.5 + 0.4 * x[0]) * away
+
+    curved = discrete_map(function, {}, ("x", "y"))
+    for number in (11, 30):
+        basins = find_basins(curved, CellGrid((-1, -1), (1, 1), (number, number)))
+        (curve,) = basins.attractors
+        assert curve.kind is Kind.CONTINUUM and (basins.labels == 0).all()
+        assert np.abs(curve.points[:, 1] - curve.points[:, 0] ** 2).max() < 3e-3
+
+
+@pytest.mark.parametrize("number", [11, 30])
+def test_a_line_that_is_longer_than_the_region(number: int) -> None:
+    """y = x attracts at the rate 1/2, and orbits move by up to 40 along it."""
+    oblique = discrete_map(lambda x, p: (x[0] + 10 * (x[1] - x[0]), x[1] + 9.5 * (x[1] - x[0])), {}, ("x", "y"))
+    basins = find_basins(oblique, CellGrid((-1, -1), (1, 1), (number, number)))
+    assert [a.kind for a in basins.attractors] == [Kind.CONTINUUM]
+    assert (basins.labels == 0).all()
+
+
+@pytest.mark.parametrize(("sign", "period"), [(1.0, 1), (-1.0, 2)])
+def test_circles_of_fixed_points_and_of_cycles(sign: float, period: int) -> None:
+    """r -> r + r (1 - r^2) (2 - r^2) (3 - r^2)/10: the circles at 1 and sqrt 3 attract, that at sqrt 2 parts them."""
+
+    def function(x, p):
+        r = x[0] ** 2 + x[1] ** 2
+        factor = p.sign * (1 + (1 - r) * (2 - r) * (3 - r) / 10)
+        return factor * x[0], factor * x[1]
+
+    circles = discrete_map(function, {"sign": sign}, ("x", "y"))
+    basins = find_basins(circles, CellGrid((-1.3, -1.3), (1.3, 1.3), (12, 12)))
+    assert [(a.kind, a.period) for a in basins.attractors] == [(Kind.CONTINUUM, period)] * 2
+    radius = np.linalg.norm(basins.grid.centres(), axis=-1)
+    for k, r in enumerate((1.0, np.sqrt(3.0))):
+        assert np.linalg.norm(basins.attractors[k].points, axis=1) == pytest.approx(r, abs=1e-3)
+        assert np.array_equal(basins.labels == k, (radius > np.sqrt(2.0)) == bool(k))
+
+
+def test_continua_are_joined_where_their_covers_overlap() -> None:
+    """Two pieces of the line y = 0, in boxes of different sizes: the union holds the boxes of both."""
+    line = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, ("x", "y"))
+    pieces = [
+        sticking_sets(line, np.array([[x, 0.0]]), np.array([size, 1.0]))[0] for x, size in ((0.0, 1.0), (0.9, 0.3))
+    ]
+    apart = sticking_sets(line, np.array([[9.0, 0.0]]), np.ones(2))[0]
+    (joined, other), numbers = joined_continua(line, [pieces[0], apart, pieces[1]])
+    assert numbers.tolist() == [0, 1, 0] and other is apart
+    ends = np.concatenate([p.points for p in pieces])[:, 0]
+    assert joined.points[:, 0].min() == ends.min() and joined.points[:, 0].max() == ends.max()
+    everywhere = np.column_stack([np.linspace(ends.min(), ends.max(), 999), np.zeros(999)])
+    assert inside_cover(joined.cover, everywhere, line).all()

@@ -113,3 +113,32 @@ def test_a_line_of_fixed_points_attracts() -> None:
     fibres = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, ("x", "y"))
     (line,) = sticking_sets(fibres, np.array([[0.1, 0.0], [-0.4, 0.0]]), np.ones(2))
     assert line.kind is Kind.EQUILIBRIA and line.name.startswith("equilibria around")
+
+
+@pytest.mark.parametrize("number", [11, 20, 40, 41, 100])
+@pytest.mark.parametrize("shear", [0.2, 10.0])
+def test_a_line_on_which_orbits_end_far_apart_is_one_set(number: int, shear: float) -> None:
+    """(x + shear y, y/2): the line y = 0 attracts as a whole; an orbit ends at x + 2 shear y."""
+    sheared = discrete_map(lambda x, p: (x[0] + p.shear * x[1], 0.5 * x[1]), {"shear": shear}, ("x", "y"))
+    basins = find_basins(sheared, CellGrid((-1, -1), (1, 1), (number, number)))
+    (line,) = basins.attractors
+    assert line.kind is Kind.EQUILIBRIA
+    assert (basins.labels == 0).all()
+    ends = basins.grid.centres().reshape(-1, 2) @ [1.0, 2.0 * shear]
+    assert line.points[:, 0].min() <= ends.min() and line.points[:, 0].max() >= ends.max()
+
+
+def test_two_lines_of_equilibria_stay_two() -> None:
+    """The lines y = -1 and y = 1, on which orbits end far apart."""
+    lines = discrete_map(lambda x, p: (x[0] + 5 * (x[1] - x[1] ** 3), 1.5 * x[1] - 0.5 * x[1] ** 3), {}, ("x", "y"))
+    basins = find_basins(lines, CellGrid((-1, -1.5), (1, 1.5), (20, 20)))
+    assert [a.kind for a in basins.attractors] == [Kind.EQUILIBRIA] * 2
+    side = np.array([a.points[0, 1] for a in basins.attractors])
+    assert np.array_equal(side[basins.labels], np.broadcast_to(np.sign(basins.grid.centres()[..., 1]), (20, 20)))
+
+
+def test_a_plane_on_which_orbits_end_far_apart_is_one_set() -> None:
+    plane = discrete_map(lambda x, p: (x[0] + 0.4 * x[2], x[1] - 0.6 * x[2], 0.5 * x[2]), {}, ("x", "y", "z"))
+    basins = find_basins(plane, CellGrid((-1, -1, -1), (1, 1, 1), (5, 5, 5)))
+    assert [a.kind for a in basins.attractors] == [Kind.EQUILIBRIA]
+    assert (basins.labels == 0).all()
