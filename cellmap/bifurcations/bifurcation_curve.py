@@ -20,6 +20,7 @@ from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
 from .parameter_spans import spans
+from .period_measures import Quantity, measured
 from .singular_orbits import SingularOrbits
 from .singular_segments import SingularSegments
 
@@ -62,6 +63,13 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def period(self) -> int:
         """Period of the orbits in steps of the map."""
         return self._problem.orbits.period
+
+    @checked
+    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+        """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
+        return measured(
+            self._problem.orbits.point_map, self.parameters, self.values, self.points, self.period, quantity, measure
+        )
 
     @functools.cached_property
     def _codimension_two(self) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:

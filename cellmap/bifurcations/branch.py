@@ -17,6 +17,7 @@ from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
+from .period_measures import Quantity, measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +123,47 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
     def of_kind(self, kind: BifurcationKind) -> tuple[Bifurcation, ...]:
         """Return the bifurcations of the given kind."""
         return tuple(b for b in self.bifurcations if b.kind is kind)
+
+    @checked
+    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+        """Return a measure of each orbit over its period.
+
+        Parameters
+        ----------
+        quantity : int, str or callable, optional
+            Number or name of a coordinate, one of the `outputs` of the system, or a function ``f(t, x, p)`` of time,
+            state and parameters, written with the functions of :mod:`math`.
+        measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
+            What is computed; see :class:`PeriodMeasure`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Values, in the unit of the quantity; NaN where it does not return after the period, as an angle that makes
+            full rotations.  Extreme values are those of a trigonometric polynomial through samples that resolve the
+            quantity; for a map that is no stroboscopic map, those of the points of the orbit.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a quantity that the system does not have.
+
+        Examples
+        --------
+        >>> from math import cos, pi
+        >>> from cellmap import ForcedSystem, periodic_orbit, stroboscopic_map
+        >>> linear = ForcedSystem(
+        ...     lambda t, x, p: (x[1], -4.0 * x[0] - p.damping * x[1] + cos(t)), {"damping": 0.5}, 2 * pi, ("x", "v")
+        ... )
+        >>> from cellmap import continue_orbit
+        >>> exact = stroboscopic_map(linear)
+        >>> branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "damping", 0.1, 1.0)
+        >>> amplitude = branch.measure("x", "amplitude")
+        >>> bool((abs(amplitude * (9.0 + branch.values**2) ** 0.5 - 1.0) < 1e-8).all())
+        True
+        """
+        values, points = self.values[:, None], self.points
+        return measured(self.point_map, (self.parameter,), values, points, self.period, quantity, measure)
 
     @checked
     def orbits_at(self, value: float) -> tuple[PeriodicOrbit, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.kinds import BifurcationKind
+from ..bifurcations.period_measures import PeriodMeasure, Quantity, measured
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
 from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis
@@ -36,9 +37,10 @@ _REACH = 0.06  # within which a branch begins beside the bifurcation that it lea
 def branches(
     branches: Branch | Sequence[Branch],
     *,
-    coordinate: int | str = 0,
+    coordinate: Quantity = 0,
     ax: Axes | None = None,
     all_points: bool = True,
+    measure: str | None = None,
     colour: Any = None,
     legend: bool = True,
 ) -> Axes:
@@ -49,13 +51,17 @@ def branches(
     branches : Branch or sequence of Branch
         One or several branches over one parameter, such as the results of :func:`continue_orbit` and
         :func:`switch_branch`, or the branches of a :class:`Cascade`.
-    coordinate : int or str, optional
-        Number or name of the coordinate that is drawn.
+    coordinate : int, str or callable, optional
+        Number or name of the coordinate that is drawn; with a measure also one of the outputs of the system, or a
+        function ``f(t, x, p)``.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
     all_points : bool, optional
         Draw all points of each orbit, for which the map is iterated; otherwise only the first one, which a branch
         stores.
+    measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
+        Draw this measure over the period of the orbit, as resonance curves do, instead of points of the map; see
+        :meth:`Branch.measure`.
     colour : colour, optional
         Colour of all branches; by default each has its own.
     legend : bool, optional
@@ -91,9 +97,14 @@ def branches(
     for other in several:
         if (other.parameter, other.point_map.coordinates) != (name, coordinates):
             raise ValueError(f"branches={branches!r}: give branches over one parameter of one system")
-    column = column_of(coordinate, coordinates)
     ax = axes_or_new(ax)
-    traces = [_Trace.of(branch, _birth(branch, several), column, all_points) for branch in several]
+    if measure is None:
+        column = column_of(coordinate, coordinates)  # type: ignore[arg-type]
+        traces = [_Trace.of(branch, _birth(branch, several), column, all_points) for branch in several]
+        shown_as = coordinates[column]
+    else:
+        traces = [_Trace.measured(branch, _birth(branch, several), coordinate, measure) for branch in several]
+        shown_as = traces[0].axes[1]
     kinds: set[BifurcationKind] = set()
     styles: set[str] = set()
     for number, trace in enumerate(traces):
@@ -108,7 +119,7 @@ def branches(
             if len(marks):
                 ax.plot(*marks.T, MARKERS[kind], color=own, markeredgecolor="black", markersize=5.0, zorder=3)
                 kinds.add(kind)
-    label_axis(ax.yaxis, coordinates[column], max(trace.span for trace in traces))
+    label_axis(ax.yaxis, shown_as, max(trace.span for trace in traces))
     ax.set_xlabel(name)
     if legend:
         words: dict[Any, str] = {_STABLE: "stable", _UNSTABLE: "unstable"}
@@ -134,27 +145,24 @@ class _Trace:
 
     @classmethod
     def of(cls, branch: Branch, birth: Bifurcation | None, column: int, every_point: bool) -> _Trace:
-        values: list[float] = [] if birth is None else [birth.value]
-        states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
-        counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
-        kinds: list[BifurcationKind | None] = [] if birth is None else [None]
-        for k, count in enumerate(branch.unstable.tolist()):
-            values.append(float(branch.values[k]))
-            states.append(branch.points[k])
-            kinds.append(None)
-            here = [b for b in branch.bifurcations if b.place == k]
-            # What is between two bifurcations, or beside one, is known from them; elsewhere both ends have to agree.
-            last = k + 1 == len(branch.values)
-            ahead = count if last else max(count, int(branch.unstable[k + 1]), key=abs)
-            counts += [here[0].before, *(b.after for b in here)] if here else [ahead]
-            for bifurcation in here:
-                values.append(bifurcation.value)
-                states.append(bifurcation.point)
-                kinds.append(bifurcation.kind)
+        """Return the curves of a coordinate of the points of orbits."""
+        values, states, stable, kinds = _places(branch, birth)
         axes = (Coordinate(branch.parameter), branch.point_map.coordinates[column])
-        heights = _orbits(branch, np.array(values), np.array(states), branch.period if every_point else 1)[..., column]
+        heights = _orbits(branch, values, states, branch.period if every_point else 1)[..., column]
         curves = np.stack([np.broadcast_to(values, heights.shape), _unwrapped(heights, axes[1])], axis=-1)
-        return cls(curves, np.array(counts[:-1]) == 0, kinds, axes)
+        return cls(curves, stable, kinds, axes)
+
+    @classmethod
+    def measured(cls, branch: Branch, birth: Bifurcation | None, quantity: Quantity, measure: str) -> _Trace:
+        """Return the curve of a measure over the period."""
+        values, states, stable, kinds = _places(branch, birth)
+        exact, axes = branch.point_map, {c.name: c for c in branch.point_map.coordinates}
+        heights = measured(exact, (branch.parameter,), values[:, None], states, branch.period, quantity, measure)
+        name = list(axes)[quantity] if isinstance(quantity, int) else quantity
+        label = name if isinstance(name, str) else getattr(name, "__name__", "quantity").replace("<lambda>", "quantity")
+        unit = axes[label].unit if label in axes else ""
+        axis = Coordinate(f"{PeriodMeasure(measure)} of {label}", unit)
+        return cls(np.stack([values, heights], axis=-1)[None], stable, kinds, (Coordinate(branch.parameter), axis))
 
     @property
     def span(self) -> float:
@@ -184,6 +192,33 @@ class _Trace:
         if axis.period is not None and axis.lower is not None:
             places[:, 1] = axis.lower + np.mod(places[:, 1] - axis.lower, axis.period)
         return places
+
+
+def _places(
+    branch: Branch, birth: Bifurcation | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[BifurcationKind | None]]:
+    """Return the parameter (n,), the states (n, d) and the kinds (n) of bifurcations of a branch, from its birth on.
+
+    Also whether the pieces (n - 1) between them are stable.
+    """
+    values: list[float] = [] if birth is None else [birth.value]
+    states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
+    counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
+    kinds: list[BifurcationKind | None] = [] if birth is None else [None]
+    for k, count in enumerate(branch.unstable.tolist()):
+        values.append(float(branch.values[k]))
+        states.append(branch.points[k])
+        kinds.append(None)
+        here = [b for b in branch.bifurcations if b.place == k]
+        # What is between two bifurcations, or beside one, is known from them; elsewhere both ends have to agree.
+        last = k + 1 == len(branch.values)
+        ahead = count if last else max(count, int(branch.unstable[k + 1]), key=abs)
+        counts += [here[0].before, *(b.after for b in here)] if here else [ahead]
+        for bifurcation in here:
+            values.append(bifurcation.value)
+            states.append(bifurcation.point)
+            kinds.append(bifurcation.kind)
+    return np.array(values), np.array(states), np.array(counts[:-1]) == 0, kinds
 
 
 def _birth(branch: Branch, others: Sequence[Branch]) -> Bifurcation | None:

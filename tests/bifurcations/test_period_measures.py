@@ -1,0 +1,106 @@
+"""Measures of periodic orbits over their period, against closed forms and balances."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit, plot, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, Branch, PeriodMeasure, continue_bifurcation, switch_branch
+from systems import duffing_oscillator
+
+
+@pytest.fixture(scope="module")
+def resonance() -> Branch:
+    spring = stroboscopic_map(duffing_oscillator(damping=0.1, forcing=0.3, frequency=1.0), rtol=1e-11, atol=1e-11)
+    return continue_orbit(spring, periodic_orbit(spring, [0.7, 0.0]), "frequency", 0.8, 2.2, step=0.02)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3])
+def test_a_linear_oscillator_has_its_amplitude_at_every_phase(phase: float) -> None:
+    # x'' + b x' + 4 x = 1 + cos(w t): mean 1/4, amplitude 1/sqrt((4 - w^2)^2 + (b w)^2).
+    linear = ForcedSystem(
+        lambda t, x, p: (x[1], 1.0 + cos(p.w * t) - 4.0 * x[0] - p.b * x[1]),
+        {"b": 0.5, "w": 1.0},
+        period=lambda p: 2.0 * pi / p.w,
+        coordinates=("x", "v"),
+    )
+    exact = stroboscopic_map(linear, phase=phase, rtol=1e-12, atol=1e-12)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "w", 0.5, 3.0, step=0.05)
+    w = branch.values
+    size = 1.0 / np.sqrt((4.0 - w**2) ** 2 + (0.5 * w) ** 2)
+    for measure, expected in (
+        ("maximum", 0.25 + size),
+        ("minimum", 0.25 - size),
+        ("amplitude", size),
+        ("mean", np.full_like(w, 0.25)),
+        ("norm", np.sqrt(0.25**2 + 0.5 * size**2)),
+    ):
+        np.testing.assert_allclose(branch.measure("x", measure), expected, rtol=1e-9, err_msg=measure)
+    np.testing.assert_allclose(branch.measure(1, "maximum"), size * w, rtol=1e-9)
+    assert {m.value for m in PeriodMeasure} == {"maximum", "minimum", "amplitude", "mean", "norm"}
+
+
+def test_the_power_that_is_dissipated_is_the_power_of_the_force(resonance: Branch) -> None:
+    lost = resonance.measure(lambda t, x, p: p.damping * x[1] ** 2, "mean")
+    given = resonance.measure(lambda t, x, p: p.forcing * cos(p.frequency * t) * x[1], "mean")
+    np.testing.assert_allclose(lost, given, rtol=1e-8)
+    np.testing.assert_allclose(0.1 * resonance.measure("v", "norm") ** 2, lost, rtol=1e-12)
+
+
+def test_extreme_values_are_those_of_an_independent_integration(resonance: Branch) -> None:
+    spring = resonance.point_map.without_table.specified.system  # type: ignore[attr-defined]
+    high, low = resonance.measure("x"), resonance.measure("x", "minimum")
+    assert len(resonance.of_kind(BifurcationKind.FOLD)) == 2
+    for k in (0, 60, int(np.argmax(high)), len(high) - 1):
+        period = 2.0 * pi / resonance.values[k]
+        fun = spring.with_params(frequency=resonance.values[k]).fun
+
+        def velocity(t: float, y: Any) -> float:
+            return y[1]
+
+        found = solve_ivp(fun, (0.0, period), resonance.points[k], "DOP853", rtol=1e-12, atol=1e-12, events=velocity)
+        turns = found.y_events[0][:, 0]
+        assert (high[k], low[k]) == pytest.approx((turns.max(), turns.min()), abs=1e-8)
+
+
+def test_points_of_discrete_orbits_stand_for_all_times() -> None:
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": 2.8}, ("x",))
+    first = continue_orbit(logistic, periodic_orbit(logistic, [0.6]), "r", 2.5, 3.4)
+    second = switch_branch(first, first.bifurcations[0], 2.5, 3.4)
+    r = second.values
+    for sign, measure in ((1.0, "maximum"), (-1.0, "minimum")):
+        expected = (r + 1.0 + sign * np.sqrt((r - 3.0) * (r + 1.0))) / (2.0 * r)
+        np.testing.assert_allclose(second.measure(0, measure), expected, rtol=1e-10)
+    ax = plot.branches([first, second], measure="maximum")
+    assert ax.get_ylabel() == "maximum of x"
+
+
+def test_an_angle_that_rotates_has_no_measure_and_its_velocity_has() -> None:
+    # A rotor whose angle is held near t by a weak spring turns once in a period, so that omega has the mean 1.
+    held = ForcedSystem(
+        lambda t, x, p: (x[1], p.b * (1.0 - x[1]) + 0.5 * p.b * sin(t) - 0.1 * sin(x[0] - t)),
+        {"b": 1.0},
+        2.0 * pi,
+        (angle("theta"), "omega"),
+    )
+    exact = stroboscopic_map(held, rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 1.0]), "b", 0.9, 1.1)
+    assert np.isnan(branch.measure("theta")).all()
+    np.testing.assert_allclose(branch.measure("omega", "mean"), 1.0, rtol=1e-9)
+
+
+def test_measures_along_a_curve_and_wrong_quantities(resonance: Branch) -> None:
+    fold = resonance.of_kind(BifurcationKind.FOLD)[0]
+    curve = continue_bifurcation(resonance, fold, "forcing", (0.8, 2.2), (0.25, 0.35), step=0.1)
+    assert np.isfinite(curve.measure("x", "amplitude")).all() and curve.measure("x").shape == curve.values.shape[:1]
+    with pytest.raises(ValueError, match="measure='peak'"):
+        resonance.measure("x", "peak")
+    with pytest.raises(ValueError, match="name='energy'"):
+        resonance.measure("energy")
+    with pytest.raises(ValueError, match="quantity=2: the coordinates have the numbers 0 to 1"):
+        resonance.measure(2)
