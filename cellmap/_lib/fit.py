@@ -14,9 +14,9 @@ from .signatures import checked
 from .student import student_factor
 
 _FEWEST = 3
-_SWING = (
-    0.02  # by which slopes over an octave swing on self-similar sets, and may agree by chance where octaves are few
-)
+_SWING = 0.02  # of slopes over an octave on self-similar sets, which may agree by chance where octaves are few
+_CHANCE = {2: 2.0, 3: 2.8}  # variances: what slopes of so many parts differ by where only given errors scatter them
+_UNIFORM = 12.0**-0.5  # standard deviation of a slope that may be anything between two values which are 1 apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,16 +159,44 @@ def scaling_window(
     raise ValueError("x, y: no window of neighbouring finite points; give more points")
 
 
+def scaling_fit(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    fit_range: tuple[int, int] | None = None,
+    errors: NDArray[np.float64] | None = None,
+    labels: tuple[str, str] = ("x", "y"),
+    to_the_end: bool = False,
+) -> Fit:
+    """Fit a power law to logarithms, with a standard error of the exponent that holds for self-similar sets.
+
+    Without a given range the window is that of :func:`steady_window`.  Besides the scatter about the line the error
+    counts, in squares, how unsteady the slope is within the window (:func:`with_drift`) and how it depends on the
+    choice of the window (:func:`window_spread`).
+    """
+    chosen = steady_window(x, y, to_the_end=to_the_end, errors=errors) if fit_range is None else fit_range
+    fit = with_drift(fit_line(x, y, chosen, errors, labels=labels))
+    if fit_range is not None:
+        return fit
+    spread = window_spread(x, y, fit.slope, to_the_end, errors)
+    return replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
+
+
 def steady_window(
-    x: NDArray[np.float64], y: NDArray[np.float64], fewest: int = 4, to_the_end: bool = False
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    fewest: int = 4,
+    to_the_end: bool = False,
+    errors: NDArray[np.float64] | None = None,
 ) -> tuple[int, int]:
     """Return the window in which a slope is known best: the numbers of its first and last point.
 
     The error of a slope is its standard error from the scatter about the line, as the half of a 95 % interval
-    (Student), and its drift: half of what the slopes of the lower and of the upper half of the window differ by; both
-    in squares.  As long as points are on a line, a longer window has a smaller error, and where they bend away it has a
-    larger one; so this is the largest linear region.  Oscillations about the line, such as the counts of self-similar
-    sets have, do not shorten it, and bends are found that are too slow to be seen between neighbours.
+    (Student), or from given errors of the points if that is larger; its drift: half of what the slopes of the lower
+    and of the upper half of the window differ by; and what a window of less than a decade cannot show (see
+    :func:`with_drift`); all in squares.  As long as points are on a line, a longer window
+    has a smaller error, and where they bend away it has a larger one; so this is the largest linear region.
+    Oscillations about the line, such as the counts of self-similar sets have, do not shorten it, and bends are found
+    that are too slow to be seen between neighbours.
 
     Points that are not finite are outside every window.  A window has `fewest` points, or half of those that are finite
     if these are fewer, but 3 at least; `to_the_end` takes windows alone that end at the last finite point: a law for
@@ -180,25 +208,33 @@ def steady_window(
     fewest = max(_FEWEST, min(fewest, (finite + 1) // 2))
     found = [
         (last - first + 1 < fewest, round(error, 9), first - last, first, last)
-        for first, last, _, error in _windows(x, y, to_the_end)
+        for first, last, _, error in _windows(x, y, to_the_end, errors)
     ]
     if not found:
         raise ValueError("x, y: no three neighbouring points are finite; give more points")
     return min(found)[3:]
 
 
-def window_spread(x: NDArray[np.float64], y: NDArray[np.float64], slope: float, to_the_end: bool = False) -> float:
+def window_spread(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    slope: float,
+    to_the_end: bool = False,
+    errors: NDArray[np.float64] | None = None,
+) -> float:
     """Return by how much a slope depends on the choice of the window.
 
     This is the root of the mean squared distance between the slopes of all windows and a given one, weighted by the
     inverse squares of the errors by which :func:`steady_window` chooses.
     """
-    _, _, slopes, errors = np.array(_windows(x, y, to_the_end)).T
-    weights = 1.0 / np.maximum(errors, 1e-9) ** 2
+    _, _, slopes, found = np.array(_windows(x, y, to_the_end, errors)).T
+    weights = 1.0 / np.maximum(found, 1e-9) ** 2
     return float(np.sqrt((weights @ (slopes - slope) ** 2) / weights.sum()))
 
 
-def _windows(x: NDArray[np.float64], y: NDArray[np.float64], to_the_end: bool) -> list[tuple[int, int, float, float]]:
+def _windows(
+    x: NDArray[np.float64], y: NDArray[np.float64], to_the_end: bool, errors: NDArray[np.float64] | None
+) -> list[tuple[int, int, float, float]]:
     """Return all windows of three finite points or more: first, last, slope and its error."""
     from scipy.special import stdtrit
 
@@ -210,11 +246,11 @@ def _windows(x: NDArray[np.float64], y: NDArray[np.float64], to_the_end: bool) -
                 break
             if to_the_end and usable[last + 1 :].any():
                 continue
-            slope, _, scatter = _least_squares(x[first : last + 1], y[first : last + 1], None)
+            part = slice(first, last + 1)
+            slope, _, scatter = _least_squares(x[part], y[part], None if errors is None else errors[part])
             reach = float(stdtrit(last - first - 1, 0.975)) * scatter
-            found.append(
-                (first, last, slope, float(np.hypot(reach, np.ptp(_slopes_of_parts(x, y, first, last, 2)) / 2.0)))
-            )
+            drift = _drift(x, y, first, last, 2, errors, 1.0) / 2.0
+            found.append((first, last, slope, float(np.linalg.norm([reach, drift, unseen_error(x, first, last)]))))
     return found
 
 
@@ -223,29 +259,50 @@ def with_drift(fit: Fit) -> Fit:
 
     Scatter about a line tells the error of its slope only where the points are independent.  Counts of boxes are not:
     a box of one size is made of those of another.  So what the slopes of halves and thirds of the window differ by is
-    added in squares, and where they happen to agree what slopes of self-similar sets swing by.
+    added in squares.  They may agree by chance, the more easily the fewer octaves there are, so that what slopes of
+    self-similar sets swing by is a least value.  Within less than a decade such a set may show any slope between those
+    of its gaps and of its clusters, which are 1 apart: for the part of a decade that is missing, the slope counts as
+    one of that uniform distribution.
     """
-    if fit.fit_range[1] - fit.fit_range[0] < _FEWEST - 1:
-        return fit
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, _unsteadiness(fit.x, fit.y, *fit.fit_range))))
+    first, last = fit.fit_range
+    unseen = unseen_error(fit.x, first, last)
+    if last - first < _FEWEST - 1:
+        return replace(fit, standard_error=float(np.hypot(fit.standard_error, unseen)))
+    drift = max(_drift(fit.x, fit.y, first, last, parts, fit.errors, _CHANCE[parts]) / sqrt(parts) for parts in (2, 3))
+    swing = _SWING / sqrt(abs(fit.x[last] - fit.x[first]) / log(2.0))
+    return replace(fit, standard_error=float(np.linalg.norm([fit.standard_error, drift, swing, unseen])))
 
 
-def _unsteadiness(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> float:
-    """Return by how much the slope of a window may differ from that of octaves that it does not hold.
+def unseen_error(x: NDArray[np.float64], first: int, last: int) -> float:
+    """Return the error of a slope for the part of a decade that its window lacks."""
+    return _UNIFORM * max(0.0, 1.0 - abs(x[last] - x[first]) / log(10.0))
 
-    Its halves and its thirds tell; they may agree by chance, the more easily the fewer octaves there are, so that the
-    swings of self-similar sets are a least value.
+
+def _drift(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    first: int,
+    last: int,
+    parts: int,
+    errors: NDArray[np.float64] | None,
+    chance: float = 0.0,
+) -> float:
+    """Return by how much the slopes of equal parts of a window differ, without so many variances by given errors.
+
+    Parts that are no whole numbers of points overlap.
     """
-    octaves = abs(x[last] - x[first]) / log(2.0)
-    drift = max(np.ptp(_slopes_of_parts(x, y, first, last, parts)) / sqrt(parts) for parts in (2, 3))
-    return float(np.hypot(drift, _SWING / sqrt(octaves)))
-
-
-def _slopes_of_parts(x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int, parts: int) -> list[float]:
-    """Return the slopes of equal parts of a window; parts that are no whole numbers of points overlap."""
     ends = first + (last - first) * np.arange(parts + 1) / parts
     pieces = [slice(floor(a), ceil(b) + 1) for a, b in pairwise(ends)]
-    return [_least_squares(x[p], y[p], None)[0] for p in pieces]
+    slopes = [_least_squares(x[p], y[p], None if errors is None else errors[p])[0] for p in pieces]
+    low, high = np.argmin(slopes), np.argmax(slopes)
+    noise = 0.0 if errors is None else sum(_given_variance(x[pieces[k]], errors[pieces[k]]) for k in (low, high))
+    return sqrt(max((slopes[high] - slopes[low]) ** 2 - chance * noise, 0.0))
+
+
+def _given_variance(x: NDArray[np.float64], errors: NDArray[np.float64]) -> float:
+    """Return the variance of a weighted slope that independent errors of the points explain."""
+    weights = 1.0 / np.maximum(errors, 1e-150) ** 2
+    return float(1.0 / (weights @ (x - (weights @ x) / weights.sum()) ** 2))
 
 
 def _least_squares(

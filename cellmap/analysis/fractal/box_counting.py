@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from ..._lib.checks import finite_number, real_array
-from ..._lib.fit import Fit, fit_line, steady_window, window_spread, with_drift
+from ..._lib.fit import Fit, fit_line, scaling_fit, unseen_error
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
@@ -89,7 +89,11 @@ class BoxCount:
         fractal boundary slopes fluctuate, and those of a smooth one reach 1 below the resolution of the image.  False
         does not mean that a set is smooth.
         """
-        low, high = self.fit.interval(0.95)
+        # What less than a decade cannot show is no scatter, which Student's factor would be for.
+        unseen = unseen_error(self.fit.x, *self.fit.fit_range)
+        scatter = np.sqrt(max(self.standard_error**2 - unseen**2, 0.0))
+        low, high = replace(self.fit, standard_error=float(scatter)).interval(0.95)
+        low, high = low - 2.0 * unseen, high + 2.0 * unseen
         beyond = [self._ahead(), *self._next_octave()]
         low, high = min(low, *beyond) - _MARGIN, max(high, *beyond) + _MARGIN
         if self.topological is not None:
@@ -275,15 +279,13 @@ def fit_sizes(
                 f"{subject}: {np.count_nonzero(usable)} sizes of boxes lie between those that saturate at either end, "
                 f"and a window needs 3; give more {remedy}, or choose sizes= and window="
             )
-        inside = np.where(usable, y, np.nan)
-        fit = with_drift(fit_line(x, y, steady_window(x, inside, to_the_end=to_the_end), labels=labels))
-        spread = window_spread(x, inside, fit.slope, to_the_end)
-        return replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
+        fit = scaling_fit(x, np.where(usable, y, np.nan), labels=labels, to_the_end=to_the_end)
+        return replace(fit, y=y)
     low, high = (finite_number(f"fit_range[{k}]", v, above=0.0) for k, v in enumerate(window))
     chosen = np.flatnonzero((sizes >= low * (1 - 1e-9)) & (sizes <= high * (1 + 1e-9)) & np.isfinite(y))
     if len(chosen) < 3:
         raise ValueError(f"fit_range={window!r} contains {len(chosen)} sizes with boxes: give a range with 3 or more")
-    return with_drift(fit_line(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels))
+    return scaling_fit(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels)
 
 
 def _without_tail(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._lib.checks import whole_number
-from ..._lib.fit import fit_line, with_drift
+from ..._lib.fit import fit_line, scaling_fit
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from ...maps.orbit_batch import Cost
@@ -18,8 +18,7 @@ from .label_images import NO_BASIN, LabelImage, label_image
 from .uncertainty_fits import UncertaintyExponent, fit_exponent
 
 _BLOCKS = 8  # along each axis: parts of an image whose scatter gives the errors
-_DRIFT = 0.05  # largest difference of slopes in a window
-_COARSEST = 16  # largest distance, as a part of the shorter side
+_COARSEST = 8  # largest distance, as a part of the shorter side
 
 
 @checked
@@ -43,15 +42,14 @@ def image_uncertainty_exponent(
         Basins on a grid, or labels of cells in any number of dimensions.  Pairs with a cell of a negative label
         (escaped, diverged, undecided), or of a missing one, are excluded.
     distances : array_like of int, optional
-        Distances k in cells, decreasing; by default about four in an octave, from a sixteenth of the shorter side.
+        Distances k in cells, decreasing; by default about four in an octave, from an eighth of the shorter side.
     include : sequence of int, optional
         Negative labels that count as basins: (-2,) for initial conditions that diverge.
     wraps : sequence of bool, optional
         Which axes of an array are periodic; for basins the grid determines it.
     fit_range : tuple of int, optional
-        Numbers of the first and last distance of the fit.  By default it ends at the smallest distance, and begins at
-        the largest one for which the slopes of both halves of the window differ from that of the line by no more than
-        0.05: fractions saturate at large distances.
+        Numbers of the first and last distance of the fit.  By default it ends at the smallest distance, and begins
+        where scatter and drift of the slope are least: fractions saturate at large distances.
 
     Returns
     -------
@@ -96,14 +94,13 @@ def image_uncertainty_exponent(
     if found.fit is None:
         return found
     x, y = found.fit.x, np.where(found.uncertain > 0, found.fit.y, np.nan)
-    chosen = _window(x, y) if fit_range is None else fit_range
     samples = _jackknife(blocks)
     scale = (len(samples) - 1) / np.sqrt(len(samples))
     errors = np.maximum(scale * samples.std(axis=0), 1e-6)
     # Shares at different distances are made of the same boundary, so that their errors are no weights.
-    line = fit_line(x, y, chosen, labels=found.fit.labels)
-    slopes = [fit_line(x, s, chosen).slope for s in samples]
-    error = float(np.hypot(with_drift(line).standard_error, scale * np.std(slopes)))
+    line = scaling_fit(x, y, fit_range, labels=found.fit.labels, to_the_end=True)
+    slopes = [fit_line(x, s, line.fit_range).slope for s in samples]
+    error = float(np.hypot(line.standard_error, scale * np.std(slopes)))
     return replace(found, fit=replace(line, errors=errors, standard_error=error))
 
 
@@ -139,21 +136,6 @@ def _steps(image: LabelImage, steps: ArrayLike | None) -> NDArray[np.int64]:
     largest = max(1, shortest // _COARSEST)
     octaves = np.log2(largest)
     return np.unique(np.round(2.0 ** np.arange(0.0, octaves + 1e-9, 0.25)).astype(np.int64))[::-1]
-
-
-def _window(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[int, int]:
-    """Return the largest window up to the smallest distance in which the slope does not drift, of four points at least.
-
-    If there is none, it is that of the last four points, or of all that are finite.
-    """
-    last = len(x) - 1
-    first = int(np.flatnonzero(~np.isfinite(y))[-1]) + 1 if not np.isfinite(y).all() else 0
-    for begin in range(first, last - 2):
-        middle = (begin + last) // 2
-        slopes = [fit_line(x, y, part).slope for part in ((begin, last), (begin, middle + 1), (middle, last))]
-        if max(abs(slopes[1] - slopes[0]), abs(slopes[2] - slopes[0])) <= _DRIFT:
-            return begin, last
-    return max(first, last - 3), last
 
 
 def _compare(image: LabelImage, step: int) -> NDArray[np.int64]:

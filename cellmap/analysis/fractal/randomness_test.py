@@ -14,10 +14,10 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .entropy import box_entropies, count_at
-from .image_uncertainty import finest_exponent, is_rough
+from .image_uncertainty import finest_exponent, image_uncertainty_exponent, is_rough
 from .label_images import LabelImage, label_image
 from .smooth_limit import ball, straight_cuts
-from .uncertainty_fits import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED
+from .uncertainty_fits import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED, UncertaintyExponent
 
 _BATCH = 4096  # discs that are drawn together
 _PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most
@@ -49,6 +49,8 @@ class FractalTest:
         Entropy of each disc on the boundary.
     finest : tuple of float
         Local uncertainty exponent between distances of two cells and one, and its standard error.
+    exponent : UncertaintyExponent
+        Uncertainty exponent of the image: what it shows at the other scales.
     name : str
         Name of the system.
     """
@@ -63,6 +65,7 @@ class FractalTest:
     drawn: int
     entropies: NDArray[np.float64]
     finest: tuple[float, float]
+    exponent: UncertaintyExponent
     name: str = ""
 
     def __repr__(self) -> str:
@@ -73,25 +76,29 @@ class FractalTest:
 
     @property
     def verdict(self) -> str:
-        """Verdict at this scale: "fractal", "consistent with smooth", "undetermined" or "no boundary".
+        """Verdict on the boundary: "fractal", "consistent with smooth", "undetermined" or "no boundary".
 
-        Fractal: the mean is more than three standard errors above the range of a straight boundary, and the cells
-        themselves show no smooth one: next to a smooth boundary the fraction of pairs of cells that differ doubles with
+        Discs of one radius show one scale, at which sparse fractals look smooth and narrow smooth basins mixed; so the
+        uncertainty exponent of the image has to agree, over a decade of distances at least.  Fractal: the mean is more
+        than three standard errors above the range of a straight boundary, the exponent is as far below 1, and the cells
+        themselves show no smooth boundary: next to one the fraction of pairs of cells that differ doubles with
         their distance, even where it is too curved for the discs or its basins are narrower than these.  Consistent
-        with smooth: the mean is within the range, or no more than two standard errors away.  In between, and with fewer
-        than 100 discs on the boundary, it is undetermined; so is a mean far below the range, where discs contain little
-        of a second basin: this results from thin strands of a fractal as well as from a few wrong labels beside a
-        smooth boundary.
+        with smooth: the mean is within the range, or no more than two standard errors away, and the exponent is
+        consistent with a smooth boundary.  In between, and with fewer than 100 discs on the boundary, it is
+        undetermined; so is a mean far below the range, where discs contain little of a second basin: this results from
+        thin strands of a fractal as well as from a few wrong labels beside a smooth boundary.
         """
         if not self.discs:
             return NO_BOUNDARY
         if self.discs < _FEWEST or not np.isfinite(self.standard_error):
             return UNDETERMINED
         away = max(self.smooth_range[0] - self.entropy, self.entropy - self.smooth_range[1], 0.0)
+        pairs = self.exponent
         if away > _SIGNIFICANT * self.standard_error + 1e-9:
-            mixed = self.entropy > self.smooth_range[1]
-            return FRACTAL if mixed and is_rough(self.finest) else UNDETERMINED
-        return SMOOTH if away <= 2.0 * self.standard_error else UNDETERMINED
+            mixed = self.entropy > self.smooth_range[1] and is_rough(self.finest)
+            below = pairs.exponent + _SIGNIFICANT * pairs.standard_error < 1.0
+            return FRACTAL if mixed and below and pairs.spans_a_decade else UNDETERMINED
+        return SMOOTH if away <= 2.0 * self.standard_error and pairs.verdict == SMOOTH else UNDETERMINED
 
 
 @checked
@@ -130,7 +137,7 @@ def fractal_boundary_test(
     Returns
     -------
     FractalTest
-        Entropy with standard error, that of a smooth boundary, and a verdict for this radius.
+        Entropy with standard error, that of a smooth boundary, and a verdict.
 
     Raises
     ------
@@ -139,9 +146,10 @@ def fractal_boundary_test(
 
     Notes
     -----
-    The verdict applies to the scale of the disc: a fractal boundary whose structure is sparse at that scale appears
-    smooth.  A corner or a point where three basins meet changes the entropy of the few discs around it.  Use the
-    largest image that is available, and several radii.
+    The entropy applies to the scale of the disc: a fractal boundary whose structure is sparse at that scale appears
+    smooth.  The verdict therefore also needs the uncertainty exponent of the image,
+    :func:`image_uncertainty_exponent`, from a decade of distances at least.  A corner or a point where three basins
+    meet changes the entropy of the few discs around it.  Use the largest image that is available, and several radii.
 
     References
     ----------
@@ -175,6 +183,7 @@ def fractal_boundary_test(
         drawn=drawn,
         entropies=entropies,
         finest=finest_exponent(image),
+        exponent=image_uncertainty_exponent(basins, include=include, wraps=wraps),
         name=basins.name if isinstance(basins, Basins) else "",
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.binomial import binomial_interval
-from ..._lib.fit import Fit, fit_line
+from ..._lib.fit import Fit, fit_line, scaling_fit
 from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Attractor
 
@@ -17,12 +17,8 @@ SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "consistent with smooth", "fractal"
 
 _FEWEST = 20  # uncertain pairs at a distance that is used
 _UNDECIDED = 0.1  # undecided pairs, relative to uncertain ones, from which a distance is not used
-_OSCILLATION = 0.03  # relative, of fractions about the power law on self-similar boundaries
-_REJECTED = 0.05  # probability of the scatter about a line below which it is none
-_ALIKE = 1.25  # ratio of errors up to which a longer window is preferred
-_DECADE = 10.0  # range of distances below which nothing is called fractal
 _RISE = 2.0  # times that from the coarser to the finer half of the distances: as far again as these reach
-_VAGUE = 0.1  # standard error above which nothing is called consistent with smooth
+_VAGUE = 0.1  # standard error, and distance from 1, above which nothing is called consistent with smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,23 +105,31 @@ class UncertaintyExponent:
         return 0.0 if self.fit is None else float(np.ptp(self.fit.x[self.fit.inside]) / np.log(10.0))
 
     @property
+    def spans_a_decade(self) -> bool:
+        """Whether the fit spans a decade of distances, below which nothing is said of a boundary."""
+        return self.decades >= 1.0 - 1e-9
+
+    @property
     def verdict(self) -> str:
         """Verdict on the boundary: "fractal", "consistent with smooth", "undetermined" or "no boundary".
 
-        Consistent with smooth: 1 lies within two standard errors of the exponent, which is known to 0.1.  This includes
-        fractal boundaries whose dimension is as close to that of a smooth one, such as many Julia sets.  Fractal: the
-        exponent is more than three standard errors below 1, over at least a decade; and so is that of the finer half of
-        the distances, even if it continued to rise by twice as much as it has risen from the coarser half, as it does
-        where adjacent smooth pieces begin to be resolved.  The statistical uncertainty of that rise counts as error.
-        Everything else is undetermined.
+        Nothing is said of less than a decade of distances.  Consistent with smooth: 1 lies within two standard errors
+        of the exponent, and within 0.1, to which it is known.  This includes fractal boundaries whose dimension is as
+        close to that of a smooth one, such as many Julia sets, and sets that repeat themselves over more than the
+        distances of the fit.  Fractal: the exponent is more than three standard errors below 1, and so is that of the
+        finer half of the distances, even if it continued to rise by twice as much as it has risen from the coarser
+        half, as it does where adjacent smooth pieces begin to be resolved.  The statistical uncertainty of that rise
+        counts as error.  Everything else is undetermined.
         """
         if self.fit is None:
             return UNDETERMINED if self.uncertain.any() or not self.pairs.any() else NO_BOUNDARY
         slope, error = self.exponent, self.standard_error
+        if not self.spans_a_decade:
+            return UNDETERMINED
         if slope > 1.0 - 2.0 * error:
-            return SMOOTH if error <= _VAGUE and slope < 1.0 + max(3.0 * error, _VAGUE) else UNDETERMINED
+            return SMOOTH if error <= _VAGUE and abs(slope - 1.0) <= _VAGUE else UNDETERMINED
         halves = _halves(self.fit)
-        if slope > 1.0 - 3.0 * error or self.decades < np.log10(_DECADE) - 1e-9 or halves is None:
+        if slope > 1.0 - 3.0 * error or halves is None:
             return UNDETERMINED
         (coarse, coarse_error), (fine, fine_error) = halves
         ahead = fine + _RISE * max(fine - coarse, 0.0)
@@ -157,34 +161,10 @@ def fit_exponent(
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = np.log(distances), np.log(uncertain / pairs)
         errors = np.sqrt((pairs - uncertain) / (1.0 * pairs * uncertain))
-    chosen = fit_range(x, np.where(usable, y, np.nan), errors) if window is None else window
     labels = (f"ln distance ({unit})", "ln fraction of uncertain pairs")
-    fit = fit_line(x, y, chosen, errors, labels=labels)
-    return replace(empty, fit=_with_halves(_with_choice(fit)) if window is None else fit)
-
-
-def _with_choice(fit: Fit) -> Fit:
-    """Return a fit whose standard error counts how its slope depends on where the window begins.
-
-    Points at the large end are taken in or left out by tests that scatter decides as well; what beginning one distance
-    earlier or later changes is added, in squares.
-    """
-    first, last = fit.fit_range
-    changes = [
-        fit_line(fit.x, fit.y, (begin, last), fit.errors).slope - fit.slope
-        for begin in (first - 1, first + 1)
-        if begin >= 0 and last - begin >= 2 and np.isfinite(fit.y[begin])
-    ]
-    added = float(np.sqrt(np.mean(np.square(changes)))) if changes else 0.0
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, added)))
-
-
-def _with_halves(fit: Fit) -> Fit:
-    """Return a fit whose standard error counts half of what the slopes of both halves of its window differ by."""
-    first, last = fit.fit_range
-    middle = (first + last) // 2
-    coarse, fine = (fit_line(fit.x, fit.y, part, fit.errors).slope for part in ((first, middle), (middle, last)))
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, 0.5 * (coarse - fine))))
+    # The law holds in the limit of small distances, and at large ones the fraction saturates.
+    fit = scaling_fit(x, np.where(usable, y, np.nan) if window is None else y, window, errors, labels, to_the_end=True)
+    return replace(empty, fit=replace(fit, y=y))
 
 
 def _run(usable: NDArray[np.bool_]) -> int:
@@ -194,60 +174,6 @@ def _run(usable: NDArray[np.bool_]) -> int:
         return 0
     breaks = np.flatnonzero(~usable[: finite[-1]])
     return int(finite[-1] - (breaks[-1] if len(breaks) else -1))
-
-
-def fit_range(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64]) -> tuple[int, int]:
-    """Choose the distances for a fit of the exponent: the numbers of the first and of the last point.
-
-    The law holds in the limit of small distances, and at large ones the fraction saturates.  So a window always ends at
-    the smallest usable distance.  It may begin where the scatter of the points about the weighted line is what their
-    errors let expect (chi-square, 5 %) and neither of its two largest distances lies more than two standard errors off
-    the line through the others.  Fractions oscillate about the law on boundaries that are self-similar, by some
-    percent; 3 % are therefore added to the error of each point for these tests.  Where pairs are few such tests let
-    saturated distances pass.  So of these windows the longest is taken in which the slope is known about as well as in
-    the best one (to a quarter), by its standard error and half of what the slopes of both halves differ by, in squares.
-    Where no window of four or more passes, it is the last three or four.
-
-    ``x`` and ``y`` (n,) are logarithms of decreasing distances and of fractions, NaN in y where a distance is not
-    usable.
-    """
-    finite = np.flatnonzero(np.isfinite(y))
-    last = first = int(finite[-1])
-    while first > 0 and np.isfinite(y[first - 1]):
-        first -= 1
-    allowed = np.hypot(errors, _OSCILLATION)
-    straight = [begin for begin in range(first, last - 2) if _is_straight(x, y, allowed, begin, last)]
-    if straight:
-        found = np.array([_with_halves(fit_line(x, y, (k, last), allowed)).standard_error for k in straight])
-        return straight[int(np.argmax(found <= _ALIKE * found.min()))], last
-    if last - first < 2:
-        raise ValueError("fewer than three neighbouring distances have enough uncertain pairs: draw more pairs")
-    return max(first, last - 3), last
-
-
-def _is_straight(
-    x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], begin: int, last: int
-) -> bool:
-    """Return whether a window holds no more than scatter, and its two largest distances follow the others."""
-    from scipy.special import chdtrc
-
-    inside = slice(begin, last + 1)
-    line = fit_line(x, y, (begin, last), errors)
-    chi = float((((y - line(x)) / errors)[inside] ** 2).sum())
-    if chdtrc(last - begin - 1, chi) < _REJECTED:
-        return False
-    return all(_agrees(x, y, errors, k, last) for k in range(begin, min(begin + 2, last - 2)))
-
-
-def _agrees(x: NDArray[np.float64], y: NDArray[np.float64], errors: NDArray[np.float64], k: int, last: int) -> bool:
-    """Return whether a point lies within two standard errors of the line through those after it."""
-    rest = slice(k + 1, last + 1)
-    weights = 1.0 / errors[rest] ** 2
-    mean = float(weights @ x[rest] / weights.sum())
-    spread = float(weights @ (x[rest] - mean) ** 2)
-    line = fit_line(x, y, (k + 1, last), errors)
-    variance = errors[k] ** 2 + 1.0 / weights.sum() + (x[k] - mean) ** 2 / spread
-    return bool(abs(y[k] - float(line(x[k]))) <= 2.0 * np.sqrt(variance))
 
 
 def _halves(fit: Fit) -> tuple[tuple[float, float], tuple[float, float]] | None:
