@@ -1,0 +1,201 @@
+"""Labels of arbitrary points from known basins, final states by rules, and basins recomputed from their settings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import tanh
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, discrete_map, find_attractors, find_basins, interpolated_map, load_basins, save_basins
+from cellmap.attractors.labels import Label
+from cellmap.basins import recompute_basins
+from cellmap.basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
+from cellmap.basins.final_states import _coarse, final_states
+from cellmap.orbits.attractor import Attractor, Kind
+from cellmap.orbits.invariant_torus import InvariantTorus
+
+WELLS = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "y"))
+GRID = CellGrid((-2.0, -1.0), (2.0, 1.0), (20, 6))
+
+
+@pytest.fixture(scope="module")
+def basins():
+    return find_basins(WELLS, GRID, max_periods=300)
+
+
+# --- labels of points
+
+
+def test_points_have_the_label_of_the_well_on_their_side(basins):
+    label = labeller(basins)
+    points = np.array([[0.7, 0.3], [-0.01, 5.0], [1e-3, 0.0], [-9.0, 0.0]])
+    side = [np.sign(basins.attractors[k].points[0, 0]) for k in label(points)]
+    assert side == [1, -1, 1, -1]
+    assert label.max_periods == 300
+    assert labeller(basins, max_periods=7).max_periods == 7
+    assert labeller(WELLS, basins.attractors).max_periods == 2000
+    assert labeller(basins, max_periods=1)(np.array([[1e-9, 0.0]])).tolist() == [Label.UNDECIDED]
+    assert label.settle(points).times[0] < label.settle(points).times[2]
+
+
+def test_the_exact_map_labels_unless_another_is_given(basins):
+    table = interpolated_map(WELLS, CellGrid((-2.0, -1.0), (2.0, 1.0), (32, 16)))
+    coarse = replace(basins, point_map=table)
+    assert labeller(coarse).point_map is WELLS
+    assert labeller(coarse, point_map=table).point_map is table
+    assert labeller(WELLS, basins.attractors, point_map=table).point_map is table
+    with pytest.raises(ValueError, match="give point_map="):
+        labeller(replace(basins, point_map=None))
+    assert labeller(replace(basins, point_map=None), point_map=WELLS).attractors == basins.attractors
+
+
+def test_attractors_are_given_once(basins):
+    with pytest.raises(ValueError, match="attractors is empty"):
+        labeller(WELLS)
+    with pytest.raises(ValueError, match="leave them out"):
+        labeller(basins, basins.attractors)
+    with pytest.raises(TypeError, match="source=3"):
+        labeller(3)
+
+
+def test_labels_of_basins(basins):
+    assert [own_label(basins, k) for k in (0, 1, np.int16(1))] == [0, 1, 1]
+    for bad in (-1, 2, np.int64(-3)):
+        with pytest.raises(ValueError, match=f"label={bad!r}".replace("(", r"\(").replace(")", r"\)")):
+            own_label(basins, bad)
+    with pytest.raises(TypeError, match=r"which=0\.5"):
+        own_label(basins, 0.5, "which")
+
+
+def test_units_of_length():
+    axes = WELLS.coordinates
+    span = np.array([4.0, 2.0])
+    assert scale_of(None, axes, span).tolist() == [4.0, 2.0]
+    assert scale_of(3, axes, span).tolist() == [3.0, 3.0]
+    assert scale_of([1.0, 2.0], axes, None).tolist() == [1.0, 2.0]
+    for bad in (0.0, -1.0, [1.0], [1.0, 1e-151], [1.0, 1e151]):
+        with pytest.raises(ValueError, match="scale="):
+            scale_of(bad, axes, span)
+    assert scale_of(1e-149, axes, span)[0] == 1e-149 and scale_of(1e149, axes, span)[0] == 1e149
+    with pytest.raises(ValueError, match="scale is missing"):
+        scale_of(None, axes, None)
+
+
+def test_places_of_initial_conditions(basins):
+    assert np.array_equal(places_of(basins), GRID.centres().reshape(-1, 2))
+    assert span_of(basins).tolist() == [4.0, 2.0]
+    given = find_basins(WELLS, np.arange(12.0).reshape(2, 3, 2) / 12)
+    assert np.array_equal(places_of(given), np.arange(12.0).reshape(6, 2) / 12)
+    assert span_of(given) is None
+
+
+# --- final states
+
+
+def test_final_states_are_those_of_basins_or_of_a_search(basins):
+    own = final_states(basins, None, (), None, 200)
+    assert own.region == GRID and own.attractors == basins.attractors and own.point_map is WELLS
+    assert own.label.max_periods == 200
+    found = final_states(WELLS, GRID, (), None, 200)
+    assert [a.points[0, 0] for a in found.attractors] == pytest.approx([a.points[0, 0] for a in basins.attractors])
+    smaller = CellGrid((0.0, 0.0), (1.0, 1.0), (4, 1))
+    one = final_states(basins, smaller, basins.attractors[:1], None, 9)
+    assert one.region == smaller and one.attractors == basins.attractors[:1]
+
+
+def test_a_rule_takes_the_place_of_attractors():
+    rule = final_states(WELLS, GRID, (), lambda x: np.where(x[:, 0] > 0.5, 7, -1), 100)
+    assert rule.attractors == ()
+    assert rule.label(np.array([[0.6, 0.0], [0.1, 0.0], [-0.1, 0.0]])).tolist() == [7, 7, Label.UNDECIDED]
+    for bad in (lambda x: x, lambda x: x[:, 0], lambda x: np.zeros(len(x) + 1, int)):
+        with pytest.raises(ValueError, match="return one whole number for each"):
+            final_states(WELLS, GRID, (), bad, 100).label(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"source": 3}, TypeError, "source=3"),
+        ({"region": None}, TypeError, "region=None"),
+        ({"region": CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))}, ValueError, "is one cell"),
+        ({"outcome": 3}, TypeError, "outcome=3"),
+        ({"max_periods": 0}, ValueError, "max_periods"),
+    ],
+)
+def test_what_defines_no_final_states(arguments, error, message):
+    known = {"source": WELLS, "region": GRID, "attractors": (), "outcome": None, "max_periods": 100}
+    with pytest.raises(error, match=message):
+        final_states(**(known | arguments))
+
+
+def test_where_nothing_attracts_there_are_no_final_states(basins):
+    doubling = discrete_map(lambda x, p: (2.0 * x[0] + 1.0,), {}, ("x",))
+    with pytest.raises(ValueError, match="define the final states with outcome="):
+        final_states(doubling, CellGrid((0.0,), (1.0,), (4,)), (), None, 50)
+    with pytest.raises(ValueError, match="basins have no map"):
+        final_states(replace(basins, point_map=None), None, (), None, 50)
+
+
+def test_attractors_are_sought_from_some_four_thousand_cells():
+    """Along the axes that a region spans, in equal parts: 4096, 64 x 64."""
+    assert _coarse(CellGrid((0.0, 1.0), (1.0, 2.0), (500, 1))).shape == (4096, 1)
+    assert _coarse(CellGrid((0.0, 1.0), (1.0, 2.0), (5, 2))) == CellGrid((0.0, 1.0), (1.0, 2.0), (64, 64))
+    assert _coarse(CellGrid((0.0,) * 13, (1.0,) * 13, (3,) * 13)).shape == (2,) * 13
+
+
+# --- basins recomputed
+
+
+@pytest.mark.parametrize("given", [GRID, np.random.default_rng(0).uniform(-1, 1, (3, 5, 2))], ids=["grid", "points"])
+@pytest.mark.parametrize("by_table", [False, True])
+def test_basins_are_recomputed_from_a_file(given, by_table, tmp_path):
+    window = CellGrid((-2.0, -1.0), (2.0, 1.0), (32, 16))
+    point_map = interpolated_map(WELLS, window) if by_table else WELLS
+    first = find_basins(point_map, given, max_periods=77, max_period=3)
+    again = recompute_basins(load_basins(save_basins(first, tmp_path / "first.h5")), WELLS)
+    assert np.array_equal(again.labels, first.labels) and np.array_equal(again.settling_time, first.settling_time)
+    assert dict(again.settings) == dict(first.settings)
+    assert (again.point_map.table is not None) == by_table
+
+
+def test_basins_are_recomputed_from_their_own_system_only(basins):
+    with pytest.raises(ValueError, match=r"source has params \{'a': 1.4\} and the basins \{'a': 1.5\}"):
+        recompute_basins(basins, WELLS.with_params(a=1.4))
+    renamed = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "z"))
+    with pytest.raises(ValueError, match=r"source has the coordinates \(.*z.*\) and the basins"):
+        recompute_basins(basins, renamed)
+    other = replace(basins, settings={**basins.settings, "method": "simple cell mapping"})
+    with pytest.raises(ValueError, match="are from a simple cell mapping"):
+        recompute_basins(other, WELLS)
+
+
+# --- attractors in files
+
+
+def test_tori_in_files(basins, tmp_path):
+    rng = np.random.default_rng(1)
+    numbers = (rng.uniform(size=2) for _ in range(4))
+    torus = InvariantTorus(*numbers, rng.normal(size=(2, 5, 5)) + 1j * rng.normal(size=(2, 5, 5)), 1e-7)
+    record = basins.attractors[0]
+    quasi = Attractor(
+        Kind.QUASIPERIODIC, 0, rng.normal(size=(9, 2)), (0, 0), np.empty(0, complex), np.zeros(2), record.coordinates,
+        cover=None, torus=torus,
+    )  # fmt: skip
+    saved = save_basins(replace(basins, attractors=(quasi, *basins.attractors[1:])), tmp_path / "torus.h5")
+    read = load_basins(saved).attractors[0].torus
+    for name in ("frequencies", "frequency_errors", "rotation_numbers", "rotation_errors", "coefficients"):
+        assert np.array_equal(getattr(read, name), getattr(torus, name)), name
+    assert read.invariance_error == 1e-7
+    for bad in (torus.coefficients[:, :4, :4], torus.coefficients[:, :3]):
+        wrong = replace(quasi, torus=replace(torus, coefficients=bad))
+        path = save_basins(replace(basins, attractors=(wrong, *basins.attractors[1:])), tmp_path / "bad.h5")
+        with pytest.raises((ValueError, OSError), match=r"Fourier coefficients of shape \(2, [43], [45]\)"):
+            load_basins(path)
+
+
+def test_a_labeller_without_attractors_decides_nothing():
+    found = find_attractors(WELLS, [[0.5, 0.0]])
+    assert len(labeller(WELLS, found).attractors) == 1
+    assert isinstance(labeller(WELLS, found), Labeller)
