@@ -1,0 +1,142 @@
+"""Parts of the ways to basins: rows, extents, memory, creeping orbits; late and resting orbits in certificates."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import replace
+from math import cos, log
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map
+from cellmap.attractors.labels import Label
+from cellmap.basins import refine_basins
+from cellmap.basins.certification import certifying
+from cellmap.basins.certification.certificate import Evidence
+from cellmap.basins.continuation import _outermost
+from cellmap.basins.doubts import UnsettledWarning
+from cellmap.basins.initial_conditions import InitialConditions, Rows
+from cellmap.basins.planning.extrapolation import slower
+from cellmap.basins.planning.measurements import Labelling, TableProbe
+from cellmap.basins.record import basins_memory
+from cellmap.maps.interpolation.interpolated import table_memory
+
+CREEPS = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",))
+
+
+@pytest.mark.parametrize("bits", [False, True])
+@pytest.mark.parametrize(("total", "count"), [(10, 100), (10, 10), (100, 4), (1000, 7)])
+def test_rows_are_spread_from_the_first_to_the_last(bits, total, count):
+    rows = Rows.where(total, lambda part: np.ones(part.stop - part.start, bool)) if bits else Rows(total)
+    found = np.concatenate(list(rows.spread(count)))
+    expected = np.arange(total) if total <= count else np.linspace(0, total - 1, count).round().astype(int)
+    assert np.array_equal(found, expected)
+
+
+def test_points_of_the_same_extent_as_all():
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    few = _outermost(points)
+    assert len(few) <= 6
+    assert np.array_equal(few.min(axis=0), points.min(axis=0)) and np.array_equal(few.max(axis=0), points.max(axis=0))
+    grid = CellGrid((0.0, 0.0), (1.0, 4.0), (4, 8))
+    assert _outermost(grid).tolist() == [[0.125, 0.25], [0.875, 3.75]]
+
+
+def test_look_ups_of_larger_tables_are_slower():
+    """Linear in the logarithm of the memory, and never faster than those of a smaller table."""
+    square = CellGrid((0.0, 0.0), (1.0, 1.0), (64, 64))
+    sizes = [table_memory(CellGrid((0.0, 0.0), (1.0, 1.0), (n, n)), 3) for n in (32, 128, 512)]
+    known = {"order": 3, "cells": (32,), "errors": (1e-3,), "raw": (1e-3,), "surplus": 0.0}
+    lookups = tuple(zip(sizes, (2e-8, 1e-8, 6e-8), strict=True))
+    probe = TableProbe(**known, labelling=Labelling(0.0, 1.0), lookups=lookups)
+    assert slower(probe, square) == pytest.approx(1.0)
+    between = table_memory(CellGrid((0.0, 0.0), (1.0, 1.0), (256, 256)), 3)
+    part = (log(between) - log(sizes[1])) / (log(sizes[2]) - log(sizes[1]))
+    long = CellGrid((0.0, 0.0), (1.0, 1.0), (256, 128))
+    first, last = (log(table_memory(grid, 3)) for grid in (CellGrid((0.0, 0.0), (1.0, 1.0), (32, 16)), long))
+    assert first < log(sizes[0]), "where look-ups take 2e-8 s"
+    part_of_long = (last - log(sizes[1])) / (log(sizes[2]) - log(sizes[1]))
+    assert slower(probe, long) == pytest.approx(1.0 + 2.0 * part_of_long)
+    wide = CellGrid((0.0, 0.0), (1.0, 1.0), (256, 256))
+    assert slower(probe, wide) == pytest.approx(1.0 + 2.0 * part)
+    assert slower(replace(probe, lookups=()), wide) == 1.0
+
+
+def test_refining_needs_memory_for_three_images(monkeypatch):
+    many = CellGrid((-1.0,), (1.0,), (100_000,))
+    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
+    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 3 * basins_memory(many.size) - 1)
+    with pytest.raises(MemoryError, match="labels of 100,000 initial conditions"):
+        next(iter(refine_basins(CREEPS, many)))
+
+
+def test_how_far_creeping_orbits_move_is_said():
+    """From x0, 1/x^2 is about 1/x0^2 + 2 n after n periods, and a period moves by x^3."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UnsettledWarning)
+        basins = find_basins(CREEPS, CellGrid((-0.5,), (0.5,), (9,)), max_periods=300)
+    assert (basins.labels[basins.labels != Label.UNDECIDED] >= 0).all()
+    (message,) = [str(w.message) for w in said if issubclass(w.category, UnsettledWarning)]
+    found = re.search(r"by about ([0-9.e-]+) in a period", message)
+    assert found is not None, message
+    assert 600**-1.5 / 4 < float(found[1]) < 600**-1.5 * 1.5
+
+
+# --- certificates
+
+
+def test_labels_that_change_take_the_times_of_the_exact_map():
+    """Two chaotic attractors, in boxes, and labels beside the boundary that a coarse interpolation grid gives wrong."""
+    exact = discrete_map(lambda x, p: (2.5 * x[0] * (1.0 - x[0] * x[0]) + 1e-3 * cos(30 * x[0]),), {}, ("x",))
+    table = interpolated_map(exact, CellGrid((-1.2,), (1.2,), (25,)), 1, tolerance=1e6)
+    basins = find_basins(table, np.linspace(-1e-3, -4e-4, 60)[:, None], max_periods=500)
+    certificate = certify(basins, audit=20)
+    found = certificate.basins
+    direct = find_basins(exact, basins.initial_conditions, max_periods=500, attractors=found.attractors)
+    assert np.array_equal(found.labels, direct.labels)
+    changed = found.labels != basins.labels
+    assert np.count_nonzero(changed) == certificate.changed > 10
+    assert (certificate.evidence[changed] == Evidence.OPEN).all()
+    assert np.array_equal(found.settling_time[changed], direct.settling_time[changed])
+
+
+def test_late_orbits_are_given_in_parts(monkeypatch):
+    monkeypatch.setattr(certifying, "CHUNK", 64)
+    points = np.random.default_rng(0).uniform(-1, 1, (200, 1))
+    slow = np.random.default_rng(1).uniform(size=200) < 0.3
+    run = SimpleNamespace(
+        slow=slow, initial_conditions=InitialConditions(None, points), setting=SimpleNamespace(direct=CREEPS)
+    )
+    parts = list(certifying._Run._late(run))
+    assert len(parts) == 4
+    assert np.array_equal(np.concatenate(parts), points[slow])
+
+
+def test_an_orbit_rests_if_all_ends_of_its_errors_do(monkeypatch):
+    """A sticking set abs(x) <= 1, abs(y) <= 2; errors reach 0.1 cells of 0.5 x 2 to both sides of both axes."""
+    points = np.array(
+        [[0, 0], [0.94, 0], [0.96, 0], [-0.94, 0], [-0.96, 0], [0, 1.79], [0, 1.81], [0, -1.81], [3, 3.0]]
+    )
+
+    def settled(point_map, orbits, catalogue, periods):
+        assert periods == 4
+        rests = (np.abs(orbits.points) <= [1.0, 2.0]).all(axis=1)
+        return SimpleNamespace(labels=np.where(rests, 5, Label.UNDECIDED))
+
+    monkeypatch.setattr(certifying, "settle", settled)
+    monkeypatch.setattr(certifying, "inside_cover", lambda cover, x, point_map, keys: np.abs(x[:, 0]) <= 1.0)
+    plane = discrete_map(lambda x, p: (x[0], x[1]), {}, ("x", "y"))
+    covers = ((4, SimpleNamespace(certain=None), None), (5, SimpleNamespace(certain=True), None))
+    setting = SimpleNamespace(
+        catalogue=SimpleNamespace(covers=covers), grid=SimpleNamespace(widths=np.array([0.5, 2.0]))
+    )
+    setting.direct = plane
+    found = np.full(len(points), certifying.NONE)
+    orbits = SimpleNamespace(points=points, alive=np.arange(len(points)) != 0)
+    spread = np.broadcast_to(0.01 * np.eye(2), (len(points), 2, 2))
+    certifying._Run._stopped(SimpleNamespace(setting=setting), orbits, spread, found)
+    # The first orbit has ended; 0.94 + 0.05 rests, and 0.96 + 0.05 does not; 1.79 + 0.2, and not 1.81 + 0.2.
+    assert (found == 5).tolist() == [False, True, False, True, False, True, False, False, False]
