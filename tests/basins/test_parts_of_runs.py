@@ -19,6 +19,7 @@ from cellmap.basins.certification.certificate import Evidence
 from cellmap.basins.continuation import _outermost
 from cellmap.basins.doubts import UnsettledWarning
 from cellmap.basins.initial_conditions import InitialConditions, Rows
+from cellmap.basins.label_store import InMemory, LabelStore
 from cellmap.basins.planning.extrapolation import slower
 from cellmap.basins.planning.measurements import Labelling, TableProbe
 from cellmap.basins.record import basins_memory
@@ -140,3 +141,15 @@ def test_an_orbit_rests_if_all_ends_of_its_errors_do(monkeypatch):
     certifying._Run._stopped(SimpleNamespace(setting=setting), orbits, spread, found)
     # The first orbit has ended; 0.94 + 0.05 rests, and 0.96 + 0.05 does not; 1.79 + 0.2, and not 1.81 + 0.2.
     assert (found == 5).tolist() == [False, True, False, True, False, True, False, False, False]
+
+
+def test_what_is_undecided_where_a_run_ends_has_no_label():
+    store = InMemory((2, 3))
+    store.labels[:] = [0, Label.UNDECIDED, 1, Label.ESCAPED, Label.UNDECIDED, Label.DIVERGED]
+    store.times[:] = [3, -1, 5, -1, -1, -1]
+    none = Label.UNLABELLED
+    now = SimpleNamespace(rows=Rows.where(6, lambda part: np.ones(6, bool)))
+    for kept in (LabelStore.cut_short(store, now), store.cut_short(now)):  # of a file, and in memory
+        assert kept.labels.tolist() == [0, none, 1, Label.ESCAPED, none, Label.DIVERGED]
+        assert kept.times.tolist() == [3, -1, 5, -1, -1, -1]
+    assert (LabelStore.cut_short(store, None).labels == none).all()
