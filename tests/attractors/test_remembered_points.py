@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
+import pytest
 from small_maps import logistic
 
 from cellmap import CellGrid, angle, discrete_map, find_attractors, interpolated_map
-from cellmap.attractors.continua import continua
+from cellmap.attractors import search
 from cellmap.attractors.continued import orbits_followed
 from cellmap.attractors.examined import Examined
 from cellmap.attractors.settling import Catalogue, settle
@@ -59,6 +60,21 @@ def test_settling_times_do_not_depend_on_multi_period_steps():
 
 def test_boxes_around_a_continuum_are_listed_once():
     line = discrete_map(lambda x, p: (x[0], 0.5 * x[1] + 0.3 * x[0]), {}, ("x", "y"))
-    ends = line.iterate(CellGrid((-1, -1), (1, 1), (12, 12)).centres().reshape(-1, 2), 40).points
-    (found,) = continua(line, ends, np.full(2, 2.0), 8)
+    (found,) = find_attractors(line, CellGrid((-1, -1), (1, 1), (12, 12)).centres())
     assert np.array_equal(found.cover.boxes, np.unique(found.cover.boxes, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("age", "patient", "looked_for"), [(63, True, False), (64, True, True), (63, False, True), (1, False, True)]
+)
+def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch, age, patient, looked_for):
+    """A rigid rotation, of which no orbit settles: a search that goes on waits for 64 periods."""
+    calls = []
+    monkeypatch.setattr(search, "curves_and_cycles", lambda *_: calls.append("curves") or [])
+    monkeypatch.setattr(search, "continua", lambda *_: calls.append("continua") or [])
+    turning = discrete_map(lambda x, p: (x[0] + 1.0,), {}, (angle("a"),))
+    orbits, extent = Orbits.starting(np.array([[0.1], [2.0]])), np.array([2 * pi])
+    examined = Examined.nothing_yet(turning, extent)
+    left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient)
+    assert calls == (["curves", "continua"] if looked_for else [])
+    assert len(left) == 2 and found == []
