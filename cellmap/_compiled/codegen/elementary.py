@@ -7,7 +7,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from .expression import Comparison, Expression, operation_on_numbers
+from .tables import interpolated
 
 _OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
 
@@ -34,6 +37,8 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
             for argument in arguments:
                 if isinstance(argument, Expression):
                     return argument.graph.apply(name, *arguments)
+                if isinstance(argument, np.ndarray) and argument.ndim:
+                    return np.vectorize(function, otypes=[object])(*arguments)
             return operation_on_numbers(name)(*arguments)
 
         return function
@@ -67,7 +72,17 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
         part = scaled - whole
         return (whole + where(part > 0.5, 1.0, where(part < 0.5, 0.0, whole % 2.0))) / scale
 
+    def polynomial(coefficients: Any, value: Any) -> Any:
+        return functools.reduce(lambda total, c: total * value + c, coefficients, 0.0)
+
+    def log_of_sum(a: Any, b: Any) -> Any:
+        return table["fmax"](a, b) + table["log1p"](table["exp"](-table["fabs"](a - b)))
+
     table["norm"], table["select"], table["round"] = norm, select, nearest
+    table["interp"], table["polyval"], table["logaddexp"], table["fsum"] = interpolated, polynomial, log_of_sum, sum
+    table["degrees"] = lambda angle: angle * (180.0 / math.pi)
+    table["radians"] = lambda angle: angle * (math.pi / 180.0)
+    table["signbit"] = lambda value: where(value < 0.0, 1.0, 0.0)
     table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])
     return {**table, "where": where, "float": _Float, "int": _Int}
 

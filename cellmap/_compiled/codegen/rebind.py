@@ -23,6 +23,11 @@ NUMPY_NAMES = {
     "absolute": "fabs",
     "sign": "sign",
     "remainder": "mod",
+    "float_power": "pow",
+    "logaddexp": "logaddexp",
+    "signbit": "signbit",
+    "rad2deg": "degrees",
+    "deg2rad": "radians",
     "heaviside": "heaviside",
 }
 """Functions of NumPy by other names than those of :mod:`math`."""
@@ -41,6 +46,7 @@ def _canonical_names() -> dict[Any, str]:
     names[np.power] = names[pow] = "pow"
     names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
     names[np.select], names[np.linalg.norm] = "select", "norm"
+    names[np.interp], names[np.polyval] = "interp", "polyval"
     names[round] = names[np.round] = names[np.rint] = "round"
     return names
 

@@ -24,6 +24,7 @@ from .expression import (
     is_analytic,
 )
 from .rebind import rebind
+from .tables import TableError
 
 CONSTANT, TIMED, STATEFUL = range(3)
 """What an expression depends on: parameters alone, time as well, or the state."""
@@ -71,7 +72,7 @@ class Trace:
             try:
                 twin = rebind(function, elementary_functions())
                 return tuple(self.graph.lift(e) for e in twin(self.time, State(self.states), record, *further))
-            except (StateChangedError, UntraceableError):
+            except (StateChangedError, TableError, UntraceableError):
                 raise
             except Exception as error:
                 kind = UndefinedError if _is_meant(error) else UntraceableError

@@ -123,6 +123,13 @@ def test_elementary_functions_build_expressions_or_compute(x: Expression) -> Non
         "norm",
         "dist",
         "round",
+        "interp",
+        "polyval",
+        "logaddexp",
+        "fsum",
+        "degrees",
+        "radians",
+        "signbit",
     }
     assert table["sin"](x).operation == "sin"
     assert table["atan2"](1.0, x).operation == "atan2"
