@@ -14,6 +14,7 @@ import llvmlite.binding as llvm
 from .object_cache import ObjectCache
 
 _LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
+_QUICK = 0  # for large functions, whose values go by memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +35,22 @@ class MachineCode:
 
 
 @functools.lru_cache(maxsize=256)
-def machine_code(text: str) -> MachineCode:
-    """Return the compiled functions of a module, from disk where they have been compiled before."""
-    return compiled_once(text, lambda: object_code(text, *_host()))
+def machine_code(text: str, quick: bool = False) -> MachineCode:
+    """Return the compiled functions of a module, from disk where they have been compiled before.
+
+    To find registers for large functions takes most of the time, more than in proportion; `quick` leaves it out.
+    """
+    level = _QUICK if quick else _LEVEL
+    return compiled_once(text, lambda: object_code(text, *_host(), level), level)
 
 
-def compiled_once(source: str, compiled: Callable[[], bytes]) -> MachineCode:
+def compiled_once(source: str, compiled: Callable[[], bytes], level: int = _LEVEL) -> MachineCode:
     """Return the functions of an object file for this processor, compiled if it is not on disk.
 
-    The source is all that they are compiled from.
+    The source is all that they are compiled from, at a level of optimisation.
     """
     cache = ObjectCache.of_user()
-    versions = (str(llvm.llvm_version_info), llvmlite.__version__, *_host(), str(_LEVEL))
+    versions = (str(llvm.llvm_version_info), llvmlite.__version__, *_host(), str(level))
     key = hashlib.sha256("\0".join((source, *versions)).encode()).hexdigest()
     found = cache.read(key)
     if found is None:
@@ -70,9 +75,10 @@ def loop_code(text: str) -> bytes:
     return bytes(machine.emit_object(module))
 
 
-def object_code(text: str, triple: str, cpu: str, features: str) -> bytes:
+def object_code(text: str, triple: str, cpu: str, features: str, level: int = _LEVEL) -> bytes:
     """Return the object file of a module for a processor, this one or another."""
-    return bytes(_target_machine(triple, cpu, features).emit_object(_optimised(text, triple, cpu, features)))
+    machine = _target_machine(triple, cpu, features, level)
+    return bytes(machine.emit_object(_optimised(text, triple, cpu, features)))
 
 
 def assembly_for(text: str, triple: str, cpu: str, features: str) -> str:
@@ -90,7 +96,7 @@ def _host() -> tuple[str, str, str]:
     return llvm.get_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def _target_machine(triple: str, cpu: str, features: str) -> Any:
+def _target_machine(triple: str, cpu: str, features: str, level: int = _LEVEL) -> Any:
     """Return a compiler's back end for a processor, this one or another."""
     if triple == _host()[0]:
         llvm.initialize_native_target()
@@ -98,7 +104,7 @@ def _target_machine(triple: str, cpu: str, features: str) -> Any:
     else:
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
-    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=_LEVEL)
+    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=level)
 
 
 def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:

@@ -185,7 +185,7 @@ class PointMap(ShownAsHtml):
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
         images = follow(self, points, 1)
-        warn_of_tolerance(images.status, self.name)
+        warn_of_tolerance(images.status, self.name, self.unknown_formulas)
         return images.points
 
     @checked
@@ -214,7 +214,7 @@ class PointMap(ShownAsHtml):
             If the integrator missed its tolerance; the images concerned have the status INACCURATE.
         """
         images = follow(self, points, periods, progress, client)
-        warn_of_tolerance(images.status, self.name)
+        warn_of_tolerance(images.status, self.name, self.unknown_formulas)
         return images
 
     @checked
@@ -263,7 +263,7 @@ class PointMap(ShownAsHtml):
                     tick(len(places))
 
             run_over(parts, follow_part)
-        warn_of_tolerance(status[-1], self.name)
+        warn_of_tolerance(status[-1], self.name, self.unknown_formulas)
         shape = (periods + 1, *initial_conditions.shape)
         return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
 
@@ -340,11 +340,12 @@ class _Advanced:
         return images
 
 
-def warn_of_tolerance(status: NDArray[np.uint8], name: str) -> None:
-    """Warn where orbits carry the status INACCURATE."""
+def warn_of_tolerance(status: NDArray[np.uint8], name: str, unknown: str = "") -> None:
+    """Warn where orbits are INACCURATE; `unknown` is why branches are not located, empty where they are."""
     if missed := np.count_nonzero(status == Status.INACCURATE):
+        remedy = "Loosen rtol and atol, or allow more steps with max_steps"
         warn_caller(
             f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so. "
-            "Loosen rtol and atol, or allow more steps with max_steps",
+            + (f"Branches are not located, for {unknown}" if unknown else remedy),
             ToleranceWarning,
         )

@@ -207,7 +207,7 @@ def trajectory(
     status = np.maximum(orbits.status, within.status.reshape(periods, count).max(axis=0))
     ended = np.logical_or.accumulate(np.isnan(states).any(axis=-1), axis=0)
     states[ended] = np.nan
-    warn_of_tolerance(status, strobe.name)
+    warn_of_tolerance(status, strobe.name, strobe.unknown_formulas)
     times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)
     return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples_per_period)

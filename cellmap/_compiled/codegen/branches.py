@@ -160,7 +160,10 @@ class BranchingGraph(Graph):
         waiting: list[list[bool]] = [[]]
         while waiting:
             if len(found) + len(waiting) > MOST_PATHS:
-                raise UntraceableError(f"its branches have more than {MOST_PATHS} combinations")
+                raise UntraceableError(
+                    f"its branches have more than {MOST_PATHS} combinations: where conditions do not depend on one "
+                    "another, multiply values by them, as in (x[0] > 0) * a, or name the surfaces as switches"
+                )
             self._answers, self._met = waiting.pop(), []
             outputs: tuple[Expression, ...] | None = None
             try:
@@ -242,8 +245,11 @@ class BranchingGraph(Graph):
     def _new(self, function: Expression, counts: bool) -> int:
         number = len(self.switches)
         if number >= MOST_SWITCHES:
-            raise UntraceableError(f"it makes more than {MOST_SWITCHES} comparisons")
-        if self.modes and moves(function):
+            raise UntraceableError(
+                f"it makes more than {MOST_SWITCHES} comparisons, of which one that depends on the outcome of others "
+                "counts for each of their outcomes: compare states and time alone, or name the surfaces as switches"
+            )
+        if self.modes and any(e.operation in MOVING for e in in_order([function])):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain("floor" if counts else "side", function)

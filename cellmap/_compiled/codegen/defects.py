@@ -7,6 +7,7 @@ hide nothing.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 
 from .emit import assignment, input_name
@@ -23,24 +24,33 @@ _PLACES = (("half", 0.5), ("full", 1.0))
 
 def hides(series: Series, expression: Expression) -> bool:
     """Whether the series of an expression may vanish at one point and not in its neighbourhood."""
-    return any(
-        series.levels[n] != CONSTANT
-        and n.operation in _HIDING
-        and (n.operation != "div" or series.levels[n.arguments[1]] != CONSTANT)
-        for n in in_order([expression])
-    )
+    return expression in _with_result(series, _hides)
 
 
 def is_affine(series: Series, expression: Expression) -> bool:
     """Whether an expression is a sum of multiples of states and time, so that its series are as good as theirs."""
-    levels = series.levels
+    return expression not in _with_result(series, _bends)
 
-    def fine(node: Expression) -> bool:
-        moving = [levels.get(a, CONSTANT) != CONSTANT for a in node.arguments]
-        multiple = (node.operation == "mul" and sum(moving) == 1) or (node.operation == "div" and not moving[1])
-        return not any(moving) or node.operation in {"add", "sub", "neg"} or multiple
 
-    return all(fine(node) for node in in_order([expression]))
+def _hides(series: Series, n: Expression) -> bool:
+    moving = series.levels[n] != CONSTANT
+    return moving and n.operation in _HIDING and (n.operation != "div" or series.levels[n.arguments[1]] != CONSTANT)
+
+
+def _bends(series: Series, n: Expression) -> bool:
+    moving = [series.levels.get(a, CONSTANT) != CONSTANT for a in n.arguments]
+    multiple = (n.operation == "mul" and sum(moving) == 1) or (n.operation == "div" and not moving[1])
+    return any(moving) and n.operation not in {"add", "sub", "neg"} and not multiple
+
+
+@functools.lru_cache(maxsize=8)
+def _with_result(series: Series, rule: Callable[[Series, Expression], bool]) -> frozenset[Expression]:
+    """Return the expressions of which a rule holds for one node at least that they need."""
+    found: set[Expression] = set()
+    for node in series.nodes:
+        if not found.isdisjoint(node.arguments) or rule(series, node):
+            found.add(node)
+    return frozenset(found)
 
 
 def elsewhere(series: Series) -> Iterator[str]:

@@ -28,7 +28,10 @@ from .evaluation import evaluated
 from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
 from .following import with_sides
 from .impacts import Impact, beside_rest, impact_of
+from .sliding import held_in_places, held_signs
 from .trace import Trace, empty_trace
+
+_MANY = 400  # expressions of a motion that slides, from which on it is worth while to look for fewer
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +197,10 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
         for s in modes
     )
     slides = tuple(zero if gains[i][i].vanishes else graph.node("slide", value=i) for i in range(count))
-    motion, events = base, free_events
+    motion, events = base, list(free_events)
     if any(not gains[i][i].vanishes for i in range(count)):
         counts = [s.counts for s in modes]
-        held = _held_signs(graph, rates, gains, signs, slides, counts)
+        held = held_signs(graph, rates, gains, signs, slides, counts)
         parts, begin = held, smooth
         if below is not None:
             # What is added where a switch slides; a sum of all jumps would cancel where one side has a pole.
@@ -212,6 +215,14 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
             _sum(graph, [f, *(graph.times(s, jump[j]) for s, jump in zip(parts, jumps, strict=True))])
             for j, f in enumerate(begin)
         ]
+        events = [
+            event if slide is zero else _event_of_both(graph, switch, event, slide, value)
+            for switch, event, slide, value in zip(modes, free_events, slides, held, strict=True)
+        ]
+        if _size((components, events)) > _MANY:
+            outputs = graph.substituted(base.outputs, _with_side_below(graph, given)) if below is None else below
+            others = held_in_places(replace(base, outputs=outputs), modes, normals, slides, free_events)
+            components, events = min((components, events), others, key=_size)
         # A coordinate that is held at zero stays there to the last bit.
         for slide, surface in zip(slides, surfaces, strict=True):
             if surface.operation == "state":
@@ -219,13 +230,9 @@ def _in_modes(base: Trace, modes: Sequence[Switch], given: Sequence[Expression])
                     "mul", graph.apply("sub", one, slide), components[surface.value]
                 )
         motion = replace(base, outputs=tuple(components))
-        events = tuple(
-            event if slide is zero else _event_of_both(graph, switch, event, slide, value)
-            for switch, event, slide, value in zip(modes, free_events, slides, held, strict=True)
-        )
     beginnings = tuple(initial_functions(graph, modes))
     return SwitchingTrace(
-        motion, events, base, free_events, surfaces, rates, gains, jumps, normals, beginnings,
+        motion, tuple(events), base, free_events, surfaces, rates, gains, jumps, normals, beginnings,
         tuple(switch.counts for switch in modes),
     )  # fmt: skip
 
@@ -264,9 +271,7 @@ def _affine(
     for sign, slope in zip(signs, slopes, strict=True):
         if sign in mine and _depends(slope, mine - {sign}):
             raise ValueError("rhs multiplies signs by one another: what they are on a surface is not defined")
-    # Where a switch slides its input is zero; what is written with it then takes the side below, as selections do.
-    factors = [s.sign if s.counts else graph.plain("select", s.sign, one, below) for s in modes]
-    outputs = graph.substituted(outputs, {s: f for s, f in zip(signs, factors, strict=True) if s in mine})
+    outputs = graph.substituted(outputs, _with_side_below(graph, given))
     jumps = []
     for switch in modes:
         if switch.counts:
@@ -277,6 +282,7 @@ def _affine(
             jump = tuple(graph.times(half, graph.minus(u, v)) for u, v in zip(*sides, strict=True))
         jumps.append((zero,) * len(outputs) if is_continuous(switch, jump) else jump)
     if any(_depends(jump, signs) for jump in jumps):
+        factors = [s.sign if s.counts else graph.plain("select", s.sign, one, below) for s in modes]
         terms = [[graph.times(f, e) for e in jump] for f, jump in zip(factors, jumps, strict=True)]
         smooth = tuple(functools.reduce(graph.minus, rest, f) for f, *rest in zip(outputs, *terms, strict=True))
         return smooth, tuple(jumps), outputs
@@ -291,47 +297,22 @@ def _affine(
     return tuple(_sum(graph, terms) for terms in zip(lowest, *halves, strict=True)), tuple(jumps), outputs
 
 
+def _with_side_below(graph: BranchingGraph, given: Sequence[Expression]) -> dict[Expression, Expression]:
+    """Return what takes the places of signs that are given: where a switch slides its input is zero.
+
+    What is written with it then takes the side below, as selections do.
+    """
+    sides = graph.constant(1.0), graph.constant(-1.0)
+    return {sign: graph.plain("select", sign, *sides) for sign in given if sign.operation == "sign"}
+
+
 def _selects(outputs: Sequence[Expression]) -> bool:
     return any(e.operation == "select" for e in in_order(outputs))
 
 
-def _held_signs(
-    graph: Graph,
-    rates: Sequence[Expression],
-    gains: Sequence[Sequence[Expression]],
-    signs: Sequence[Expression],
-    slides: Sequence[Expression],
-    counts: Sequence[bool],
-) -> list[Expression]:
-    """Solve for the signs of a mode: the given one where a switch is free, the equivalent control where it slides."""
-    count, apply, one = len(signs), graph.apply, graph.constant(1.0)
-    rows = [
-        [
-            apply("add", one, apply("mul", u, apply("sub", a, one))) if i == j else graph.times(u, a)
-            for j, a in enumerate(gains[i])
-        ]
-        for i, u in enumerate(slides)
-    ]
-    own = [
-        graph.times(graph.minus(one, u), s) if n and not u.vanishes else s
-        for s, u, n in zip(signs, slides, counts, strict=True)
-    ]
-    right = [graph.minus(s, graph.times(u, b)) for s, u, b in zip(own, slides, rates, strict=True)]
-    for i in range(count):
-        for k in range(i + 1, count):
-            if rows[k][i] is graph.constant(0.0):
-                continue
-            factor = apply("div", rows[k][i], rows[i][i])
-            for j in range(i + 1, count):
-                rows[k][j] = graph.minus(rows[k][j], graph.times(factor, rows[i][j]))
-            right[k] = graph.minus(right[k], apply("mul", factor, right[i]))
-    held: list[Expression] = [one] * count
-    for i in reversed(range(count)):
-        known = right[i]
-        for j in range(i + 1, count):
-            known = graph.minus(known, graph.times(rows[i][j], held[j]))
-        held[i] = apply("div", known, rows[i][i])
-    return held
+def _size(parts: Sequence[Sequence[Expression]]) -> int:
+    """Return how many expressions there are in lists of them, with all that they need."""
+    return len(in_order([e for part in parts for e in part]))
 
 
 def _depends(expressions: Sequence[Expression], inputs: Collection[Expression]) -> bool:

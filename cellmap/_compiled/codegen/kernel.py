@@ -151,7 +151,7 @@ def switching_kernel(
         except UntraceableError:
             return None
     # Derivatives are needed at few points only: a lower order saves more time in compiling than it costs in steps.
-    order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion)
+    order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion, (*traced.motion.outputs, *traced.events))
     advance = compiled_switching(traced, order, len(names), 10.0 ** round(log10(rtol)), one_step=tangent)
     return finished(advance, taylor_method(order), trial=0)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log10
 
-from .expression import in_order
+from .expression import Expression, in_order
 from .lanes import StepCode
 from .rosenbrock import OwnStepCode, rosenbrock_steps
 from .runge_kutta import Tableau, traced_steps
@@ -55,16 +55,19 @@ ROSENBROCK = Method("Rosenbrock", rosenbrock_steps, 1, stretch=(2.0, 0.0), own_s
 """For stiff right-hand sides."""
 
 _MUCH_WORK = 8  # products of series a step, up to which series are worth their work
+_MANY_SERIES = 256
 
 
-def taylor_order(rtol: float, trace: Trace | None = None) -> int:
+def taylor_order(rtol: float, trace: Trace | None = None, expanded: Sequence[Expression] = ()) -> int:
     """Order of the Taylor method that costs least at a tolerance, as measured: 12, 15, 18 at 1e-6, 1e-9, 1e-12.
 
-    For a right-hand side of much work two thirds of that cost no more, and are compiled in half the time.
+    For a right-hand side of much work, or many expressions that are expanded, two thirds of that cost no more, and are
+    compiled in half the time.
     """
     order = max(8, min(20, round(6.0 - log10(rtol))))
     trace = trace and trace.with_resting_inputs()
-    return order if trace is None or _series_work(trace) <= _MUCH_WORK else max(8, round(order * 2 / 3))
+    much = (trace is not None and _series_work(trace) > _MUCH_WORK) or len(in_order(expanded)) > _MANY_SERIES
+    return max(8, round(order * 2 / 3)) if much else order
 
 
 _TABLEAUS = {"DOP853": dop853, "RK45": rk45}

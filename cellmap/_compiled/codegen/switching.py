@@ -23,7 +23,7 @@ import numpy as np
 from ..kernels import switching_period
 from ..kernels.blocks import LANES
 from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
-from ..machine_code import machine_code, vector_width
+from ..machine_code import MachineCode, machine_code, vector_width
 from .defects import elsewhere, hides, is_affine
 from .emit import assignment, input_name
 from .evaluation import ROUNDING
@@ -35,9 +35,19 @@ from .statements import Scope, translate
 from .taylor import Series
 from .trace import CONSTANT, STATEFUL
 
-_STEP_ARGUMENTS = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
 _STRUCK = ("landed", "turned", "stuck", "held")
+_STEP = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
+_ARGUMENTS = {
+    "general_step": _STEP,
+    "free_step": _STEP,
+    "begin": "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %start",
+    "surfaces": "double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, "
+    + ", ".join(f"ptr noalias %{output}" for output in _OUTPUTS),
+    "impacts": "double %t, ptr noalias %x, ptr %v, ptr noalias %p, ptr noalias %signs, "
+    + ", ".join(f"ptr noalias %{output}" for output in _STRUCK),
+}
+_LARGE = 12_000  # instructions, from which on a function is compiled quickly
 _OF_ONE_STEP = 0.02  # of the tolerance, the error from which on a step is shortened
 _DIGITS = 8
 _FIRST = 2.0**-20  # of a step, the first part where a root has no series
@@ -51,12 +61,19 @@ def compiled_switching(
     With `one_step` there is no lighter step for lanes in which nothing slides, as where there are no others.
     """
     one_step = one_step or not traced.can_slide
-    loaded = machine_code(switching_text(traced, order, parameters, tolerance, vector_width(), one_step))
-    names = ("general_step" if one_step else "free_step", "general_step", "begin", "surfaces")
-    addresses = [loaded.address(name) for name in names]
-    if one_step:
-        addresses[switching_period.FREE] = 0
-    impacts = loaded.address("impacts") if traced.impacts else 0
+    functions = switching_functions(traced, order, parameters, tolerance, vector_width(), one_step)
+    loaded: list[MachineCode] = []
+    places: dict[str, int] = {}
+    for quick in (False, True):
+        chosen = [name for name, out in functions.items() if (len(out.lines) > _LARGE) is quick]
+        if chosen:
+            text = module_text(
+                "\n".join(functions[n].function(n, _ARGUMENTS[n]) for n in chosen), *(functions[n] for n in chosen)
+            )
+            loaded.append(machine_code(text, quick))
+            places |= {name: loaded[-1].address(name) for name in chosen}
+    addresses = [places.get(name, 0) for name in ("free_step", "general_step", "begin", "surfaces")]
+    impacts = places.get("impacts", 0)
     dimension, count = len(traced.normals[0]), len(traced.surfaces)
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
     project = traced.can_slide and not aligned
@@ -64,42 +81,25 @@ def compiled_switching(
     numbers = (*addresses, *sizes, project, traced.is_coupled, impacts, 0, *traced.kinds, *traced.bound)
     context = np.array(numbers, dtype=np.int64)
     move = switching_period.period(count == 1)
-    return CompiledPeriod(move.address, loaded, context)
+    return CompiledPeriod(move.address, tuple(loaded), context)
 
 
-def switching_text(
+def switching_functions(
     traced: SwitchingTrace, order: int, parameters: int, tolerance: float, width: int, one_step: bool = False
-) -> str:
-    """Return the text of a module with the functions described above."""
+) -> dict[str, Instructions]:
+    """Return the bodies of the functions described above."""
     steps = {"general_step": Series(traced.motion, order, extra=traced.events, one_clock=False)}
     if not one_step:
         steps["free_step"] = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
-    functions, bodies = [], []
+    functions = {name: Instructions(1 if name in {"surfaces", "impacts"} else width) for name in _ARGUMENTS}
     for name, series in steps.items():
-        out = Instructions(width)
-        _write_step(out, series, parameters, traced.counts, None if one_step else name == "general_step", tolerance)
-        functions.append(out.function(name, _STEP_ARGUMENTS))
-        bodies.append(out)
-    begin, surfaces = Instructions(width), Instructions(1)
-    _write_begin(begin, traced, order, parameters)
-    _write_surfaces(surfaces, traced, parameters)
-    functions.append(begin.function("begin", "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %start"))
-    arrays = ", ".join(f"ptr noalias %{output}" for output in _OUTPUTS)
-    functions.append(
-        surfaces.function("surfaces", f"double %t, ptr noalias %x, ptr noalias %p, ptr noalias %signs, {arrays}")
-    )
-    bodies += [begin, surfaces]
+        sliding = None if one_step else name == "general_step"
+        _write_step(functions[name], series, parameters, traced.counts, sliding, tolerance)
+    _write_begin(functions["begin"], traced, order, parameters)
+    _write_surfaces(functions["surfaces"], traced, parameters)
     if traced.impacts:
-        collide = Instructions(1)
-        _write_impacts(collide, traced, parameters)
-        arrays = ", ".join(f"ptr noalias %{output}" for output in _STRUCK)
-        functions.append(
-            collide.function(
-                "impacts", f"double %t, ptr noalias %x, ptr %v, ptr noalias %p, ptr noalias %signs, {arrays}"
-            )
-        )
-        bodies.append(collide)
-    return module_text("\n".join(functions), *bodies)
+        _write_impacts(functions["impacts"], traced, parameters)
+    return {name: out for name, out in functions.items() if out.lines}
 
 
 def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, parameters: int) -> None:

@@ -95,6 +95,6 @@ def test_steps_are_vector_code_without_a_call() -> None:
     assert traced is not None
     compiled: Any = compiled_switching(traced, 8, len(system.params), 1e-9)
     innermost: Callable[[str], list[Any]] = structure().innermost_loops
-    loops = [loop for loop in innermost(compiled.code.assembly) if loop.packed > 100]
+    loops = [loop for loop in innermost(compiled.code[0].assembly) if loop.packed > 100]
     assert len(loops) == 2
     assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)
