@@ -249,7 +249,7 @@ class BranchingGraph(Graph):
                 f"it makes more than {MOST_SWITCHES} comparisons, of which one that depends on the outcome of others "
                 "counts for each of their outcomes: compare states and time alone, or name the surfaces as switches"
             )
-        if self.modes and any(e.operation in MOVING for e in in_order([function])):
+        if self.modes and moves(function):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain("floor" if counts else "side", function)

@@ -260,9 +260,11 @@ def _called(function: Callable[..., Any], code: StepCode, dimension: int, names:
         scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}
         advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
     except Exception as error:
+        found = _traced(function, dimension, names)
         raise TypeError(
             f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
-            f"on numbers. The compiler says: {_first_sentence(error)}"
+            f"on numbers. {f'Its formulas are not known: {found}. ' if isinstance(found, str) else ''}"
+            f"The compiler says: {_first_sentence(error)}"
         ) from error
     return CompiledPeriod(advance.address, advance)
 
