@@ -117,15 +117,21 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         return fractions_of(self.labels, len(self.attractors))
 
     @checked
-    def verify(self, n_samples: int = 1000, *, rng: Rng = 0) -> Verification:
+    def verify(self, n_samples: int = 1000, *, search: bool = False, rng: Rng = 0) -> Verification:
         """Compare the labels of random initial conditions with those of the exact map.
 
         Initial conditions that are undecided by both are neither right nor wrong, and are counted separately.
+        The attractors are taken as they are, so that an attractor that is missing, or two that are taken for one, go
+        unnoticed; with `search` they are searched for again.
 
         Parameters
         ----------
         n_samples : int, optional
             Number of initial conditions, drawn with replacement.
+        search : bool, optional
+            Search for attractors from the initial conditions that are drawn, over twice as many periods, and compare
+            with the basins of these, each matched with the one whose labels agree most.  It takes several times as
+            long, and shares the map and the rules of the search.
         rng : int, numpy.random.Generator or None, optional
             Seed or generator of the random draw: with a seed, the default included, each call draws the same.
 
@@ -152,6 +158,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
             periods,
             n_samples,
             rng,
+            search,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
 from ..attractors.labels import Label
+from ..attractors.search import find_attractors
 from ..attractors.settling import Catalogue, settle
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
@@ -39,6 +40,10 @@ class Verification:
     undecided : int
         Initial conditions drawn that are undecided, also with the exact map: neither right nor wrong, and not in
         `compared`.
+    shared : tuple of str
+        What the comparison shares with the labels: nothing wrong with it is seen.
+    searched : int or None
+        Number of attractors that a search of its own found; None without one.
     """
 
     compared: int
@@ -48,6 +53,11 @@ class Verification:
     high: float
     excluded: int
     undecided: int = 0
+    shared: tuple[str, ...] = ()
+    searched: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shared", tuple(self.shared))  # a list in files
 
     @classmethod
     def of(cls, wrong: int, compared: int, excluded: int = 0, undecided: int = 0) -> Verification:
@@ -74,11 +84,15 @@ def verified(
     max_periods: int,
     n: int,
     rng: Rng,
+    search: bool = False,
 ) -> Verification:
     """Compare labels (of all `initial_conditions`, flat) of `n` random ones with those of an exact map."""
     drawn = random_numbers(rng).integers(0, labels.size, n)
     drawn = drawn[~np.isin(labels[drawn], (Label.ESCAPED, Label.UNLABELLED))]
     given, points = labels[drawn], initial_conditions.wrapped(drawn, exact)
+    if search and len(drawn):
+        # Twice as long, and from other initial conditions: what merged by chance or haste comes out in another way.
+        attractors, max_periods = find_attractors(exact, points, 2 * max_periods), 2 * max_periods
     # Far inside the neighbourhoods, so that these are not taken on trust.
     catalogue = Catalogue.of(attractors, exact)
     close = catalogue.shrunk(0.01)
@@ -101,9 +115,33 @@ def verified(
         found[part.start + early.undecided] = late.labels
 
     run_over(slices(len(drawn), CHUNK // 8), label)
+    if search:
+        found = _renamed(found, given)
     wrong = int(np.count_nonzero(found != given))
     undecided = int(np.count_nonzero((found == Label.UNDECIDED) & (given == Label.UNDECIDED)))
-    return Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided)
+    return replace(
+        Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided),
+        shared=("the formulas of the map", "the rules of the search")
+        if search
+        else ("the attractors", "the formulas of the map"),
+        searched=len(attractors) if search else None,
+    )
+
+
+def _renamed(found: NDArray[np.int16], given: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Return labels by attractors of another search with the numbers of those that they agree with most, one to one.
+
+    An attractor without a partner gets a number that no other one has.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    both = (found >= 0) & (given >= 0)
+    counts = np.zeros((found.max(initial=0) + 1, given.max(initial=0) + 1), np.int64)
+    np.add.at(counts, (found[both], given[both]), 1)
+    numbers = counts.shape[1] + np.arange(len(counts))
+    rows, columns = linear_sum_assignment(counts, maximize=True)
+    numbers[rows] = np.where(counts[rows, columns] > 0, columns, numbers[rows])
+    return np.where(found >= 0, numbers[np.maximum(found, 0)], found).astype(np.int16)
 
 
 def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:

@@ -48,17 +48,21 @@ class CellTable:
 
 @dataclass(frozen=True, eq=False)
 class MapError:
-    """Measured error of one period of an interpolated map, at random points of its window.
+    """Measured error of one period of an interpolated map, at random points of its interpolated cells.
 
     Parameters
     ----------
     median, percentile_99, largest : float
-        Of the largest component of the difference to the exact image, in the units of the coordinates.
+        Of the largest component of the difference to the exact image, in the units of the coordinates; NaN without a
+        point in an interpolated cell.
     points : int
-        Points at which both maps have an image.
+        Points in interpolated cells at which both maps have an image.
+    fallback : int
+        Points in fallback cells, which are evaluated with the exact map, so that there is nothing to measure.
     """
 
     median: float
     percentile_99: float
     largest: float
     points: int
+    fallback: int = 0

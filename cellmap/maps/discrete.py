@@ -203,7 +203,9 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
         try:
             count = len(image)
         except TypeError:
-            raise TypeError(f"function returns {image!r}: return a tuple, one image for each coordinate") from None
+            raise TypeError(
+                f"function returns {image!r}: return a tuple, one image for each coordinate, `return (value,)` for one"
+            ) from None
         if count != len(axes):
             raise ValueError(
                 f"function returns {count} components for {len(axes)} coordinates: return one image for each"

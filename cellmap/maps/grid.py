@@ -28,7 +28,9 @@ class CellGrid(ShownAsHtml):
     Parameters
     ----------
     lower, upper : sequence of float
-        Corners of the window, one number for each coordinate, ``lower < upper``.
+        Corners of the window, one number for each coordinate, ``lower < upper``.  An axis of one cell may have equal
+        corners: a slice, whose initial conditions all have this value.  A slice has no volume, so that no map can be
+        interpolated on it and no point located in it.
     shape : sequence of int
         Cells along each axis.
     wraps : sequence of bool, optional
@@ -70,16 +72,21 @@ class CellGrid(ShownAsHtml):
         given = {name: getattr(self, name) for name in ("lower", "upper", "shape", "wraps")}
         if len(set(map(len, given.values()))) != 1 or not self.shape:
             entries = ", ".join(f"{name}={value}" for name, value in given.items())
-            raise ValueError(f"{entries}: a grid needs one entry for each coordinate in each argument")
-        for a, b, n in zip(self.lower, self.upper, self.shape, strict=True):
+            few = len(self.shape) == 1 < len(self.lower)
+            cells = f", such as shape={self.shape * len(self.lower)}" if few else ""
+            raise ValueError(f"{entries}: a grid needs one entry for each coordinate in each argument{cells}")
+        for j, (a, b, n) in enumerate(zip(self.lower, self.upper, self.shape, strict=True)):
+            if a == b and n == 1:
+                continue
             if not a < b:
                 raise ValueError(
-                    f"lower={a!r}, upper={b!r}: the window is empty or inverted; exchange them or widen it"
+                    f"lower={a!r}, upper={b!r} along axis {j}: the window is empty or inverted; exchange them or widen "
+                    "it, or for a slice give one cell along this axis"
                 )
             if not ulp(max(abs(a), abs(b))) <= (b - a) / n < inf:
                 raise ValueError(
-                    f"lower={a!r}, upper={b!r}, shape={n}: no floating-point numbers separate cells of this width; "
-                    "take fewer cells, or a window of another size"
+                    f"lower={a!r}, upper={b!r}, shape={n} along axis {j}: no floating-point numbers separate cells of "
+                    "this width; take fewer cells, or a window of another size"
                 )
 
     @property
@@ -134,6 +141,15 @@ class CellGrid(ShownAsHtml):
         if p.ndim == 0 or p.shape[-1] != self.dimension:
             raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
         return Locator.of(self)(p.reshape(-1, self.dimension)).reshape(p.shape[:-1])
+
+    def check_volume(self, name: str = "grid") -> None:
+        """Refuse a slice where cells must have a volume."""
+        for j, (a, b) in enumerate(zip(self.lower, self.upper, strict=True)):
+            if a == b:
+                raise ValueError(
+                    f"{name}: lower and upper are both {a!r} along axis {j}, which is a slice, and its cells need a "
+                    "volume here: give different corners"
+                )
 
     @checked
     def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
@@ -192,6 +208,7 @@ class Locator:
     @classmethod
     def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate] | None = None) -> Locator:
         """Prepare for the cells of a grid over some coordinates; without them only its periodic axes are angles."""
+        grid.check_volume()
         lower, upper = np.array(grid.lower), np.array(grid.upper)
         wraps, turn = np.array(grid.wraps), np.zeros(grid.dimension)
         if coordinates is not None:

@@ -69,7 +69,9 @@ def misread(
             exchanged = False
         if exchanged:
             return TypeError("rhs takes the state before the time: it must be callable as rhs(t, x, p), time first")
-    return TypeError(f"rhs must be callable as {form} and return a tuple: {error}")
+    if "not iterable" in text:
+        text += "; return one derivative for each coordinate, `return (value,)` for one"
+    return TypeError(f"rhs must be callable as {form} and return a tuple: {text}")
 
 
 def lacking(functions: str, error: AttributeError) -> ValueError:

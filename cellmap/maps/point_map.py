@@ -271,6 +271,8 @@ class PointMap(ShownAsHtml):
     def error(self, n_samples: int = 10_000, *, rng: Rng = 0) -> MapError:
         """Measure the error of one period of an interpolated map against the exact map.
 
+        Points in fallback cells are counted and left out: there both maps are the same.
+
         Parameters
         ----------
         n_samples : int, optional
@@ -293,13 +295,15 @@ class PointMap(ShownAsHtml):
         n_samples = whole_number("n_samples", n_samples, at_least=1)
         grid = self.table.grid
         places = random_numbers(rng).uniform(grid.lower, grid.upper, (n_samples, self.dimension))
+        rough = self.table.rough.ravel()[grid.locate(places)]
+        fallback, places = int(rough.sum()), places[~rough]
         shift = difference(self.iterate(places, 1).points, self.exact.iterate(places, 1).points, self.coordinates)
         errors = np.abs(shift).max(axis=-1)
         errors = errors[np.isfinite(errors)]
         if not errors.size:
-            return MapError(np.nan, np.nan, np.nan, 0)
+            return MapError(np.nan, np.nan, np.nan, 0, fallback)
         median, high, largest = (float(q) for q in np.quantile(errors, (0.5, 0.99, 1.0)))
-        return MapError(median, high, largest, errors.size)
+        return MapError(median, high, largest, errors.size, fallback)
 
 
 def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False, client: Any = None) -> Iterate:

@@ -89,7 +89,7 @@ class ForcedSystem:
     rhs: RightHandSide
     params: Mapping[str, float] = field(repr=False)
     period: float | Callable[[Any], float]
-    coordinates: Iterable[str | Coordinate] = ()
+    coordinates: Iterable[str | Coordinate]
     name: str = ""
     switches: StateFunction | None = None
     impacts: Sequence[Impact] = ()

@@ -143,6 +143,7 @@ def find_periodic_orbits(
     d = grid.dimension
     claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")
     centres = grid_points([grid.axis(j) for j in range(d)], np.arange(grid.size))
+    grid.check_volume()
     extent = _extent(point_map, np.array(grid.upper) - np.array(grid.lower))
     orbits = Orbits.starting(wrap(centres, point_map.coordinates))
     known = _Known(point_map, extent)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from .._lib.signatures import checked
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
+from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
-from ._axes import axes_or_new, legend_below, plane_of, show_cells
+from ._axes import axes_or_new, label_axis, legend_below, pair_of, plane_of, show_cells
 from ._colours import label_colours
 
 
@@ -26,13 +27,15 @@ def basins(
     shade: bool = False,
     show_attractors: bool = True,
     legend: bool = True,
+    plane: tuple[int | str, int | str] | None = None,
 ) -> Axes:
     """Draw basins of attraction.
 
     Parameters
     ----------
     basins : Basins or FeatureBasins
-        Basins on a grid with two axes of more than one cell; further axes of one cell make it a slice.
+        Basins on a grid with one or two axes of more than one cell, further axes of one cell make it a slice; or of any
+        list of initial conditions, which is drawn as points.  A grid with one such axis is drawn as a strip.
     ax : matplotlib Axes, optional
         Axes to draw on; by default those of a new figure.
     colours : mapping of int to colour, optional
@@ -43,6 +46,8 @@ def basins(
         Mark the attractors' points.
     legend : bool, optional
         Name each attractor with the fraction of its basin.
+    plane : tuple of int or str, optional
+        Coordinates across and up of initial conditions that are no grid; by default the first two.
 
     Returns
     -------
@@ -52,7 +57,7 @@ def basins(
     Raises
     ------
     ValueError
-        For basins that are not on a grid with two axes.
+        For basins on a grid with three or more axes of more than one cell.
 
     Examples
     --------
@@ -61,17 +66,56 @@ def basins(
     >>> plot.basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
     'x'
     """
-    grid = plane_of(basins)
+    wide = _coordinates_of_axes(basins, plane)
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins, colours)
-    show_cells(ax, painted(basins, palette, shade), grid, basins.coordinates)
+    if basins.grid is None:
+        _show_points(ax, basins, palette, wide)
+    elif len(wide) == 1:
+        _show_strip(ax, basins, painted(basins, palette, shade), basins.grid, wide[0])
+    else:
+        show_cells(ax, painted(basins, palette, shade), basins.grid, basins.coordinates)
     if show_attractors:
-        _mark_attractors(ax, basins, [j for j, n in enumerate(grid.shape) if n > 1])
+        _mark_attractors(ax, basins, wide)
     if legend:
         fractions = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
         legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in fractions.items()])
     ax.set_title(basins.name)
     return ax
+
+
+def _coordinates_of_axes(basins: Basins | FeatureBasins, plane: tuple[int | str, int | str] | None) -> list[int]:
+    """Return the one or two coordinates along the axes of a figure."""
+    if basins.grid is None:
+        one = len(basins.coordinates) == 1
+        return [0] if one else list(pair_of("plane", (0, 1) if plane is None else plane, basins.coordinates))
+    if plane is not None:
+        raise ValueError(f"plane={plane!r}: a grid has its own axes; leave plane= to lists of initial conditions")
+    wide = [j for j, n in enumerate(basins.grid.shape) if n > 1]
+    if len(wide) != 1:
+        plane_of(basins)
+    return wide
+
+
+def _show_points(ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int, Any], wide: list[int]) -> None:
+    """Draw initial conditions as points."""
+    points = np.asarray(basins.initial_conditions).reshape(-1, len(basins.coordinates))
+    labels = basins.labels.ravel()
+    size = float(np.clip(250.0 / np.sqrt(len(labels)), 1.5, 8.0))
+    for label, colour in palette.items():
+        ax.plot(*_across(points[labels == label], wide), ".", markersize=size, color=colour)
+    for axis, j in zip((ax.xaxis, ax.yaxis), wide, strict=False):
+        label_axis(axis, basins.coordinates[j], float(np.ptp(points[:, j])))
+    if len(wide) == 1:
+        ax.set_yticks([])
+
+
+def _show_strip(ax: Axes, basins: Basins | FeatureBasins, colours: NDArray[np.float64], grid: CellGrid, j: int) -> None:
+    """Draw a line of cells along one coordinate as a strip of colours."""
+    ends = (grid.lower[j], grid.upper[j])
+    ax.imshow(colours.reshape(1, -1, 3), extent=(*ends, -0.5, 0.5), aspect="auto", interpolation="nearest")
+    label_axis(ax.xaxis, basins.coordinates[j], ends[1] - ends[0])
+    ax.set_yticks([])
 
 
 def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
@@ -91,10 +135,10 @@ def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) 
     """Draw the points of attractors that lie in the window; a chaotic, quasi-periodic or unknown one as a cloud."""
     if isinstance(basins, FeatureBasins):
         for points in basins.representatives:
-            ax.plot(*points[:, wide].T, ".", markersize=3, color="black", scalex=False, scaley=False)
+            ax.plot(*_across(points, wide), ".", markersize=3, color="black", scalex=False, scaley=False)
         return
     for attractor in basins.attractors:
-        places = attractor.points[:, wide]
+        places = np.stack(_across(attractor.points, wide), axis=-1)
         if attractor.kind in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
             alpha = 0.5 if attractor.kind is Kind.CHAOTIC else 1.0
             ax.plot(*places.T, ",", color="black", alpha=alpha, scalex=False, scaley=False)
@@ -105,6 +149,11 @@ def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) 
                 places = np.concatenate([places + n * turn * np.eye(2)[k] for n in (-1, 0, 1)])
         style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
         ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
+
+
+def _across(points: NDArray[np.float64], wide: list[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where points lie on the axes; a single axis runs through the middle of a strip."""
+    return points[:, wide[0]], points[:, wide[1]] if len(wide) == 2 else np.zeros(len(points))
 
 
 def _percent(fraction: float) -> str:

@@ -6,16 +6,20 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from .._lib.signatures import checked
 from ..bifurcations.diagram import BifurcationDiagram
 from ._axes import column_of, label_axis
 from ._colours import colour_of
 
+_SMALLEST, _LARGEST = 0.6, 3.0  # sizes of points by default
+_ROWS = 400  # heights that a figure shows apart
+
 
 @checked
 def bifurcation_diagram(
-    diagram: BifurcationDiagram, *, coordinate: int | str = 0, ax: Axes | None = None, size: float = 0.6
+    diagram: BifurcationDiagram, *, coordinate: int | str = 0, ax: Axes | None = None, size: float | None = None
 ) -> tuple[Axes, ...]:
     """Draw a bifurcation diagram: points above, the largest Lyapunov exponent below.
 
@@ -28,7 +32,8 @@ def bifurcation_diagram(
     ax : matplotlib Axes, optional
         Axes for the points, without exponents; by default a new figure with both.
     size : float, optional
-        Size of a point, in typographic points.
+        Size of a point, in typographic points.  By default the fewer points there are to each value of the parameter
+        that lie apart, the larger they are, from 0.6 for chaos to 3 for a fixed point.
 
     Returns
     -------
@@ -63,9 +68,10 @@ def bifurcation_diagram(
     return drawn
 
 
-def _draw_points(ax: Axes, diagram: BifurcationDiagram, column: int, size: float) -> None:
+def _draw_points(ax: Axes, diagram: BifurcationDiagram, column: int, size: float | None) -> None:
     places = diagram.points[..., column]
     across = np.broadcast_to(diagram.values[:, None], places.shape[1:])
+    size = _size(places) if size is None else size
     style = {"linestyle": "none", "marker": ".", "markersize": size, "markeredgewidth": 0.0, "rasterized": True}
     for branch in reversed(range(len(places))):
         ax.plot(across.ravel(), places[branch].ravel(), color=colour_of(branch), **style)  # type: ignore[arg-type]
@@ -78,6 +84,18 @@ def _draw_points(ax: Axes, diagram: BifurcationDiagram, column: int, size: float
     if len(names) > 1:
         marks = [Line2D([], [], marker="o", linestyle="none", color=colour_of(b)) for b in range(len(names))]
         ax.legend(marks, names, fontsize="small", frameon=False)
+
+
+def _size(places: NDArray[np.float64]) -> float:
+    """Return the size of points that suits how many of them lie apart, on average over the values."""
+    finite = places[np.isfinite(places)]
+    if not finite.size:
+        return _LARGEST
+    rows = np.round((places - finite.min()) / (np.ptp(finite) or 1.0) * _ROWS)
+    seen = np.isfinite(rows).reshape(*rows.shape[:2], -1).any(axis=-1)
+    apart = [len(np.unique(row[np.isfinite(row)])) for row in rows.reshape(-1, rows.shape[-1])]
+    mean = sum(apart) / max(int(seen.sum()), 1)
+    return float(np.clip(_LARGEST / np.sqrt(mean), _SMALLEST, _LARGEST))
 
 
 def _draw_exponents(ax: Axes, diagram: BifurcationDiagram) -> None:

@@ -121,3 +121,20 @@ def test_verify_does_not_trust_the_neighbourhoods():
     basins = find_basins(exact, CellGrid((-1.0,), (1.0,), (100,)), attractors=big)
     assert len(set(basins.labels.tolist())) == 1
     assert basins.verify(200).fraction == pytest.approx(0.5, abs=0.1)
+
+
+def test_verify_with_a_search_of_its_own_sees_attractors_that_are_taken_for_one():
+    """Two wells whose basins got one label: by the same attractors nothing is wrong, by new ones half is."""
+    basins = find_basins(LINE, CellGrid((-1.0,), (1.0,), (50,)))
+    assert len(basins.attractors) == 2
+    alike = basins.verify(100, search=True)
+    assert (alike.wrong, alike.searched, alike.shared) == (0, 2, ("the formulas of the map", "the rules of the search"))
+    assert basins.verify(100).shared == ("the attractors", "the formulas of the map")
+    one = replace(basins, labels=np.zeros_like(basins.labels))
+    found = one.verify(400, search=True)
+    assert found.searched == 2
+    there = basins.labels[np.random.default_rng(0).integers(0, 50, 400)]
+    assert found.wrong == np.bincount(there).min()
+    # The order of the attractors is no difference.
+    turned = replace(basins, labels=(1 - basins.labels).astype(np.int16))
+    assert turned.verify(100, search=True).wrong == 0

@@ -21,6 +21,7 @@ finite = st.floats(-1e300, 1e300)
 def axes(draw: st.DrawFn, wraps: bool | None = None) -> CellGrid:
     """Grids of one axis, from the narrowest window that has cells to the widest."""
     lower, upper = sorted((draw(finite), draw(finite)))
+    assume(lower < upper)
     cells = draw(st.integers(1, 1000))
     wrap = draw(st.booleans()) if wraps is None else wraps
     try:

@@ -18,6 +18,7 @@ from cellmap import (
     CellGrid,
     Coordinate,
     angle,
+    bifurcation_diagram,
     discrete_map,
     find_basins,
     interpolated_map,
@@ -137,7 +138,7 @@ def test_slice_of_more_dimensions():
     assert np.array_equal(np.unique(image_of(ax), axis=0).shape, (1, 6, 3))
 
 
-@pytest.mark.parametrize("shape", [(8,), (8, 1), (1, 1), (4, 4, 4), (2, 1, 1)])
+@pytest.mark.parametrize("shape", [(1,), (1, 1), (4, 4, 4)])
 def test_grids_without_two_axes_are_refused(shape):
     d = len(shape)
     exact = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple("abc"[:d]), name="shrink")
@@ -146,16 +147,12 @@ def test_grids_without_two_axes_are_refused(shape):
         plot.basins(basins)
 
 
-def test_basins_of_initial_conditions_are_refused():
-    exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
-    with pytest.raises(ValueError, match="a figure needs a grid"):
-        plot.basins(find_basins(exact, [[0.1, 0.2]]))
-
-
 def test_refused_basins_leave_no_figure():
     exact = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
     with pytest.raises(ValueError, match="two axes"):
-        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (4,))))
+        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (1,))))
+    with pytest.raises(ValueError, match="plane="):
+        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (4,))), plane=(0, 1))
     assert plt.get_fignums() == []
 
 
@@ -327,3 +324,30 @@ def test_figure_can_be_written(pendulum, shade, tmp_path):
         for colour in COLOURS[: len(pendulum.attractors)]:
             near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
             assert near.sum() > 200
+
+
+def test_basins_of_lines_and_of_lists():
+    """A line of cells is a strip of colours, a list of initial conditions one of points, in the chosen coordinates."""
+    line = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3,), {}, ("x",))
+    strip = plot.basins(find_basins(line, CellGrid((-1.5,), (1.5,), (30,))))
+    assert strip.images[0].get_array().shape == (1, 30, 3)
+    assert strip.get_xlabel() == "x"
+    ax = plot.basins(find_basins(line, np.linspace(-1.2, 1.1, 40)[:, None]))
+    assert sum(len(drawn.get_xdata()) for drawn in ax.lines[:2]) == 40
+    space = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3, 0.5 * x[1], 0.3 * x[2]), {}, ("x", "y", "z"))
+    basins = find_basins(space, np.random.default_rng(0).uniform(-1, 1, (50, 3)))
+    ax = plot.basins(basins, plane=("z", 0))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("z", "x")
+    drawn = np.concatenate([line.get_xydata() for line in ax.lines[:2]])
+    assert {tuple(row) for row in drawn} == {tuple(row) for row in basins.initial_conditions[:, [2, 0]]}
+    mpl.pyplot.close("all")
+
+
+def test_points_of_a_diagram_are_larger_where_they_are_few():
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
+    sizes = []
+    for values in ([2.8, 2.9], [3.2, 3.3], [3.9, 4.0]):
+        ax = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", values, [0.3]))[0]
+        sizes.append(ax.lines[0].get_markersize())
+    assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
+    mpl.pyplot.close("all")

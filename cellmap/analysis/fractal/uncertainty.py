@@ -178,7 +178,7 @@ def smallest_distance(states: FinalStates) -> float:
     if point_map.table is not None:
         measured = point_map.error().percentile_99
         error = error + (measured if np.isfinite(measured) else 0.0)
-    return float((_SAFETY * error / (upper - lower))[wide].max())
+    return float((_SAFETY * error[wide] / (upper - lower)[wide]).max())
 
 
 def _decreasing(distances: ArrayLike, floor: float) -> NDArray[np.float64]:

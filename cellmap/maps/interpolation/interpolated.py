@@ -121,6 +121,7 @@ def interpolated_map(
     if max_step & (max_step - 1):
         raise ValueError(f"max_step={max_step}: give a power of two")
     check_client(client)
+    grid.check_volume()
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
     needed = table_memory(grid, order, max_step)
@@ -141,7 +142,7 @@ def interpolated_map(
     if fraction > 0.5:
         warn_caller(
             f"{100 * fraction:.0f} % of the cells are fallback cells: the grid is too coarse or the map not smooth; "
-            "take more cells, or iterate the exact map itself",
+            "take more cells, or iterate the exact map itself; error() measures the other cells alone",
         )
     cost = Cost(
         seconds=time.perf_counter() - began,

@@ -33,7 +33,7 @@ def test_smooth_images(labels):
     assert found.verdict == SMOOTH
 
 
-def cantor_picture(slopes, width, height, centre=0.5):
+def cantor_labels(slopes, width, height, centre=0.5):
     """Labels of a piecewise linear map with branches of these slopes at the ends of [0, 1], times a contraction.
 
     An orbit ends where it leaves: in one of the two parts of the gap, which belong to two attractors.
@@ -57,7 +57,7 @@ SLOPES = [(10.0, 10.0), (20.0, 20.0), (8.0, 6.0)]
 def test_cantor_boundaries_are_not_called_smooth(slopes, width, height):
     """1 - D with left**D + right**D = 1 (Moran 1946); the scales of one gap look like those of a smooth boundary."""
     exact = 1.0 - brentq(lambda d: sum(s**-d for s in slopes) - 1.0, 0.0, 1.0)
-    labels = cantor_picture(slopes, width, height)
+    labels = cantor_labels(slopes, width, height)
     found = image_uncertainty_exponent(labels)
     assert found.verdict != SMOOTH
     assert abs(found.exponent - exact) < 2.0 * found.standard_error
@@ -66,7 +66,7 @@ def test_cantor_boundaries_are_not_called_smooth(slopes, width, height):
 
 def test_less_than_a_decade_has_no_verdict():
     """A straight boundary in 60 cells, and the part of a Cantor boundary that looks like one."""
-    for labels in (np.add.outer(np.arange(60), np.arange(80)) > 70, cantor_picture((10.0, 10.0), 1000, 300)):
+    for labels in (np.add.outer(np.arange(60), np.arange(80)) > 70, cantor_labels((10.0, 10.0), 1000, 300)):
         found = image_uncertainty_exponent(labels)
         part = image_uncertainty_exponent(labels, fit_range=(len(found.distances) - 7, len(found.distances) - 1))
         assert part.decades < 1.0
@@ -81,9 +81,7 @@ def test_intervals_hold_the_exponents_of_random_cantor_boundaries():
     for _ in range(100):
         slopes = np.exp(rng.uniform(np.log(2.5), np.log(20.0), 2))
         exact = 1.0 - brentq(lambda d, s=slopes: (s**-d).sum() - 1.0, 0.0, 1.0)
-        labels = cantor_picture(
-            slopes, int(rng.integers(300, 2000)), int(rng.integers(100, 300)), rng.uniform(0.2, 0.8)
-        )
+        labels = cantor_labels(slopes, int(rng.integers(300, 2000)), int(rng.integers(100, 300)), rng.uniform(0.2, 0.8))
         found = image_uncertainty_exponent(labels)
         held.append(abs(found.exponent - exact) <= 2.0 * found.standard_error)
         assert found.verdict != SMOOTH
