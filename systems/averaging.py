@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, pi
@@ -89,7 +88,7 @@ class EffectivePotential:
             raise ValueError("angles: give finite numbers (rad)")
         return places
 
-    @functools.cached_property
+    @property
     def _functions(self) -> _Functions:
         return _Functions.of(self.system)
 

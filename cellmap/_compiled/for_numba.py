@@ -10,6 +10,8 @@ import importlib
 from collections.abc import Callable
 from typing import Any
 
+from .._lib.computed import computed_once
+
 LOOP: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
 """Options of the compiler, in one place.
 
@@ -45,7 +47,7 @@ class ForNumba:
     def __call__(self, *arguments: Any) -> Any:
         return self.function(*arguments)
 
-    @functools.cached_property
+    @computed_once
     def dispatcher(self) -> Any:
         """What numba makes of the function."""
         return numba().njit(**INLINE)(self.function)

@@ -15,6 +15,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from .._lib.computed import computed_once
+from .._lib.stopping import check_stop
 from .entry import MISFIT, NAME, EntryText, key_of, plain, python_function
 from .forking import COMPILING
 from .machine_code import MachineCode, compiled_once, loop_code
@@ -33,7 +35,8 @@ class Loop(Deferred):
         self._entry: Callable[..., Any] = lambda *arguments: MISFIT
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run the loop, compiled for the types of these arguments."""
+        """Run the loop, compiled for the types of these arguments, unless the end of the work was asked for."""
+        check_stop()
         result = self._entry(*arguments)
         if result is MISFIT:
             arguments = plain(arguments)  # a bool is a whole number, and NumPy's numbers are Python's
@@ -74,7 +77,7 @@ class AddressedLoop(Deferred):
         """Where the function begins."""
         return self._code.address(NAME)
 
-    @functools.cached_property
+    @computed_once
     def _code(self) -> MachineCode:
         def compiled() -> bytes:
             from .translation.modules import exported

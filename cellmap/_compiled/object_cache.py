@@ -39,7 +39,7 @@ def cache_folder() -> Path | None:
     if chosen == "":
         return None
     try:
-        folder = user_cache_path("cellmap") if chosen is None else Path(chosen)
+        folder = user_cache_path("cellmap") if chosen is None else Path(chosen).expanduser()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         private = _is_private(folder)
     except (OSError, RuntimeError):  # RuntimeError: a user without a home
@@ -72,7 +72,7 @@ class ObjectCache:
             return None
         path = self._path(key)
         try:
-            content = path.read_bytes()
+            content = _content(path)
         except FileNotFoundError:
             return None
         except OSError as error:
@@ -124,6 +124,13 @@ class ObjectCache:
 def _header(key: str, code: bytes) -> bytes:
     """Return what stands before the code: the key in full, and a checksum."""
     return _MAGIC + f"{key}\n{hashlib.sha256(key.encode() + code).hexdigest()}\n".encode()
+
+
+def _content(path: Path) -> bytes:
+    # Not to wait for a pipe's writer; what is no file is a foreign entry, whose place the next one takes.
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb") as stream:
+        return stream.read() if stat.S_ISREG(os.fstat(handle).st_mode) else b""
 
 
 def _warn(path: Path, what: str) -> None:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from threading import Event
 
 
 class Stopped(Exception):
@@ -34,17 +33,17 @@ class Stop:
     """
 
     def __init__(self, seconds: float | None = None, parent: Stop | None = None) -> None:
-        self._event, self._parent = Event(), parent
+        self._asked, self._parent = False, parent
         self._deadline = None if seconds is None else time.monotonic() + seconds
 
     def request(self) -> None:
         """Ask for the end, from any thread."""
-        self._event.set()
+        self._asked = True
 
     @property
     def timed_out(self) -> bool:
         """Whether the time is over, and nobody has asked for the end."""
-        if self._event.is_set():
+        if self._asked:
             return False
         late = self._deadline is not None and time.monotonic() >= self._deadline
         return late or (self._parent is not None and self._parent.timed_out)
@@ -52,7 +51,9 @@ class Stop:
     @property
     def requested(self) -> bool:
         """Whether the end was asked for, or the time is over."""
-        return self._event.is_set() or self.timed_out or (self._parent is not None and self._parent.requested)
+        if self._asked or (self._parent is not None and self._parent.requested):
+            return True
+        return self._deadline is not None and time.monotonic() >= self._deadline
 
     def check(self) -> None:
         """Raise :class:`Stopped` where that is so."""
@@ -61,6 +62,11 @@ class Stop:
 
 
 _HEEDED: ContextVar[Stop | None] = ContextVar("_HEEDED", default=None)
+
+
+def heeded() -> Stop | None:
+    """Return the request that this thread looks for."""
+    return _HEEDED.get()
 
 
 @contextmanager

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import islice
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from .checks import whole_number
 from .signatures import checked
+from .stopping import Stop, heeded, heeding
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -67,24 +69,28 @@ def slices(total: int, size: int) -> list[slice]:
 
 
 def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | None = None) -> None:
-    """Call ``work(task)`` for every task, on all threads; an exception or Ctrl-C stops the rest."""
+    """Call ``work(task)`` for every task, on all threads; an exception or Ctrl-C stops the rest.
+
+    Tasks that are under way then end where they look for it next, as every call of a compiled loop does.
+    """
     with progress_bar(len(tasks), progress) as advance:
         if thread_count() == 1 or len(tasks) == 1:
             for task in tasks:
                 work(task)
                 advance(1)
             return
-        pool = _taken(threads := thread_count())
+        pool, stop = _taken(threads := thread_count()), Stop(parent=heeded())
         try:
-            futures = [pool.submit(work, task) for task in tasks]
+            done: SimpleQueue[Future[None]] = SimpleQueue()
+            futures = [pool.submit(_until, stop, work, task) for task in tasks]
             for future in futures:
-                future.add_done_callback(lambda _: advance(1))
-            wait(futures, return_when=FIRST_EXCEPTION)
-            for future in futures:
-                if future.done() and (error := future.exception()) is not None:
-                    raise error
+                future.add_done_callback(done.put)
+            for _ in futures:
+                if done.get().exception() is not None:
+                    raise next(error for f in futures if f.done() and (error := f.exception()) is not None)
+                advance(1)
         except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
+            _ended(pool, stop)
             raise
         _given_back(threads, pool)
 
@@ -92,29 +98,48 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
 def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterator[tuple[Task, Result]]:
     """Yield ``task, work(task)`` for every task as it is completed, on all threads; few results wait to be taken.
 
-    Where they are no longer asked for, tasks that are under way come to their end, and no others begin.
+    Where they are no longer asked for, tasks that are under way end where they look for it, and no others begin.
     """
     threads = thread_count()
     if threads == 1 or len(tasks) == 1:
         for task in tasks:
             yield task, work(task)
         return
-    pool, rest = _taken(threads), iter(tasks)
+    pool, rest, stop = _taken(threads), iter(tasks), Stop(parent=heeded())
     under_way: dict[Future[Result], Task] = {}
+    done: SimpleQueue[Future[Result]] = SimpleQueue()
+
+    def begin(more: int) -> None:
+        for task in islice(rest, more):
+            under_way[future := pool.submit(_until, stop, work, task)] = task
+            future.add_done_callback(done.put)
+
     try:
-        under_way |= {pool.submit(work, task): task for task in islice(rest, _AHEAD * threads)}
+        begin(_AHEAD * threads)
         while under_way:
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                yield under_way.pop(future), future.result()
-                under_way |= {pool.submit(work, task): task for task in islice(rest, 1)}
+            future = done.get()  # in C, which Ctrl-C never leaves half done
+            yield under_way.pop(future), future.result()
+            begin(1)
     except GeneratorExit:
+        stop.request()
         # The garbage collector may say so while this thread holds the locks of pools, which let nobody in twice.
         _given_back_after([future for future in under_way if not future.cancel()], threads, pool)
         raise
     except BaseException:
-        pool.shutdown(wait=True, cancel_futures=True)
+        _ended(pool, stop)
         raise
     _given_back(threads, pool)
+
+
+def _until(stop: Stop, work: Callable[[Task], Result], task: Task) -> Result:
+    with heeding(stop):
+        return work(task)
+
+
+def _ended(pool: ThreadPoolExecutor, stop: Stop) -> None:
+    """End what the threads of a pool are doing, and them."""
+    stop.request()
+    pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _taken(threads: int) -> ThreadPoolExecutor:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.point_map import PointMap
 from ..orbits.invariant_torus import InvariantTorus, places_of
@@ -32,7 +32,7 @@ class DenseTorus:
         """Points (n, dimension)."""
         return self._patches[0]
 
-    @functools.cached_property
+    @computed_once
     def _patches(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Points (n, d), first (n, d, 2) and second derivatives (n, d, 2, 2) by the phases, in steps of the grid."""
         coordinates, torus = self.exact.coordinates, self.torus

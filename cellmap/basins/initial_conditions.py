@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..maps.coordinates import state_points, wrap
 from ..maps.grid import CellGrid, grid_points
@@ -49,7 +49,7 @@ class InitialConditions:
     def __len__(self) -> int:
         return int(np.prod(self.shape, dtype=object))
 
-    @cached_property
+    @computed_once
     def _axes(self) -> list[NDArray[np.float64]]:
         assert self.grid is not None
         return [self.grid.axis(j) for j in range(self.grid.dimension)]
@@ -99,7 +99,7 @@ class Rows:
         bits = [np.packbits(wanted(part)) for part in slices(total, BLOCK)]
         return cls(total, np.concatenate([np.empty(0, np.uint8), *bits]))
 
-    @cached_property
+    @computed_once
     def _before(self) -> NDArray[np.int64]:
         """Rows before each block, and of all."""
         assert self.bits is not None

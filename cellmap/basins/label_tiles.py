@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from ..attractors.settling import Catalogue, Settled, settle
 from ..maps.orbit_batch import Orbits
@@ -56,6 +56,6 @@ class Labelling:
     def _settled(self, orbits: Orbits, begin: int, end: int) -> Settled:
         return settle(self.point_map, orbits, self._catalogue, end - begin, begin, self.stop)
 
-    @cached_property
+    @computed_once
     def _catalogue(self) -> Catalogue:
         return Catalogue.of(self.attractors, self.point_map)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..maps.orbit_batch import CHUNK, NOTHING, Tally
@@ -39,7 +39,7 @@ class Progress:
     tiles: tuple[StridedTile, ...] | None = None
     size: int = CHUNK
 
-    @cached_property
+    @computed_once
     def parts(self) -> list[slice]:
         """Tiles, as slices of the rows."""
         if self.tiles is None:

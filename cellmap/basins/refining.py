@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import claim_memory, finite_number, finite_points, whole_number
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from ..attractors.labels import Label
@@ -52,7 +52,7 @@ class BasinFrame:
     complete: bool
     strides: tuple[int, ...]
 
-    @cached_property
+    @computed_once
     def image(self) -> NDArray[np.int16]:
         """Labels in which each place without a label of its own takes that of the coarse block in which it lies."""
         labels = self.basins.labels

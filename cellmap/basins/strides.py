@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .._lib.computed import computed_once
 
 _IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough that what surrounds it does not count
 
@@ -47,7 +49,7 @@ class StridedTile:
     def __len__(self) -> int:
         return self._count
 
-    @cached_property
+    @computed_once
     def _count(self) -> int:
         axes = self._axes
         every = prod(map(len, axes))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import whole_number
+from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
@@ -150,7 +150,7 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         np.add.at(found, (self.rows[mine], self.columns[mine]), self.counts[mine])
         return found / self.settings["initial_conditions"]
 
-    @cached_property
+    @computed_once
     def classes(self) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """What coexists: a number for each parameter point (ny, nx), and the name of each, the most frequent first.
 

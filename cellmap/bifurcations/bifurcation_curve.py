@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, pair_of, shown, whole_number
+from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
@@ -71,7 +71,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
             self._problem.orbits.point_map, self.parameters, self.values, self.points, self.period, quantity, measure
         )
 
-    @functools.cached_property
+    @computed_once
     def _codimension_two(self) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
         problem = self._problem
         if isinstance(problem, SingularSegments):

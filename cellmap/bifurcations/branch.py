@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number
+from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
@@ -52,7 +52,7 @@ class Bifurcation:
     _problem: OrbitProblem = field(repr=False)
     _branch_direction: NDArray[np.float64] | None = field(repr=False, default=None)
 
-    @functools.cached_property
+    @computed_once
     def normal_form(self) -> NormalForm | None:
         """Normal form with its coefficient, super- or subcritical; computed when it is first asked for.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
@@ -82,12 +82,12 @@ class CodimensionTwo:
     _problem: SingularOrbits = field(repr=False)
     _unknowns: NDArray[np.float64] = field(repr=False)
 
-    @functools.cached_property
+    @computed_once
     def normal_form(self) -> CodimensionTwoForm | None:
         """Normal form; computed when it is first asked for, None where the multipliers do not allow it."""
         return form_of_two(self._problem.orbits, self._unknowns, self.kind)
 
-    @functools.cached_property
+    @computed_once
     def new_curves(self) -> tuple[NewCurve, ...]:
         """Other curves of bifurcations of periodic orbits through the point, for :func:`switch_curve`.
 

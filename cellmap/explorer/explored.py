@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 from .._lib.checks import is_sequence, shown, whole_number
+from .._lib.computed import computed_once
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.interpolation.interpolated import interpolated_map
@@ -55,7 +55,7 @@ class Explored:
     scene: ExploredScene | None = None
     parts: tuple[str, ...] = ()
 
-    @cached_property
+    @computed_once
     def system(self) -> ForcedSystem | PointMap:
         """The system or discrete map."""
         return self.make()
@@ -71,7 +71,7 @@ class Explored:
         system = self.system
         return system.axes if isinstance(system, ForcedSystem) else system.coordinates
 
-    @cached_property
+    @computed_once
     def window(self) -> CellGrid:
         """First window, over all coordinates."""
         if self.region is not None:

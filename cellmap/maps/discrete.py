@@ -17,6 +17,7 @@ from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
 from .._compiled.machine_code import MachineCode
 from .._lib.checks import parameter_values, shown, text
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
@@ -90,7 +91,7 @@ class Discrete(MapSpec[PointMap]):
         set_field("name", text("name", self.name) or getattr(function, "__name__", type(function).__name__))
         _check_components(function, self.params, self.coordinates)
 
-    @functools.cached_property
+    @computed_once
     def _formulas(self) -> str:
         """Why the formulas of the function are not known; empty if they are."""
         return why_untraced(_timeless(self.function), len(self.coordinates), self.params)

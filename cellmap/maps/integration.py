@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -19,10 +18,11 @@ from .._compiled.codegen.kernel import (
 )
 from .._compiled.kernels.blocks import LANES
 from .._compiled.kernels.periods import PROBE, Motion, integrate
+from .._lib.computed import computed_once
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
 from .misread import check_compiled
-from .orbit_batch import Orbits, portions
+from .orbit_batch import Orbits
 from .reversals import warn_of_reversals
 from .system import ForcedSystem
 
@@ -30,6 +30,10 @@ _FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two
 _RUNGS_PER_OCTAVE = 4
 _SHORT = 1e-9  # step that tells a right-hand side
 _FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
+_FIRST = 64  # orbits, or periods of one orbit, that a compiled loop takes before it is known what they cost
+_GROWTH = 8
+_WORK_AT_ONCE = 2**21  # right-hand sides
+_SERIES = 16  # right-hand sides that take as long as a step of another method
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 
@@ -224,7 +228,7 @@ class Flow:
     fewest_steps: int
     unknown_formulas: str = ""
 
-    @functools.cached_property
+    @computed_once
     def numbers(self) -> Motion:
         """The numbers that the integrator takes."""
         ladder, tolerance = self._ladder, max(self.rtol, self.atol)
@@ -276,7 +280,22 @@ class Flow:
         self.advance(orbits, 1, anywhere, anywhere)
 
     def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
-        """Advance orbits by some periods in place, with wrapped angles."""
-        for some in portions(periods, len(orbits)):
-            steps = integrate(self.numbers, orbits.points, orbits.rotations, orbits.status, lower, turn, some)
-            orbits.work.evaluations += steps * self.kernel.stages
+        """Advance orbits by some periods in place, with wrapped angles.
+
+        A compiled loop takes so many orbits and periods at once that it is soon back, and Ctrl-C is heard; how many, it
+        takes from the work of those before, and not from the time.
+        """
+        budget = _WORK_AT_ONCE // (self.kernel.stages if not self.kernel.own_steps else _SERIES)
+        begin, size, pace = 0, _FIRST, 1
+        while begin < len(orbits):
+            part = orbits[begin : begin + size]
+            done, some = 0, max(1, _FIRST // len(part))
+            while done < periods:
+                some = min(some, periods - done)
+                steps = integrate(self.numbers, part.points, part.rotations, part.status, lower, turn, some)
+                orbits.work.evaluations += steps * self.kernel.stages
+                done += some
+                pace = max(1, steps // some)  # of a period of these orbits
+                some = max(1, min(_GROWTH * some, budget // pace))
+            begin += size
+            size = max(LANES, min(_GROWTH * size, budget * len(part) // pace // LANES * LANES))

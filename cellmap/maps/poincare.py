@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
 from .._lib.checks import finite_number, one_of, shown
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of
@@ -223,14 +223,14 @@ class Section(MapSpec[SectionMap]):
     def _place(self) -> int:
         return [c.name for c in self.system.axes].index(self.section[0])
 
-    @functools.cached_property
+    @computed_once
     def _trip(self) -> Trip:
         system, (_, value, direction) = self.system, self.section
         stretch, loose = min(system.length, self.max_time), max(self.rtol, _ORDER_FOR)
         motion = flow(gated_system(system, self._place), 0.0, stretch, loose, self.atol, "auto", self.max_steps)
         return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
 
-    @functools.cached_property
+    @computed_once
     def _tangent_motion(self) -> Flow | None:
         gated, tolerance = gated_system(self.system, self._place), min(self.rtol, _TANGENT_TOLERANCE)
         return tangent_flow(gated, 0.0, self._trip.stretch, tolerance, self.max_steps)

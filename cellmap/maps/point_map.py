@@ -235,37 +235,9 @@ class PointMap(ShownAsHtml):
         Iterate
             Arrays with a leading axis of length ``periods + 1``.
         """
-        initial_conditions = state_points("points", points, self.coordinates)
-        periods = whole_number("periods", periods)
-        needed = (periods + 1) * 2 * initial_conditions.nbytes
-        claim_memory(
-            f"orbits of {initial_conditions.size // self.dimension:,} points over {periods:,} periods",
-            needed,
-            "record less",
-        )
-        history = np.empty((periods + 1, initial_conditions.size // self.dimension, self.dimension))
-        rotations = np.zeros(history.shape, np.int64)
-        status = np.zeros(history.shape[:2], np.uint8)
-        history[0] = initial_conditions.reshape(-1, self.dimension)
-        lower, turn = turns_of(self.coordinates)
-        wrap_rows(history[0], rotations[0], lower, turn)
-        rotations[0] = 0
-        label = f"orbits of {self.name}" if progress else None
-        parts = slices(history.shape[1], CHUNK)
-        with progress_bar(periods * len(parts), label) as tick:
-
-            def follow_part(part: slice) -> None:
-                orbits, done = Orbits(history[0, part].copy(), rotations[0, part].copy(), status[0, part].copy()), 1
-                for places, turned, ended in recorded(self.advance, orbits, periods):
-                    now = slice(done, done + len(places))
-                    history[now, part], rotations[now, part], status[now, part] = places, turned, ended
-                    done += len(places)
-                    tick(len(places))
-
-            run_over(parts, follow_part)
-        warn_of_tolerance(status[-1], self.name, self.unknown_formulas)
-        shape = (periods + 1, *initial_conditions.shape)
-        return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), self.coordinates)
+        images = history(self, points, periods, progress)
+        warn_of_tolerance(images.status[-1], self.name, self.unknown_formulas)
+        return images
 
     @checked
     def error(self, n_samples: int = 10_000, *, rng: Rng = 0) -> MapError:
@@ -342,6 +314,40 @@ class _Advanced:
         images = Orbits.joined([orbits])
         self.point_map.advance(images, self.periods)
         return images
+
+
+def history(point_map: PointMap, points: ArrayLike, periods: int, progress: bool = False) -> Iterate:
+    """Return all images of points, as :meth:`PointMap.orbit` does, without a warning."""
+    initial_conditions = state_points("points", points, point_map.coordinates)
+    periods = whole_number("periods", periods)
+    needed = (periods + 1) * 2 * initial_conditions.nbytes
+    claim_memory(
+        f"orbits of {initial_conditions.size // point_map.dimension:,} points over {periods:,} periods",
+        needed,
+        "record less",
+    )
+    history = np.empty((periods + 1, initial_conditions.size // point_map.dimension, point_map.dimension))
+    rotations = np.zeros(history.shape, np.int64)
+    status = np.zeros(history.shape[:2], np.uint8)
+    history[0] = initial_conditions.reshape(-1, point_map.dimension)
+    lower, turn = turns_of(point_map.coordinates)
+    wrap_rows(history[0], rotations[0], lower, turn)
+    rotations[0] = 0
+    label = f"orbits of {point_map.name}" if progress else None
+    parts = slices(history.shape[1], CHUNK)
+    with progress_bar(periods * len(parts), label) as tick:
+
+        def follow_part(part: slice) -> None:
+            orbits, done = Orbits(history[0, part].copy(), rotations[0, part].copy(), status[0, part].copy()), 1
+            for places, turned, ended in recorded(point_map.advance, orbits, periods):
+                now = slice(done, done + len(places))
+                history[now, part], rotations[now, part], status[now, part] = places, turned, ended
+                done += len(places)
+                tick(len(places))
+
+        run_over(parts, follow_part)
+    shape = (periods + 1, *initial_conditions.shape)
+    return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), point_map.coordinates)
 
 
 def warn_of_tolerance(status: NDArray[np.uint8], name: str, unknown: str = "") -> None:

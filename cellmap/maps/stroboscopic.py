@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.checks import finite_number, one_of, whole_number
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import turns_of
@@ -114,13 +115,13 @@ class Stroboscopic(MapSpec[PointMap]):
         check_tolerances(self)
         one_of("method", self.method, METHOD_NAMES)
 
-    @functools.cached_property
+    @computed_once
     def motion(self) -> Flow:
         """The compiled flow over one period; its kernel knows the method that "auto" has chosen."""
         s = self.system
         return flow(s, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
 
-    @functools.cached_property
+    @computed_once
     def _tangent_motion(self) -> Flow | None:
         s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
         method = "Rosenbrock" if self.motion.kernel.own_steps else "auto"

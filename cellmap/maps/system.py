@@ -15,6 +15,7 @@ from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import State, StateChangedError, parameter_record
 from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import Impact, joined
@@ -127,7 +128,7 @@ class ForcedSystem:
         """State variables, as :class:`Coordinate` objects."""
         return as_coordinates(self.coordinates)
 
-    @functools.cached_property
+    @computed_once
     def functions(self) -> tuple[Callable[..., Any] | None, ...]:
         """Right-hand side, switching functions, and guards and resets of all impacts, None where there are none."""
         return (self.rhs, self.switches, joined(tuple(self.impacts)))

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.signatures import checked
-from .._lib.threads import progress_bar, run_over, slices
+from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of, wrap
 from .integration import flow
-from .orbit_batch import CHUNK, Orbits
-from .point_map import Iterate, warn_of_tolerance
+from .orbit_batch import CHUNK, Orbits, Status
+from .point_map import Iterate, history, warn_of_tolerance
 from .stroboscopic import MAX_STEPS, Stroboscopic
 from .system import ForcedSystem
 
@@ -175,21 +175,17 @@ def trajectory(
     needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
     what = f"{moments:,} states of {count:,} initial conditions"
     claim_memory(what, needed, "take fewer periods, samples or initial conditions")
-    states = np.full((moments, count, system.dimension), np.nan)
-    states[0] = places.reshape(count, system.dimension)
     lower, turn = turns_of(system.axes)
-
-    orbits = Orbits.starting(states[0].copy())
-    orbits.wrap(lower, turn)
-    begins = [orbits]
-    with progress_bar(periods, f"periods of {system.name}" if progress else None) as tick:
-        for k in range(1, periods + 1):
-            orbits = Orbits(orbits.points.copy(), orbits.rotations.copy(), orbits.status.copy())
-            run_over(slices(count, CHUNK), lambda part, now=orbits: strobe.advance(now[part], 1))  # type: ignore[misc]
-            states[k * samples_per_period] = orbits.points + orbits.rotations * turn
-            begins.append(orbits)
-            tick(1)
-    within = Orbits.joined(begins[:-1])
+    start = Orbits.starting(places.reshape(count, system.dimension).copy())
+    start.wrap(lower, turn)  # angles are unwrapped from where they were given
+    strobed, flat = history(strobe, places, periods, progress), (periods + 1, count, system.dimension)
+    points, rotations = strobed.points.reshape(flat), strobed.rotations.reshape(flat) + start.rotations
+    last = strobed.status[-1].ravel()
+    states = np.empty((moments, count, system.dimension))
+    states[::samples_per_period] = points + rotations * turn
+    states[0] = places.reshape(count, system.dimension)
+    ends = strobed.status[:-1].ravel()
+    within = Orbits(points[:-1].reshape(-1, system.dimension), rotations[:-1].reshape(-1, system.dimension), ends)
     cells = states[:-1].reshape(periods, samples_per_period, count, system.dimension)
     advances = _between_samples(spec, samples_per_period)
 
@@ -204,9 +200,12 @@ def trajectory(
     label = f"trajectories of {system.name}" if progress else None
     run_over(slices(len(within), CHUNK), fill, label)
 
-    status = np.maximum(orbits.status, within.status.reshape(periods, count).max(axis=0))
-    ended = np.logical_or.accumulate(np.isnan(states).any(axis=-1), axis=0)
-    states[ended] = np.nan
+    status = np.maximum(last, within.status.reshape(periods, count).max(axis=0))
+    over = status >= Status.ESCAPED
+    if over.any():
+        rest = states[:, over]
+        rest[np.logical_or.accumulate(np.isnan(rest).any(axis=-1), axis=0)] = np.nan
+        states[:, over] = rest
     warn_of_tolerance(status, strobe.name, strobe.unknown_formulas)
     times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)

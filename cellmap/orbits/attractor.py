@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from math import inf, isclose, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from .._lib.conversions import ShownAsHtml
 from ..maps.coordinates import Coordinate
 from ..maps.grazing import GRAZING
@@ -76,7 +76,7 @@ class Cover:
     boxes: NDArray[np.int64]
     certain: NDArray[np.bool_] | None = None
 
-    @cached_property
+    @computed_once
     def corners(self) -> NDArray[np.int64]:
         """Least and largest place of the boxes along each axis, shape (2, dimension)."""
         return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])

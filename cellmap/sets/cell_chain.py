@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import claim_memory, finite_number, whole_number
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from ..attractors.labels import Label
 from ..basins.record import Basins
@@ -92,12 +92,12 @@ class CellChain:
             f"{len(self.closed)} closed classes)"
         )
 
-    @cached_property
+    @computed_once
     def closed(self) -> tuple[CellClass, ...]:
         """Closed classes, in the order of their first cells: they contain the attractors."""
         return self._classes(self.components.closed)
 
-    @cached_property
+    @computed_once
     def transient(self) -> tuple[CellClass, ...]:
         """Transient classes, in the order of their first cells: saddles."""
         return self._classes(~self.components.closed & self.components.recurs)
@@ -118,7 +118,7 @@ class CellChain:
         ]
         return tuple(sorted(found, key=lambda one: one.cells[0]))
 
-    @cached_property
+    @computed_once
     def measures(self) -> tuple[NDArray[np.float64], ...]:
         """Invariant measure of each closed class: probabilities of its cells."""
         return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
@@ -133,7 +133,7 @@ class CellChain:
         density[self.closed[group].cells] = self.measures[group] / np.prod(self.grid.widths)
         return density.reshape(self.grid.shape)
 
-    @cached_property
+    @computed_once
     def absorption(self) -> NDArray[np.float64]:
         """Absorption probability of each cell in each closed class, shape ``(*grid, classes + 2)``.
 
@@ -141,7 +141,7 @@ class CellChain:
         """
         return self._probabilities(np.arange(len(self.closed)), len(self.closed))
 
-    @cached_property
+    @computed_once
     def domiciles(self) -> NDArray[np.int64]:
         """Number of closed classes that can be reached from each cell, the outside included, shape of the grid.
 
@@ -149,7 +149,7 @@ class CellChain:
         """
         return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
 
-    @cached_property
+    @computed_once
     def expected_times(self) -> NDArray[np.float64]:
         """Expected number of steps of the map until absorption in a closed class or outside, shape of the grid."""
         values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigs, eigsh
 
 from .._lib.checks import claim_memory, whole_number
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
@@ -95,7 +95,7 @@ class TransferOperator:
     def __repr__(self) -> str:
         return f"TransferOperator({self.boxes}, {self.matrix.nnz:,} transitions, {self.samples} points in each)"
 
-    @functools.cached_property
+    @computed_once
     def invariant_measures(self) -> tuple[NDArray[np.float64], ...]:
         """Invariant measures as probabilities (n,) of the boxes, one for each closed component."""
         found = components_of(self.matrix, self.lost > 0.0)
@@ -107,7 +107,7 @@ class TransferOperator:
             measures.append(measure)
         return tuple(measures)
 
-    @functools.cached_property
+    @computed_once
     def invariant_measure(self) -> NDArray[np.float64]:
         """Invariant measure as probabilities (n,) of the boxes, which sum to 1.
 
@@ -141,12 +141,12 @@ class TransferOperator:
             return 0.0
         return float(-np.log(self._leading[0])) if self._recurs else np.inf
 
-    @functools.cached_property
+    @computed_once
     def _recurs(self) -> bool:
         """Whether there are boxes that lead back to themselves."""
         return bool((recurrent_parts(self.matrix) >= 0).any())
 
-    @functools.cached_property
+    @computed_once
     def _leading(self) -> tuple[float, NDArray[np.float64]]:
         return _leading(self.matrix)
 
@@ -237,7 +237,7 @@ class TransferOperator:
         kept = tuple(float(flow[m][:, m].sum() / weights[m].sum()) for m in masks)
         return AlmostInvariant(tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values)
 
-    @functools.cached_property
+    @computed_once
     def _weights(self) -> NDArray[np.float64]:
         """Mean of all invariant measures."""
         measures = self.invariant_measures

@@ -53,6 +53,26 @@ def test_an_entry_of_another_key_is_refused(cache: ObjectCache) -> None:
         assert cache.read(OTHER) is None
 
 
+def test_a_pipe_in_the_place_of_an_entry_is_not_waited_for(cache: ObjectCache) -> None:
+    cache.write(KEY, b"code")
+    assert cache.folder is not None
+    (path,) = cache.folder.iterdir()
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
+        assert cache.read(KEY) is None
+    cache.write(KEY, b"code")
+    assert cache.read(KEY) == b"code"
+
+
+def test_a_home_in_the_name_of_the_folder_is_that_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", "~/kept")
+    assert cache_folder() == tmp_path / "kept" and (tmp_path / "kept").is_dir()
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", "~nobody-of-this-name/kept")
+    assert cache_folder() is None
+
+
 def test_the_least_recently_used_entries_go_first(tmp_path: Path) -> None:
     cache = ObjectCache(tmp_path, limit=3500)
     keys = [f"{i:x}" * 64 for i in range(4)]

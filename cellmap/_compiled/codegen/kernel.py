@@ -13,6 +13,7 @@ from math import log10
 from typing import Any
 
 from ..for_numba import OF_USERS, ForNumba, numba, whole
+from ..forking import COMPILING
 from ..kernels import periods, simd_math
 from ..machine_code import MachineCode
 from .captured import kept
@@ -257,8 +258,9 @@ def _called(function: Callable[..., Any], code: StepCode, dimension: int, names:
     text = lane_module(code, dimension, len(names))
     table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)} | {"int": ForNumba(whole)}
     try:
-        scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}
-        advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
+        with COMPILING:
+            scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}
+            advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
     except Exception as error:
         found = _traced(function, dimension, names)
         raise TypeError(

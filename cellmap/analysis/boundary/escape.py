@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.checks import affordable_number, finite_number
+from ..._lib.computed import computed_once
 from ..._lib.fit import Fit, fit_line
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
-from ..._lib.threads import run_over, slices
+from ..._lib.threads import progress_bar, run_over, slices
 from ...attractors.boxes import inside_cover
 from ...attractors.search import check_attractors
 from ...attractors.settling import Catalogue
@@ -67,7 +67,7 @@ class Restraint:
             inside[rows[caught]] = False
         return inside
 
-    @functools.cached_property
+    @computed_once
     def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
         return np.array(self.window.lower), np.array(self.window.upper), np.array(self.window.wraps)
 
@@ -90,9 +90,11 @@ class Restraint:
                     if not len(rows):
                         break
                 self.point_map.advance(orbits, 1)
+                tick(len(orbits))
             times[part] = found
 
-        run_over(slices(len(points), CHUNK), work)
+        with progress_bar(len(points) * most, f"lifetimes of {len(points):,} orbits, {most:,} steps at most") as tick:
+            run_over(slices(len(points), CHUNK), work)
         return times
 
 

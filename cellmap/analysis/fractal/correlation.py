@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..._lib.checks import one_of, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
-from ..._lib.threads import run_over
+from ..._lib.stopping import check_stop
+from ..._lib.threads import run_over, slices
 from ...maps.coordinates import Coordinate
 from .box_counting import checked_sizes, fit_sizes
 from .partitions import Space
 
 _BLOCKS = 8
+_PAIRS_AT_ONCE = 2**25  # that are counted before Ctrl-C is heard
 _FEWEST_PAIRS = 500
 _LARGEST = 0.25  # of the extent
 _RADII = 25
@@ -174,8 +176,10 @@ def _pairs(space: Space, rising: NDArray[np.float64], theiler: int, norm: float)
 
     def work(block: int) -> None:
         first, last = edges[block], edges[block + 1]
-        mine = cKDTree(points[first:last], boxsize=circle)
-        counts[block] = mine.count_neighbors(tree, rising, p=norm)
+        for some in slices(last - first, max(256, _PAIRS_AT_ONCE // len(points))):
+            check_stop()
+            mine = cKDTree(points[first:last][some], boxsize=circle)
+            counts[block] += mine.count_neighbors(tree, rising, p=norm)
         counts[block] -= last - first  # each with itself
 
     run_over(range(_BLOCKS), work)

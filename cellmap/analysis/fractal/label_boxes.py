@@ -19,6 +19,8 @@ def boundary_boxes(image: LabelImage) -> NDArray[np.uint8]:
     """Return which of the smallest boxes, between neighbouring cell centres, have corners in different basins."""
     cells = image.numbers.shape
     shape = tuple(n - (not w) for n, w in zip(cells, image.wraps, strict=True))
+    if 0 in shape:  # one cell along an axis has no neighbours there
+        return np.zeros(shape, np.uint8)
     rows = _corner_rows(cells[:-1], shape[:-1])
     flat = image.numbers.reshape(-1, cells[-1])
     out = np.empty((len(rows), shape[-1]), np.uint8)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field, replace
 from math import ceil, pi
 
@@ -70,7 +69,7 @@ class Simulation:
         """Where there is a value, shape (n, m)."""
         return np.isfinite(self.measured)
 
-    @functools.cached_property
+    @property
     def swings(self) -> float:
         """Number of swings of the coordinate that swings most often, clear of the noise."""
         crossings = []
@@ -81,7 +80,7 @@ class Simulation:
             crossings.append(np.count_nonzero(np.diff(np.signbit(clear))))
         return 0.5 * max(crossings)
 
-    @functools.cached_property
+    @property
     def sizes(self) -> NDArray[np.float64]:
         """Sizes of the unknowns: of parameters their first guess, of states and zeros the range of what is measured."""
         wide = [float(np.nanmax(c) - np.nanmin(c)) for c in self.measured.T]

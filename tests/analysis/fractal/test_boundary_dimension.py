@@ -340,3 +340,11 @@ def test_basins_of_single_initial_conditions_are_refused():
     halves = find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [[0.1], [0.2]])
     with pytest.raises(ValueError, match="give basins on a grid"):
         boundary_dimension(halves)
+
+
+@pytest.mark.parametrize(
+    "labels", [np.array([[1.0, 2.0]]), np.array([[1], [2]]), np.eye(2, dtype=int), np.array([[[1, 2], [2, 1]]])]
+)
+def test_images_with_few_cells_along_an_axis_are_refused(labels):
+    with pytest.raises(ValueError, match="basins"):
+        boundary_dimension(labels)
