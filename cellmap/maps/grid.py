@@ -142,15 +142,6 @@ class CellGrid(ShownAsHtml):
             raise ValueError(f"points has shape {p.shape}: its last axis must hold {self.dimension} coordinates")
         return Locator.of(self)(p.reshape(-1, self.dimension)).reshape(p.shape[:-1])
 
-    def check_volume(self, name: str = "grid") -> None:
-        """Refuse a slice where cells must have a volume."""
-        for j, (a, b) in enumerate(zip(self.lower, self.upper, strict=True)):
-            if a == b:
-                raise ValueError(
-                    f"{name}: lower and upper are both {a!r} along axis {j}, which is a slice, and its cells need a "
-                    "volume here: give different corners"
-                )
-
     @checked
     def on(self, coordinates: Sequence[Coordinate], name: str = "grid") -> CellGrid:
         """Return this grid with periodic axes set: an axis is periodic if it covers one full period of an angle.
@@ -208,7 +199,7 @@ class Locator:
     @classmethod
     def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate] | None = None) -> Locator:
         """Prepare for the cells of a grid over some coordinates; without them only its periodic axes are angles."""
-        grid.check_volume()
+        check_volume(grid)
         lower, upper = np.array(grid.lower), np.array(grid.upper)
         wraps, turn = np.array(grid.wraps), np.zeros(grid.dimension)
         if coordinates is not None:
@@ -221,6 +212,16 @@ class Locator:
         keys = np.empty(len(points), np.int64)
         locate_rows(points, self.lower, self.upper, self.widths, self.shape, self.turn, self.wraps, keys)
         return keys
+
+
+def check_volume(grid: CellGrid) -> None:
+    """Refuse a slice where cells must have a volume."""
+    for j, (a, b) in enumerate(zip(grid.lower, grid.upper, strict=True)):
+        if a == b:
+            raise ValueError(
+                f"grid: lower and upper are both {a!r} along axis {j}, which is a slice, and its cells need a volume "
+                "here: give different corners"
+            )
 
 
 def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:

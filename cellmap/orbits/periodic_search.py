@@ -11,7 +11,7 @@ from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import difference, state_points, turns_of, wrap
-from ..maps.grid import CellGrid, grid_points
+from ..maps.grid import CellGrid, check_volume, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
@@ -143,7 +143,7 @@ def find_periodic_orbits(
     d = grid.dimension
     claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")
     centres = grid_points([grid.axis(j) for j in range(d)], np.arange(grid.size))
-    grid.check_volume()
+    check_volume(grid)
     extent = _extent(point_map, np.array(grid.upper) - np.array(grid.lower))
     orbits = Orbits.starting(wrap(centres, point_map.coordinates))
     known = _Known(point_map, extent)

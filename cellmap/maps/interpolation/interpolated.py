@@ -16,7 +16,7 @@ from ..._lib.files import as_target, locked
 from ..._lib.signatures import checked
 from ..._lib.tiles import check_client
 from ..cell_table import CellTable
-from ..grid import CellGrid
+from ..grid import CellGrid, check_volume
 from ..orbit_batch import Cost
 from ..point_map import PointMap
 from ..specification import MapSpec, specification, with_spec
@@ -121,7 +121,7 @@ def interpolated_map(
     if max_step & (max_step - 1):
         raise ValueError(f"max_step={max_step}: give a power of two")
     check_client(client)
-    grid.check_volume()
+    check_volume(grid)
     grid = grid.on(exact.coordinates)
     began = time.perf_counter()
     needed = table_memory(grid, order, max_step)
