@@ -144,7 +144,7 @@ class _Motion:
         return rk_step(f, t, x, f(t, x), h, _A, _B, _C, self.room)[0]
 
     def asked_again(self, t: float, x: Any, d: Decisions, given: dict[int, Any]) -> Decisions:
-        """Return decisions in which some are given; those that are clearly untrue are taken anew."""
+        """Return decisions in which some are given; those that are clearly untrue are replaced."""
         new = Decisions(dict(given), d.answers)
         self.rate(t, x, new)
         return Decisions({n: new.answers[n] for n in new.values}, {}, new.values)

@@ -31,7 +31,7 @@ from .impacts import Impact, beside_rest, impact_of
 from .sliding import held_in_places, held_signs
 from .trace import Trace, empty_trace
 
-_MANY = 400  # expressions of a motion that slides, from which on it is worth while to look for fewer
+_MANY = 400  # expressions of a motion that slides, from which on fewer are looked for
 
 
 @dataclass(frozen=True, eq=False)
