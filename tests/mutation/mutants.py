@@ -41,6 +41,8 @@ SILENT = {"__repr__", "__str__", "_repr_html_", "warn", "warning", "default_rng"
 """Functions whose bodies, and calls whose arguments, only say something, or seed."""
 UNSEEN = {"repr", "strict", "stacklevel", "kw_only", "desc", "unit", "disable", "optimize"}
 """Keywords that change no number."""
+CONSTANTS = {"bool": ["True", "False"], "int": ["0"], "float": ["0.0"], "str": ["''"], "None": ["None"]}
+"""What functions of a kind return in place of what they compute."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class Places(ast.NodeVisitor):
         for line in source.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
         self.found: list[Mutant] = []
+        self.constant: list[Mutant] = []
         self.statement: tuple[int, ...] = ()
         self.function: tuple[int, ...] = ()
         self.visit(ast.parse(source))
@@ -111,6 +114,10 @@ class Places(ast.NodeVisitor):
         if node.name in SILENT or any("overload" in ast.unparse(d) for d in node.decorator_list):
             return
         before, self.function = self.function, tuple(range(node.body[0].lineno, node.end_lineno + 1))
+        first = next((s for s in node.body if not isinstance(getattr(s, "value", None), ast.Constant)), None)
+        for value in CONSTANTS.get(ast.unparse(node.returns) if node.returns else "", []) if first else []:
+            new, at = f"return {value}\n{' ' * first.col_offset}", self.begin(first)
+            self.constant.append(Mutant(self.path, first.lineno, at, at, "", new, (first.lineno,), self.function))
         for part in (*node.args.defaults, *filter(None, node.args.kw_defaults), *node.body):
             self.visit(part)
         self.function = before
@@ -195,15 +202,19 @@ class Places(ast.NodeVisitor):
             self.generic_visit(node)
 
 
-def mutants_of(path: Path, root: Path) -> list[Mutant]:
-    return Places(str(path.relative_to(root)), path.read_bytes()).found
+def mutants_of(path: Path, root: Path, constant: bool = False) -> list[Mutant]:
+    places = Places(str(path.relative_to(root)), path.read_bytes())
+    return places.constant if constant else places.found
 
 
-def chosen(root: Path, room: str, number: int, seed: int) -> Iterator[Mutant]:
-    """Choose mutants of one room: lines at random, of each line one, so that all lines count alike."""
+def chosen(root: Path, room: str, number: int, seed: int, constant: bool = False) -> Iterator[Mutant]:
+    """Choose mutants of one room: lines at random, of each line one, so that all lines count alike.
+
+    Or functions that return a constant, in place of lines.
+    """
     lines: dict[tuple[str, int], list[Mutant]] = {}
     for path in sorted((root / "cellmap" / room).rglob("*.py")):
-        for mutant in mutants_of(path, root):
+        for mutant in mutants_of(path, root, constant):
             lines.setdefault((mutant.path, mutant.line), []).append(mutant)
     rng, places = random.Random(f"{room} {seed}"), sorted(lines)
     rng.shuffle(places)

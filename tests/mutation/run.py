@@ -250,6 +250,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", metavar="room=number")
     parser.add_argument("--at", nargs="*", default=[], metavar="path:line", help="run all mutants of these lines")
+    parser.add_argument("--constant", action="store_true", help="functions that return a constant, instead of lines")
     parser.add_argument("--most", type=float, default=60.0, metavar="SECONDS", help="of tests for each mutant")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--work", type=Path, default=Path("/tmp/cellmap-mutants"))
@@ -269,7 +270,7 @@ def main() -> None:
     for name in PREPARED.split():
         __import__(name)
     wanted = {room: int(number) for room, _, number in (r.partition("=") for r in given.rooms)}
-    mutants = [mutant for room, number in wanted.items() for mutant in chosen(tree, room, number, given.seed)]
+    mutants = [m for room, number in wanted.items() for m in chosen(tree, room, number, given.seed, given.constant)]
     for place in given.at:
         path, _, line = place.partition(":")
         mutants += [mutant for mutant in mutants_of(tree / path, tree) if mutant.line == int(line)]

@@ -46,3 +46,11 @@ def test_a_choice_is_repeatable_and_larger_ones_hold_smaller_ones():
 def test_mutants_compile():
     for mutant in chosen(ROOT, "_lib", 60, seed=0):
         compile(mutant.of((ROOT / mutant.path).read_bytes()), mutant.path, "exec")
+
+
+def test_functions_return_constants_in_place_of_what_they_compute():
+    source = (
+        'def f(x: int) -> bool:\n    """Doc."""\n    y = x\n    return y > 0\n\ndef g() -> list[int]:\n    return []\n'
+    )
+    found = [mutant.of(source.encode()).decode() for mutant in Places("x.py", source.encode()).constant]
+    assert found == [source.replace("y = x", f"return {value}\n    y = x") for value in (True, False)]
