@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import warnings
 from dataclasses import replace
-from math import cos, log
+from math import cos, log, pi
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map
+from cellmap import (
+    CellGrid,
+    angle,
+    certify,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    interpolated_map,
+)
 from cellmap.attractors.labels import Label
-from cellmap.basins import refine_basins
+from cellmap.basins import continue_basins, refine_basins
 from cellmap.basins.certification import certifying
 from cellmap.basins.certification.certificate import Evidence
-from cellmap.basins.continuation import _outermost
+from cellmap.basins.continuation import _outermost, _seeds
 from cellmap.basins.doubts import UnsettledWarning
 from cellmap.basins.initial_conditions import InitialConditions, Rows
 from cellmap.basins.label_store import InMemory, LabelStore
@@ -153,3 +162,25 @@ def test_what_is_undecided_where_a_run_ends_has_no_label():
         assert kept.labels.tolist() == [0, none, 1, Label.ESCAPED, none, Label.DIVERGED]
         assert kept.times.tolist() == [3, -1, 5, -1, -1, -1]
     assert (LabelStore.cut_short(store, None).labels == none).all()
+
+
+def test_attractors_are_sought_on_and_beside_where_they_were():
+    """Four points of each, and as many a thousandth of the extent beside these; angles are wrapped."""
+    halves = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, (angle("a"), "y"))
+    (sink,) = find_attractors(halves, [[0.1, 0.1]])
+    points = np.column_stack([np.full(100, pi - 1e-6), np.arange(100.0)])
+    places = _seeds({3: replace(sink, points=points), 5: sink}, np.array([2 * pi, 1000.0]))
+    assert len(places) == 10
+    on, beside = places[:5], places[5:]
+    assert all(place in points.tolist() for place in on[:4].tolist()) and np.abs(on[4]).max() < 1e-9
+    apart = beside - on
+    apart[:, 0] = (apart[:, 0] + pi) % (2 * pi) - pi
+    assert 0.1 < np.abs(apart[:, 1]).mean() < 3.0 and 6e-4 < np.abs(apart[:, 0]).mean() < 2e-2
+    assert np.abs(places[:, 0]).max() <= pi
+
+
+@pytest.mark.parametrize("name", ["max_periods", "max_period"])
+def test_searches_have_the_same_limits_everywhere(name):
+    """An image, a continuation, a refinement and a search of attractors alone are compared with one another."""
+    functions = (find_basins, continue_basins, refine_basins, find_attractors)
+    assert len({inspect.signature(f).parameters[name].default for f in functions}) == 1

@@ -198,3 +198,19 @@ def test_places_are_random_and_initial_conditions_in_order():
     assert few.ravel() == pytest.approx(np.arange(0.05, 1.0, 0.1))
     some = some_initial_conditions(CellGrid((0.0,), (1.0,), (100,)), 20).ravel()
     assert len(some) == 20 and (np.diff(some) > 0.0).all()
+
+
+def test_the_largest_trial_is_the_last_however_quick_it_is(monkeypatch):
+    """A nanosecond for each initial condition; a thinned grid has a few less than were asked for."""
+    set_threads(2)
+    asked = []
+
+    def label(job, point_map, number, count):
+        asked.append(number)
+        assert len(asked) < 10
+        return Trial(number - 7, 1e-9 * number, 3.0, 0)
+
+    monkeypatch.setattr(timing, "label", label)
+    found = timing.time_labelling(job(), HALVES, int)[0]
+    assert asked == [1600, 1600, 6372, 25488, 101952, 131072]
+    assert found.per_point == pytest.approx(2e-9, rel=0.02)
