@@ -171,7 +171,7 @@ def preimages(
     settled = np.zeros(n, bool)
     turn = turns_of(step.exact.coordinates)[1]
     active = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(targets).all(axis=1))
-    last, fraction = np.full(n, np.inf), np.ones(n)
+    last, fraction = np.full((n, d), np.inf), np.ones(n)
     for _ in range(_ITERATIONS):
         if not len(active):
             break
@@ -179,19 +179,19 @@ def preimages(
         rest = images - targets[active]
         scale = np.abs(targets[active]) + np.abs(base[active]) + np.where(turn > 0, turn, 1.0)
         with np.errstate(invalid="ignore", over="ignore"):
-            size = np.abs(rest / scale).max(axis=1)
+            size, before = (np.abs(r / scale).max(axis=1) for r in (rest, last[active]))
             regular = np.isfinite(size) & np.isfinite(derivative).all(axis=(1, 2))
         regular[regular] = np.abs(np.linalg.det(derivative[regular])) > 1e-300
         # A step that does not bring the image nearer is halved; below rounding it need not.
-        better = regular & ((size < last[active]) | (size < _ROUNDING))
+        better = regular & ((size < before) | (size < _ROUNDING))
         good, bad = active[better], active[~better]
-        base[good], last[good], matrices[good] = points[good], size[better], derivative[better]
+        base[good], last[good], matrices[good] = points[good], rest[better], derivative[better]
         steps_to[good] = np.linalg.solve(derivative[better], -rest[better][..., None])[..., 0]
         fraction[good], fraction[bad] = np.minimum(2.0 * fraction[good], 1.0), 0.5 * fraction[bad]
         points[active] = base[active] + fraction[active, None] * steps_to[active]
         done = better & (np.abs(steps_to[active]) <= _CONVERGED * scale).all(axis=1)
         settled[active[done]] = True
-        active = active[~done & (fraction[active] > 0.5**_HALVINGS) & np.isfinite(last[active])]
+        active = active[~done & (fraction[active] > 0.5**_HALVINGS) & np.isfinite(last[active]).all(axis=1)]
     return points, matrices, settled
 
 
