@@ -198,7 +198,7 @@ class Linearised:
             begin=0.0,
             length=1.0,
             rtol=self.rtol,
-            atol=self.rtol,
+            atol=np.full(d + 1 + m, self.rtol),
             max_steps=_MAX_STEPS,
             largest=np.full(d + 1 + m, np.inf),
             fewest_steps=self._fewest_steps(points),

@@ -21,7 +21,10 @@ _COSTLY = 256  # times the orbits that make a portion: a search can be stopped a
 
 _NONE, _NOWHERE = np.zeros(1, np.int64), np.zeros(1)
 _NO_TABLE = Table(0, _NONE, 0, 0, _NOWHERE, _NOWHERE, _NOWHERE, _NOWHERE)
-_NO_MOTION = Motion(0, _NONE, _NOWHERE, 0.0, 0.0, _NOWHERE, 0.0, 0.0, 0.0, _NONE, 0, 0, 0, 0, 0.0, 0)
+_NO_MOTION = Motion(
+    0, _NONE, _NOWHERE, 0.0, 0.0, _NOWHERE, 0.0, _NOWHERE, 0.0, _NONE, 0, 0, 0, 0, 0.0, 0, 0.0, 0.0, 0.0, _NOWHERE,
+    _NONE,
+)  # fmt: skip
 _NO_FUNCTION = Discrete(0, _NONE, _NOWHERE, 0.0)
 
 UNKNOWN_STEP = Step(_NO_TABLE, NOT_COMPILED, _NO_MOTION, _NO_FUNCTION, _NOWHERE, _NOWHERE)
@@ -40,6 +43,10 @@ class CompiledAdvance(ABC):
     def stages(self) -> int:
         """Evaluations of the right-hand side in a step of the integrator, or applications of the map."""
         return 1
+
+    def take_lost(self) -> list[int]:
+        """Return, once, the components that were too small to be known and then grew."""
+        return []
 
     @abstractmethod
     def __call__(self, orbits: Orbits, periods: int) -> None:
@@ -63,6 +70,13 @@ class FlowAdvance(CompiledAdvance):
     def stages(self) -> int:
         """Evaluations of the right-hand side in a step."""
         return self.motion.kernel.stages
+
+    def take_lost(self) -> list[int]:
+        """Return, once, the components that were below their tolerance for some periods and then grew."""
+        lost = self.motion.numbers.lost
+        found = np.flatnonzero(lost).tolist()
+        lost[:] = 0
+        return found
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
         """Move a batch of orbits on by some periods, in place."""
@@ -102,6 +116,7 @@ def recorded(
     compiled = advance if isinstance(advance, CompiledAdvance) else None
     step = UNKNOWN_STEP if compiled is None else compiled.step
     one_by_one = step.kind == NOT_COMPILED or step.table.function != 0
+    small = np.zeros(orbits.points.shape, np.uint8)
     for some in portions(periods, _COSTLY * len(orbits)):
         check_stop()
         points, rotations = np.empty((some, *orbits.points.shape)), np.empty((some, *orbits.points.shape), np.int64)
@@ -112,6 +127,6 @@ def recorded(
                 advance(orbits, 1)
                 points[k], rotations[k], status[k] = orbits.points, orbits.rotations, orbits.status
         else:
-            made = record(step, orbits.points, orbits.rotations, orbits.status, points, rotations, status)
+            made = record(step, orbits.points, orbits.rotations, orbits.status, small, points, rotations, status)
             orbits.work.evaluations += made * compiled.stages
         yield points, rotations, status

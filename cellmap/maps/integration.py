@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
@@ -16,8 +16,8 @@ from .._compiled.codegen.kernel import (
     switching_kernel,
     tangent_flow_kernel,
 )
-from .._compiled.kernels.blocks import LANES
-from .._compiled.kernels.periods import PROBE, Motion, integrate
+from .._compiled.kernels.blocks import LANES, wrap_rows
+from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate
 from .._lib.computed import computed_once
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
@@ -34,17 +34,22 @@ _FIRST = 64  # orbits, or periods of one orbit, that a compiled loop takes befor
 _GROWTH = 8
 _WORK_AT_ONCE = 2**21  # right-hand sides
 _SERIES = 16  # right-hand sides that take as long as a step of another method
+_RUNGS_TO_COMPARE = 3  # between numbers of steps whose images are compared; for own steps all that are climbed at once
+_AGREEMENT = 2.0  # two images differ by less than the tolerance over this
+_REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
+
+Turns = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def flow(
-    system: ForcedSystem, begin: float, length: float, rtol: float, atol: float, method: str, max_steps: int
+    system: ForcedSystem, begin: float, length: float, rtol: float, atol: ArrayLike, method: str, max_steps: int
 ) -> Flow:
     """Return the motion of a system from the time `begin` over a time `length`.
 
     The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
     """
-    turn, known = turns_of(system.axes)[1], formulas(system)
+    turn, known, floors = turns_of(system.axes)[1], formulas(system), np.full(system.dimension, atol, dtype=np.float64)
     warn_of_reversals(known)
     chosen = Flow(
         kernel=_kernel(known, method, rtol),
@@ -52,16 +57,18 @@ def flow(
         begin=begin,
         length=length,
         rtol=rtol,
-        atol=atol,
+        atol=floors,
         max_steps=max_steps,
         largest=np.where(turn > 0, 0.5 * turn, np.inf),
-        fewest_steps=_fewest_steps(known, length, max(rtol, atol)),
+        fewest_steps=_fewest_steps(known, length, max(rtol, float(floors.min()))),
         unknown_formulas=known.unknown,
+        keeps_zero=_keeps_zero(known, floors / length),
     )
     if known.unknown and not known.has_events:
         check_compiled("rhs", system.derivative, chosen.kernel.advance, system.dimension, chosen.parameters, _SHORT)
-    may_be_stiff = method == "auto" and known.plain is not None and not known.plain.has_branches
-    return _fitting(chosen, known) if may_be_stiff else chosen
+    if method == "auto" and known.plain is not None and not known.plain.has_branches:
+        chosen = _fitting(chosen, known)
+    return replace(chosen, checked=_checked(chosen, turns_of(system.axes)))
 
 
 _OWN_STEPS = 16.0  # for each equal step that is allowed
@@ -96,6 +103,39 @@ def _fitting(explicit: Flow, known: Formulas) -> Flow:
     return stiff if (missed_stiff, _ROSENBROCK_WORK * work_stiff) < (missed, work) else explicit
 
 
+_CHECKED = 1.0 / 1024  # fraction of the orbits
+_SCALES = (1.0, 10.0)
+_SURE = 0.4  # tolerances, an error up to which no other orbit is expected to miss one
+_FINER_STEPS = 1e-2
+_CLEAR = 1e-11  # tolerance from which on errors are clear of those of rounding
+
+
+def _checked(motion: Flow, turns: Turns) -> float:
+    """Return the fraction of orbits whose images are to be compared with those of more steps.
+
+    It is small, or all of them where the error of a sample of orbits, of some sizes and over two periods, comes near
+    the tolerance or beyond: the flow stretches errors more than the margin allows for, or steps pass over something.
+    """
+    rtol, atol = max(motion.rtol, _CLEAR), np.maximum(motion.atol, _CLEAR)
+    usual = replace(motion, max_steps=min(motion.max_steps, _TRIAL_STEPS), rtol=rtol, atol=atol)
+    finer = replace(usual, rtol=rtol * _FINER_STEPS, atol=atol * _FINER_STEPS)
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.normal(scale=s, size=(_SAMPLES // 4, len(motion.largest))) for s in _SCALES])
+    for _ in range(2):
+        wrap_rows(points, np.zeros(points.shape, np.int64), *turns)
+        found, precise = Orbits.starting(points.copy()), Orbits.starting(points.copy())
+        usual(found)
+        finer(precise)
+        both = (found.status == 0) & (precise.status <= INACCURATE)
+        rounded = ROUNDED * np.maximum(np.abs(points), np.abs(precise.points))[both].max(axis=1, keepdims=True)
+        points = precise.points[both]
+        sizes = np.minimum(np.abs(points), motion.largest)
+        ratios = (np.abs(found.points[both] - points) - rounded) / (atol + rtol * sizes)
+        if (ratios > _SURE).any():
+            return 1.0
+    return _CHECKED
+
+
 def _trial(motion: Flow, points: NDArray[np.float64]) -> tuple[int, int]:
     """Return how many of some orbits miss the tolerance in a period, and the steps of all."""
     orbits = Orbits.starting(points.copy())
@@ -116,7 +156,8 @@ def tangent_flow(
         return None
     largest = np.full(2 * system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
-    return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
+    floors = np.full_like(largest, tolerance)
+    return Flow(kernel, _values(system), begin, length, tolerance, floors, max_steps, largest, fewest)
 
 
 def jet_flow(
@@ -142,7 +183,8 @@ def jet_flow(
     tolerance *= _FINER if finer else 1.0
     largest = np.full((order + 1) * system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
-    return Flow(kernel, _values(system), begin, length, tolerance, tolerance, max_steps, largest, fewest)
+    floors = np.full_like(largest, tolerance)
+    return Flow(kernel, _values(system), begin, length, tolerance, floors, max_steps, largest, fewest)
 
 
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
@@ -188,6 +230,22 @@ def _forcing(known: Formulas) -> Iterator[NDArray[np.float64]]:
             yield samples
 
 
+def _keeps_zero(known: Formulas, least: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which components stay zero where they are, as numbers of a species do, or move less than `least`."""
+    system, rng, found = known.system, np.random.default_rng(0), np.ones(known.system.dimension, bool)
+    for j, axis in enumerate(system.axes):
+        for time in system.length * rng.uniform(size=3):
+            state = rng.uniform(-1.0, 1.0, system.dimension)
+            state[j] = 0.0
+            with np.errstate(all="ignore"):
+                try:
+                    rate = system.derivative(float(time), tuple(state.tolist()))[j]
+                except Exception:  # outside the domain of the function
+                    rate = np.nan
+            found[j] &= axis.period is None and abs(rate) <= 0.1 * least[j]
+    return found
+
+
 def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
     """Return half the number of the highest harmonic of samples of a period, shape (times, ...), at least 1.
 
@@ -222,21 +280,26 @@ class Flow:
     begin: float
     length: float
     rtol: float
-    atol: float
+    atol: NDArray[np.float64]
     max_steps: int
     largest: NDArray[np.float64]
     fewest_steps: int
     unknown_formulas: str = ""
+    checked: float = 0.0
+    keeps_zero: NDArray[np.bool_] | bool = False
 
     @computed_once
     def numbers(self) -> Motion:
         """The numbers that the integrator takes."""
-        ladder, tolerance = self._ladder, max(self.rtol, self.atol)
+        ladder, tolerance = self._ladder, max(self.rtol, float(self.atol.max()))
         margin = self.kernel.margin(tolerance)
+        climb = (4 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
+        compared = ((climb if self.kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
         context = self.kernel.advance.context
         if self.kernel.own_steps:
             longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
-            numbers = [self.rtol / margin, self.atol / margin, _OWN_STEPS * self.max_steps, longest, *self.largest]
+            floors = self.atol / margin
+            numbers = [self.rtol / margin, _OWN_STEPS * self.max_steps, longest, *self.largest, *floors]
             context = np.array(numbers, dtype=np.float64).view(np.int64)
         return Motion(
             function=self.kernel.advance.address,
@@ -251,10 +314,15 @@ class Flow:
             ladder=ladder,
             lowest=min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1),
             probe=int(np.searchsorted(ladder, PROBE)),
-            highest_climb=(1 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE,
+            highest_climb=climb,
             order=self.kernel.estimate_order,
             safety=_SAFETY,
             trial=self.kernel.trial,
+            checked=self.checked,
+            more=2.0 ** (compared * self.kernel.estimate_order) / _SAFETY,
+            agreement=_AGREEMENT / margin * (1.0 if self.checked == 1.0 else min(1.0, tolerance / _CLEAR)),
+            floor=np.where(self.keeps_zero, self.atol, 0.0),
+            lost=np.zeros(len(self.largest), np.int64),
         )
 
     @property
@@ -269,8 +337,9 @@ class Flow:
         errors, numbers = np.zeros_like(x), np.full(len(x), steps)
         self.kernel.advance(x, numbers, self.begin, self.length, self.parameters, errors)
         sizes = np.minimum(np.abs(x), self.largest[:, np.newaxis])
+        floors = motion.atol[:, np.newaxis]
         with np.errstate(invalid="ignore", over="ignore"):
-            ratios = (errors / (motion.atol + motion.rtol * sizes)).max(axis=1).ravel()[: len(points)]
+            ratios = (errors / (floors + motion.rtol * sizes)).max(axis=1).ravel()[: len(points)]
         ratios = np.where(ratios < 1e300, ratios, np.inf)
         return float(np.sort(steps * (motion.safety * ratios) ** (1.0 / motion.order))[len(points) * 9 // 10])
 
@@ -289,10 +358,11 @@ class Flow:
         begin, size, pace = 0, _FIRST, 1
         while begin < len(orbits):
             part = orbits[begin : begin + size]
+            small = np.zeros(part.points.shape if periods > _REGROWN else (0, 0), np.uint8)
             done, some = 0, max(1, _FIRST // len(part))
             while done < periods:
                 some = min(some, periods - done)
-                steps = integrate(self.numbers, part.points, part.rotations, part.status, lower, turn, some)
+                steps = integrate(self.numbers, part.points, part.rotations, part.status, small, lower, turn, some)
                 orbits.work.evaluations += steps * self.kernel.stages
                 done += some
                 pace = max(1, steps // some)  # of a period of these orbits

@@ -37,7 +37,7 @@ def flow_map(
     system: ForcedSystem,
     time: float,
     rtol: float = 1e-9,
-    atol: float = 1e-9,
+    atol: ArrayLike | Mapping[str, float] = 1e-9,
     method: str = "auto",
     max_steps: int = MAX_STEPS,
 ) -> PointMap:

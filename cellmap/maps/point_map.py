@@ -215,6 +215,7 @@ class PointMap(ShownAsHtml):
         """
         images = follow(self, points, periods, progress, client)
         warn_of_tolerance(images.status, self.name, self.unknown_formulas)
+        warn_of_small_states(self)
         return images
 
     @checked
@@ -237,6 +238,7 @@ class PointMap(ShownAsHtml):
         """
         images = history(self, points, periods, progress)
         warn_of_tolerance(images.status[-1], self.name, self.unknown_formulas)
+        warn_of_small_states(self)
         return images
 
     @checked
@@ -357,5 +359,17 @@ def warn_of_tolerance(status: NDArray[np.uint8], name: str, unknown: str = "") -
         warn_caller(
             f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so. "
             + (f"Branches are not located, for {unknown}" if unknown else remedy),
+            ToleranceWarning,
+        )
+
+
+def warn_of_small_states(point_map: PointMap) -> None:
+    """Warn of coordinates that fell below their absolute tolerance and grew again: by how much is not known."""
+    take_lost = getattr(point_map.advance, "take_lost", None)
+    if take_lost and (lost := [point_map.coordinates[j].name for j in take_lost()]):
+        warn_caller(
+            f"{', '.join(lost)} of {point_map.name} fell below its atol for some time and grew again: what became of "
+            f"it is not known. Give a smaller atol for this coordinate, atol={{{lost[0]!r}: ...}}, "
+            "below its smallest values times rtol, or make its logarithm the coordinate",
             ToleranceWarning,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,7 +101,7 @@ def trajectory(
     samples_per_period: int = 64,
     phase: float = 0.0,
     rtol: float = 1e-9,
-    atol: float = 1e-9,
+    atol: ArrayLike | Mapping[str, float] = 1e-9,
     method: str = "auto",
     max_steps: int = 16384,
     progress: bool = False,
@@ -125,8 +125,8 @@ def trajectory(
         States recorded in each period.
     phase : float, optional
         Phase of the forcing at the initial time, as a fraction of the period.
-    rtol, atol : float, optional
-        Relative and absolute tolerance of one period, at least 1e-14.
+    rtol, atol
+        Relative and absolute tolerance of one period, as for :func:`stroboscopic_map`.
     method : {"auto", "DOP853", "RK45", "Taylor"}, optional
         Integration method, as for :func:`stroboscopic_map`.
     max_steps : int, optional
@@ -219,7 +219,7 @@ def integrate(
     begin: float,
     duration: float,
     rtol: float = 1e-9,
-    atol: float = 1e-9,
+    atol: ArrayLike | Mapping[str, float] = 1e-9,
     method: str = "auto",
     max_steps: int = MAX_STEPS,
 ) -> Iterate:
@@ -235,8 +235,8 @@ def integrate(
         Initial time, in the unit of the period.
     duration : float
         Time over which the system is integrated, above 0.
-    rtol, atol : float, optional
-        Relative and absolute tolerance of the final states, at least 1e-14.
+    rtol, atol
+        Relative and absolute tolerance of the final states, as for :func:`stroboscopic_map`.
     method : {"auto", "DOP853", "RK45", "Taylor"}, optional
         Integration method, as for :func:`stroboscopic_map`.
     max_steps : int, optional
@@ -281,6 +281,7 @@ def integrate(
 def _between_samples(spec: Stroboscopic, samples: int) -> list[Callable[[Orbits], None]]:
     """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
     length, method = spec.system.length / samples, spec.motion.kernel.method
-    rtol, atol = (max(tolerance / samples, _FINEST) for tolerance in (spec.rtol, spec.atol))
+    rtol = max(spec.rtol / samples, _FINEST)
+    atol = np.maximum(np.divide(spec.atol, samples), np.minimum(spec.atol, _FINEST))
     first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
     return [replace(first, begin=first.begin + k * length) for k in range(samples - 1)]

@@ -100,8 +100,8 @@ def test_order_five_on_a_nonlinear_forced_equation() -> None:
         x = np.full((1, 1, 32), 0.6)
         errors, steps = np.zeros_like(x), np.ones(1, np.int64)
         kernel = motion.kernel.advance
-        numbers = np.array([tolerance, tolerance, 1e6, np.inf, np.inf]).view(np.int64)
-        assert len(numbers) == NUMBERS + 1
+        numbers = np.array([tolerance, 1e6, np.inf, np.inf, tolerance]).view(np.int64)
+        assert len(numbers) == NUMBERS + 2
         type(kernel)(kernel.address, kernel.code, numbers)(x, steps, 0.0, 2.0, motion.parameters, errors)
         pairs.append((float(steps[0]), abs(float(x[0, 0, 0]) - exact)))
     steps_taken, found = np.log(np.array(pairs)).T

@@ -1,9 +1,9 @@
 """Frame of integrators in which each lane has a step of its own: one period of many initial conditions.
 
 The function has the signature that :mod:`cellmap._compiled.codegen.period` describes.  What it is called with besides
-is its context, numbers all: relative and absolute tolerance, the largest number of steps, the longest step, and for
-each component the size up to which it counts in the relative tolerance.  In the place of a number of steps, a block has
-the number by which the tolerance of a single step is divided.
+is its context, numbers all: the relative tolerance, the largest number of steps, the longest step, for each component
+the size up to which it counts in the relative tolerance, and for each its absolute tolerance.  In the place of a number
+of steps, a block has the number by which the tolerance of a single step is divided.
 
 A step is as long as its own error allows, and refused where that was too long.  Its error counts as far as later steps
 do not damp it; the sum of that is what ``error`` receives.  It is infinite for a lane that has not come to the end.
@@ -20,7 +20,7 @@ from .period import ARGUMENTS, CompiledPeriod, blocks_of_orbits, lanes_in_use, p
 from .rosenbrock import OwnStepCode
 from .statements import Scope, translate
 
-NUMBERS = 4
+NUMBERS = 3
 """Numbers of the context before those of the components."""
 
 _FIRST = 1e-4  # of the period, a step that grows or shrinks soon
@@ -40,8 +40,9 @@ def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: in
     out, components = Instructions(width), range(dimension)
     times, lengths = out.array(LANES), out.array(LANES)
     once = parameter_scope(out, parameters)
-    once |= {name: out.load(out.address("%context", i)) for i, name in enumerate(("rtol", "atol", "limit", "longest"))}
+    once |= {name: out.load(out.address("%context", i)) for i, name in enumerate(("rtol", "limit", "longest"))}
     once |= {f"largest{j}": out.load(out.address("%context", NUMBERS + j)) for j in components}
+    once |= {f"atol{j}": out.load(out.address("%context", NUMBERS + dimension + j)) for j in components}
     once |= {"period": Value("%period"), "end": out.binary("fadd", Value("%start"), Value("%period"))}
     translate(out, [f"first = period * {_FIRST!r}", f"least = period * {_SHORTEST!r}", *code.once], once)
     limit = out.result(f"fptosi double {once['limit'].text} to i64").text
@@ -96,7 +97,7 @@ def _after(dimension: int) -> list[str]:
     """Write what becomes of a step: taken or refused, and how long the next one is to be."""
     components = range(dimension)
     lines = [
-        f"z{j} = atol + rtol * simd_math.fmin(simd_math.fmax(abs(x{j}), abs(y{j})), largest{j})" for j in components
+        f"z{j} = atol{j} + rtol * simd_math.fmin(simd_math.fmax(abs(x{j}), abs(y{j})), largest{j})" for j in components
     ]
     # A state that is not finite makes the sum NaN.
     total = " + ".join(f"abs(e{j}) / z{j} + 0.0 * y{j}" for j in components)

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from .derivative import along
 from .emit import assignment, dot
 from .expression import Expression, in_order
-from .runge_kutta import stage_namer
+from .resolution import as_error, excess, largest, layers
+from .runge_kutta import apart, stage_namer
 from .trace import CONSTANT, STATEFUL, Trace
 
 GAMMA = 0.21193756319429014
@@ -106,6 +107,12 @@ def rosenbrock_steps(trace: Trace) -> OwnStepCode:
         lines += matrix.solution("r", f"k{stage}_")
     lines += [f"y{j} = s{last}_{j} + k{last}_{j}" for j in range(size)]
     lines += [f"e{j} = k{last}_{j}" for j in range(size)]
+    sharp = []
+    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
+        places = [stage_namer(levels, k, str(k))(argument) for k in apart(_NODES)]
+        lines += excess(str(number), places, scale)
+        sharp.append(f"sharp{number}")
+    lines += as_error(largest(sharp), "e0") if sharp else ()
     for power in range(len(_PASSAGE)):
         source = f"q{power - 1}_" if power else "a"
         lines += [f"r{j} = g * {source}{j}" for j in range(size)]

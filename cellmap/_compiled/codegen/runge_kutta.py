@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from .emit import assignment, dot, input_name
 from .expression import Expression, in_order
 from .lanes import StepCode
+from .resolution import as_error, excess, largest, layers
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
 
@@ -51,7 +52,22 @@ def traced_steps(trace: Trace, tableau: Tableau) -> StepCode:
         per_lane += [assignment(n, name, STATEFUL) for n in nodes if levels[n] == STATEFUL and n.arguments]
         per_lane += [f"k{stage}_{j} = {name(e)}" for j, e in enumerate(trace.outputs)]
     per_lane += _finish(tableau, len(trace.states))
+    sharp = []
+    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
+        places = [stage_namer(levels, k, moments[tableau.nodes[k]])(argument) for k in apart(tableau.nodes)]
+        (per_step if levels[argument] == TIMED else per_lane).extend(excess(str(number), places, scale))
+        sharp.append(f"sharp{number}")
+    per_lane += as_error(largest(sharp), "e0") if sharp else ()
     return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
+
+
+def apart(nodes: Sequence[float]) -> list[int]:
+    """Return the numbers of stages in the order of their times, of those that are close together only one."""
+    chosen = [0]
+    for k in sorted(range(len(nodes)), key=lambda k: nodes[k]):
+        if nodes[k] > nodes[chosen[-1]] + 0.1:
+            chosen.append(k)
+    return chosen
 
 
 def called_steps(dimension: int, parameters: int, tableau: Tableau) -> StepCode:

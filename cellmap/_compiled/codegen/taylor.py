@@ -8,13 +8,14 @@ everything that depends on time alone is computed once for all lanes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from .emit import assignment, dot, in_chains, input_name, library
 from .evaluation import ROUNDING
 from .expression import ANALYTIC, Expression, in_order
 from .lanes import StepCode
+from .resolution import Scale, as_error, largest, layers, limited
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
 MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
@@ -50,6 +51,11 @@ def taylor_steps(trace: Trace, order: int) -> StepCode:
         per_lane += [*series.at_order(STATEFUL, k), *series.next_of_states(k, moving_states)]
     for j in moving_states:
         per_lane += [f"y{j} = x{j} + {series.change(j)}", f"e{j} = {series.local_error(j)}"]
+    sharp = []
+    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
+        (per_step if levels[argument] == TIMED else per_lane).extend(series.excess(str(number), argument, scale))
+        sharp.append(f"sharp{number}")
+    per_lane += as_error(largest(sharp), f"e{moving_states[0]}") if sharp else ()
     return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
 
 
@@ -110,6 +116,12 @@ class Series:
     def local_error(self, j: int) -> str:
         """Estimate of the error of a step in a state."""
         return f"abs(s{j}_{self.order}) + 0.5 * abs(s{j}_{self.order - 1})"
+
+    def excess(self, number: str, argument: Expression, scale: Scale) -> Iterator[str]:
+        """Write by what factor a step is too long for a function whose layer its argument may pass."""
+        first, terms = self.name(argument, 0), [self.name(argument, k) for k in range(1, self.order)]
+        moved = " + ".join(f"abs({term})" for term in terms if term) or "0.0"
+        return limited(number, moved, first, first, scale)
 
     def _statements(self, node: Expression, k: int, level: int) -> list[str]:
         target, number = self.name(node, k), self.numbers[node]

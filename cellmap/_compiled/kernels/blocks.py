@@ -28,11 +28,17 @@ def pack(points, members, blocks):
                 blocks[b, j, i] = points[row, j]
 
 
+UNRESOLVED, RESOLVED_AGAIN = 1e190, 1e290
+"""Between these, errors stand for steps that pass over what they do not see, as written in
+:mod:`cellmap._compiled.codegen.resolution`."""
+
+
 @loop
-def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
+def unpack(blocks, errors, members, images, ratios, largest, rtol, atol, order):
     """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
 
-    A ratio of BLOWN_UP, as the error of the first component, stands for a state that more steps would not save.
+    A ratio of BLOWN_UP, as the error of the first component, stands for a state that more steps would not save.  Where
+    steps are too long to see something, the ratio asks for as many as they are too long, by errors of that order.
 
     The relative part of the tolerance refers to abs(x), but to no more than `largest`: half the period of an angle.
     """
@@ -42,7 +48,10 @@ def unpack(blocks, errors, members, images, ratios, largest, rtol, atol):
         for j in range(images.shape[1]):
             x = blocks[b, j, i]
             images[row, j] = x
-            ratio = errors[b, j, i] / (atol + rtol * min(abs(x), largest[j]))
+            error = errors[b, j, i]
+            ratio = error / (atol[j] + rtol * min(abs(x), largest[j]))
+            if UNRESOLVED < error < RESOLVED_AGAIN:
+                ratio = max((error / 1e200) ** (0.125 * order), 1.1)
             # A NaN wins and stays: no comparison with it is true.
             worst = ratio if ratio > worst or ratio != ratio else worst
             worst = worst if abs(x) < np.inf else np.nan

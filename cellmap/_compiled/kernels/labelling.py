@@ -177,7 +177,9 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
 def apply_exact_map(step, points, rotations, status, periods):
     """Move orbits on by some periods of a compiled map, flow or function; return the steps or applications made."""
     if step.kind == FLOW:
-        return integrate(step.motion, points, rotations, status, step.lower, step.turn, periods)
+        return integrate(
+            step.motion, points, rotations, status, np.empty((0, 0), np.uint8), step.lower, step.turn, periods
+        )  # fmt: skip
     f = step.discrete
     return iterate(
         f.function, f.context, f.parameters, f.bound, points, rotations, status, step.lower, step.turn, periods

@@ -21,6 +21,14 @@ from .step_numbers import MISSED, next_rungs, sort_by_rung
 INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
 """What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
+UNCHECKED, CHOSEN, COMPARED, DIFFERED = range(4)
+"""Whether an orbit is integrated with a second number of steps: no, yes, it was, or with more still."""
+
+ROUNDED = 2.0**-48
+"""What rounding may add in a period, as a part of the largest component: no tolerance is held to it."""
+
+_SPLIT = 134217729.0  # 2**27 + 1: what is left of a product with it are the last digits of a number (Veltkamp 1968)
+
 PROBE = 16
 """One step of this part of the time tells how many steps the whole of it will take."""
 
@@ -38,8 +46,10 @@ class Motion(NamedTuple):
         Time at which the period begins, and its length.
     largest : ndarray, shape (d,)
         Size up to which a component counts in the relative tolerance.
-    rtol, atol : float
-        Tolerances of the error estimate.
+    rtol : float
+        Relative tolerance of the error estimate.
+    atol : ndarray, shape (d,)
+        Absolute tolerance of it, for each component.
     digit : float
         Ratio of error to tolerance from which on an image has no right digit.
     ladder : ndarray of int64
@@ -52,6 +62,16 @@ class Motion(NamedTuple):
         Factor by which the expected error of the chosen steps is under the tolerance.
     trial : int
         Number of steps that asks for one step whose error alone is wanted.
+    checked : float
+        Fraction of the orbits whose images are compared with those of more steps.
+    more : float
+        Ratio that asks for these.
+    agreement : float
+        Difference of two images, in tolerances of the error estimate, as a ratio that has to be at most 1.
+    floor : ndarray, shape (d,)
+        Size below which nothing is known of a component that stays zero where it is; 0 for the others.
+    lost : ndarray of int64, shape (d,)
+        Receives 1 for a component that was smaller, and is larger again.
     """
 
     function: int
@@ -61,7 +81,7 @@ class Motion(NamedTuple):
     length: float
     largest: NDArray[np.float64]
     rtol: float
-    atol: float
+    atol: NDArray[np.float64]
     digit: float
     ladder: NDArray[np.int64]
     lowest: int
@@ -70,24 +90,35 @@ class Motion(NamedTuple):
     order: int
     safety: float
     trial: int
+    checked: float
+    more: float
+    agreement: float
+    floor: NDArray[np.float64]
+    lost: NDArray[np.int64]
 
 
 @loop
-def integrate(motion, points, rotations, status, lower, turn, periods):
+def integrate(motion, points, rotations, status, small, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
     An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, or has an angle without phase, has
     DIVERGED; one that is finite, but not at the end of the period or without a right digit, is OUT_OF_STEPS.
+
+    Which orbits are checked, by the images of two numbers of steps, follows from the digits of their states alone.
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
+    ``small`` (n, d) remembers which components are below their floor, see :func:`notice`; it may be empty.
     """
     n, d = points.shape
     initial, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
     living, members, ordered = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    taken, rungs = np.empty(n, np.int64), np.empty(n, np.int64)
+    taken, rungs, checks = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    earlier = np.empty((n if motion.checked > 0.0 else 0, d))
     ends = np.empty(motion.ladder.size, np.int64)
     blocks = np.empty((-(-n // LANES), d, LANES))
     errors, numbers = np.empty_like(blocks), np.empty(len(blocks), np.int64)
     total = 0
+    if small.size > 0:
+        notice(motion, points, status, small)
     for _ in range(periods):
         alive = _living(status, living)
         if alive == 0:
@@ -98,6 +129,7 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
             for j in range(d):
                 initial[k, j] = points[k, j]
             before[k, 0] = before[k, 1] = -1.0
+            checks[k] = CHOSEN if _is_chosen(initial, k, motion.checked) else UNCHECKED
         shortened = motion.length / PROBE
         _images(motion, initial, members[:alive], motion.trial, shortened, blocks, errors, numbers, points, ratios)
         total += alive
@@ -105,6 +137,17 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
             ratios[living[m]] *= PROBE
         left, first = alive, True
         while left > 0:
+            if motion.checked > 0.0 and not first:
+                for m in range(left):
+                    k = members[m]
+                    met = 0.0 <= ratios[k] <= 1.0
+                    if met and (checks[k] > CHOSEN or (checks[k] == CHOSEN and taken[m] < motion.ladder.size - 1)):
+                        ratios[k] = _disagreement(motion, initial, points, earlier, checks, before, k)
+                    elif checks[k] == COMPARED:
+                        # More steps do worse, as some do that meet several events at once: nothing to compare with.
+                        checks[k], ratios[k] = UNCHECKED, 0.0
+                        for j in range(d):
+                            points[k, j] = earlier[k, j]
             next_rungs(
                 members[:left], taken, ratios, before, motion.order, first, motion.lowest, motion.ladder, motion.safety,
                 motion.highest_climb, rungs,
@@ -135,7 +178,29 @@ def integrate(motion, points, rotations, status, lower, turn, periods):
         for m in range(alive):
             if status[living[m]] < ESCAPED:
                 _wrap(points, rotations, status, living[m], lower, turn)
+        if small.size > 0:
+            notice(motion, points, status, small)
     return total
+
+
+LARGE, SMALL = 1, 2
+"""What was seen of a component: that it was clear of its floor, and that it was below it thereafter."""
+
+
+@loop
+def notice(motion, points, status, small):
+    """Notice components that come clear of their floor again after they were below it."""
+    for k in range(status.size):
+        if status[k] >= ESCAPED:
+            continue
+        for j in range(points.shape[1]):
+            size, seen = abs(points[k, j]), small[k, j]
+            if size > 10.0 * motion.floor[j]:
+                if seen == SMALL:
+                    motion.lost[j] = 1
+                small[k, j] = LARGE
+            elif seen == LARGE and size < 0.1 * motion.floor[j]:
+                small[k, j] = SMALL
 
 
 @loop
@@ -176,6 +241,40 @@ def iterate(function, context, parameters, bound, points, rotations, status, low
 
 
 @inlined
+def _is_chosen(points, k, fraction):
+    """Choose a fraction of all orbits by the last digits of a sum of their coordinates."""
+    if fraction >= 1.0 or fraction <= 0.0:
+        return fraction >= 1.0
+    total, weight = 0.0, 0.7548776662466927
+    for j in range(points.shape[1]):
+        total += weight * points[k, j]
+        weight = 0.7548776662466927 * weight + 0.1
+    product = total * _SPLIT
+    first = product - (product - total)
+    digits = 1e11 * (total - first) / first
+    return digits - np.floor(digits) < fraction
+
+
+@inlined
+def _disagreement(motion, initial, points, earlier, checks, before, k):
+    """Compare an image with that of fewer steps, where there is one, and keep it; return a ratio as that of errors."""
+    worst, size = 0.0, 0.0
+    for j in range(points.shape[1]):
+        size = max(size, abs(points[k, j]), abs(initial[k, j]))
+    for j in range(points.shape[1]):
+        x = points[k, j]
+        difference = max(abs(x - earlier[k, j]) - ROUNDED * size, 0.0)
+        worst = max(worst, difference / (motion.atol[j] + motion.rtol * min(abs(x), motion.largest[j])))
+        earlier[k, j] = x
+    if checks[k] == CHOSEN:
+        checks[k] = COMPARED
+        before[k, 0] = before[k, 1] = -1.0
+        return motion.more
+    checks[k] = DIFFERED
+    return motion.agreement * worst
+
+
+@inlined
 def _living(status, living):
     """Write the numbers of those orbits that have a point; return how many there are."""
     alive = 0
@@ -199,7 +298,9 @@ def _images(motion, initial, members, steps, length, blocks, errors, numbers, im
     call_period(
         motion.function, motion.context, blocks, numbers, motion.begin, length, motion.parameters, errors, members.size
     )  # fmt: skip
-    unpack(blocks, errors, members, images, ratios, motion.largest, motion.rtol, motion.atol)
+    unpack(
+        blocks, errors, members, images, ratios, motion.largest, motion.rtol, motion.atol, motion.order
+    )  # fmt: skip
 
 
 @inlined

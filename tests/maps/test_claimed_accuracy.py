@@ -1,0 +1,250 @@
+"""An image whose status is OK is within its tolerance: narrow layers, steep fronts, large expansions, in closed form.
+
+Coordinates move steadily through the layers, so that what they leave behind is a known integral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, exp, pi, sin, tanh
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.special import erf, ive
+
+from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap.maps.point_map import ToleranceWarning, follow
+
+WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+METHODS = ("auto", "DOP853")
+Points = NDArray[np.float64]
+
+
+def bell(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    u = (x[0] - 0.3) / p.width
+    return 1.0, exp(-u * u) / p.width
+
+
+def after_bell(x: Points, width: float) -> Points:
+    passed = erf((x[:, 0] + 1.0 - 0.3) / width) - erf((x[:, 0] - 0.3) / width)
+    return np.stack([x[:, 0] + 1.0, x[:, 1] + 0.5 * np.sqrt(pi) * passed], axis=1)
+
+
+def bump(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    u, v = (x[0] - 0.3) / p.width, (x[2] - 0.2) / p.width
+    return 1.0, exp(-u * u - v * v) / p.width, 0.0
+
+
+def after_bump(x: Points, width: float) -> Points:
+    passed = erf((x[:, 0] + 1.0 - 0.3) / width) - erf((x[:, 0] - 0.3) / width)
+    kick = 0.5 * np.sqrt(pi) * passed * np.exp(-(((x[:, 2] - 0.2) / width) ** 2))
+    return np.stack([x[:, 0] + 1.0, x[:, 1] + kick, x[:, 2]], axis=1)
+
+
+def front(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    return 1.0, tanh((x[0] - 0.3) / p.width)
+
+
+def after_front(x: Points, width: float) -> Points:
+    def integral(q: Points) -> Points:
+        u = np.abs(q - 0.3) / width
+        return width * (u + np.log1p(np.exp(-2.0 * u)))
+
+    return np.stack([x[:, 0] + 1.0, x[:, 1] + integral(x[:, 0] + 1.0) - integral(x[:, 0])], axis=1)
+
+
+def sech(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    saturated = tanh((x[0] - 0.3) / p.width)
+    return 1.0, (1.0 - saturated * saturated) / p.width
+
+
+def after_sech(x: Points, width: float) -> Points:
+    passed = np.tanh((x[:, 0] + 0.7) / width) - np.tanh((x[:, 0] - 0.3) / width)
+    return np.stack([x[:, 0] + 1.0, x[:, 1] + passed], axis=1)
+
+
+def logistic(t: float, x: Any, p: Any) -> tuple[float, ...]:
+    return 1.0, 1.0 / (1.0 + exp(-(x[0] - 0.3) / p.width))
+
+
+def after_logistic(x: Points, width: float) -> Points:
+    def integral(q: Points) -> Points:
+        return width * np.logaddexp(0.0, (q - 0.3) / width)
+
+    return np.stack([x[:, 0] + 1.0, x[:, 1] + integral(x[:, 0] + 1.0) - integral(x[:, 0])], axis=1)
+
+
+Case = tuple[Callable[..., Any], Callable[[Points, float], Points], int]
+LAYERS: dict[str, Case] = {
+    "bell": (bell, after_bell, 2),
+    "bump": (bump, after_bump, 3),
+    "front": (front, after_front, 2),
+    "sech": (sech, after_sech, 2),
+    "logistic": (logistic, after_logistic, 2),
+}
+
+
+def off(images: Points, exact: Points, tolerance: float) -> Points:
+    """Largest error of each image, in tolerances, beside a few roundings."""
+    return np.asarray((np.abs(images - exact) / (tolerance * (1.0 + np.abs(exact)) + 1e-14)).max(axis=1))
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", LAYERS)
+def test_layers_in_the_state(name: str, method: str, tolerance: float) -> None:
+    rhs, after, dimension = LAYERS[name]
+    rng, seen = np.random.default_rng(0), 0
+    widths = WIDTHS if name != "logistic" else (0.1, 0.03, 0.01, 0.005, 0.003)  # beyond, exp overflows in Python
+    for width in widths:
+        points = rng.uniform(-0.6, 0.2, (24, dimension))
+        points[:, 2:] = 0.2 + width * rng.uniform(-1.0, 1.0, (24, dimension - 2))
+        system = ForcedSystem(rhs, {"width": width}, 1.0, tuple("qvy"[:dimension]))
+        found = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method), points, 1)
+        met = found.status == Status.OK
+        worst = off(found.points[met], after(points[met], width), tolerance).max(initial=0.0)
+        assert worst <= 1.0, width
+        seen += np.count_nonzero(met)
+    assert seen >= 24 * (len(WIDTHS) if method == "auto" and dimension == 2 else 3)
+
+
+def pulse(t: float, x: Any, p: Any) -> tuple[float]:
+    return (1e3 * exp(-2.0 * p.sharpness * sin(0.5 * t - 1.0) ** 2),)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_pulses_in_time(method: str) -> None:
+    """Over a period exp(k (cos t - 1)) adds up to 2 pi exp(-k) I_0(k), where k is large by its asymptotic series."""
+    for width in WIDTHS:
+        sharpness = 1.0 / width**2
+        system = ForcedSystem(
+            lambda t, x, p: (exp(-2.0 * p.sharpness * sin(0.5 * t - 1.0) ** 2) * 1e3,),
+            {"sharpness": sharpness},
+            2.0 * pi,
+            ("y",),
+        )
+        strength = ive(0, sharpness) if sharpness < 1e7 else (1.0 + 0.125 / sharpness) / np.sqrt(2.0 * pi * sharpness)
+        found = follow(stroboscopic_map(system, method=method), np.linspace(-1.0, 1.0, 8)[:, None], 1)
+        met = found.status == Status.OK
+        exact = np.linspace(-1.0, 1.0, 8)[:, None] + 2e3 * pi * strength
+        assert (off(found.points[met], exact[met], 1e-9) <= 1.0).all(), width
+
+
+@pytest.mark.parametrize("method", [*METHODS, "Taylor", "RK45"])
+def test_expansion_within_a_period(method: str) -> None:
+    """A saddle expands by up to 1e6 what lies off its stable direction; images are of order 1."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    tolerance = 1e-6 if method == "RK45" else 1e-9
+    for expansion in 10.0 ** np.arange(0, 7):
+        rate = np.log(expansion) + 1e-3
+        values = dict(zip("abcd", (turn @ np.diag([rate, -rate]) @ turn.T).ravel().tolist(), strict=True))
+        system = ForcedSystem(
+            lambda t, x, p: (p.a * x[0] + p.b * x[1], p.c * x[0] + p.d * x[1]), values, 1.0, ("x", "y")
+        )
+        own = np.random.default_rng(1).uniform(-1.0, 1.0, (16, 2)) * (np.exp(-rate), 1.0)
+        exact = (own * (np.exp(rate), np.exp(-rate))) @ turn.T
+        found = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method), own @ turn.T, 1)
+        met = found.status == Status.OK
+        assert met.any() or method == "RK45"
+        assert (off(found.points[met], exact[met], tolerance) <= 1.0).all(), expansion
+
+
+def test_expansion_that_is_lost_again() -> None:
+    """x' = a cos(t) (x - sin t) + cos t expands by exp(a) and contracts by as much: the image is the initial value."""
+    for rate in (1.0, 4.0, 8.0, 12.0):
+        system = ForcedSystem(
+            lambda t, x, p: (p.rate * cos(t) * (x[0] - sin(t)) + cos(t),), {"rate": rate}, 2.0 * pi, ("x",)
+        )
+        points = np.linspace(-1.0, 1.0, 9)[:, None]
+        found = follow(stroboscopic_map(system), points, 1)
+        met = found.status == Status.OK
+        assert (off(found.points[met], points[met], 1e-9) <= 1.0).all(), rate
+
+
+def test_front_that_is_followed() -> None:
+    """Against SciPy's Radau, to which its own tolerance of 1e-12 is a fraction of the one tested."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return 1.0 + tanh(1e4 * (0.5 + 0.2 * sin(t) - x[1])) - x[0] - x[1], x[0] - x[1]
+
+    images = {
+        (0.9, 0.5): (0.69992682885, 0.49997012717),
+        (1.5, -0.8): (0.68695030761, 0.49970653499),
+        (-0.5, 1.9): (0.72002475588, 0.49932106127),
+    }
+    found = follow(stroboscopic_map(ForcedSystem(rhs, {}, 2.0 * pi, ("x", "y"))), list(images), 1)
+    assert (found.status == Status.OK).all()
+    assert (off(found.points, np.array(list(images.values())), 1e-9) <= 1.0).all()
+
+
+def test_an_image_does_not_depend_on_its_company() -> None:
+    """All images of this map are compared with those of more steps, one by one as in a batch."""
+    system = ForcedSystem(
+        lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.1 * x[1] + 0.35 * cos(1.4 * t)), {}, 20.0 * pi / 1.4, ("q", "v")
+    )
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (40, 2))
+    together = follow(stroboscopic_map(system), points, 1)
+    for k in (0, 7, 39):
+        alone = follow(stroboscopic_map(system), points[k], 1)
+        assert (alone.points == together.points[k]).all()
+        assert alone.status == together.status[k]
+
+
+def test_long_expansions_are_within_the_tolerance_or_reported() -> None:
+    """Ten periods of a chaotic oscillator as one expand by up to 1e7; SciPy at a thousandth of the tolerance."""
+    system = ForcedSystem(
+        lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.1 * x[1] + 0.35 * cos(1.4 * t)), {}, 20.0 * pi / 1.4, ("q", "v")
+    )
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (300, 2))
+    tolerance = 1e-6
+    found = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), points, 1)
+    exact = follow(stroboscopic_map(system, rtol=1e-11, atol=1e-11, method="DOP853"), points, 1)
+    both = (found.status == Status.OK) & (exact.status == Status.OK)
+    assert both.sum() > 250
+    assert (off(found.points[both], exact.points[both], tolerance) <= 1.0).all()
+    for k in range(3):
+        checked = solve_ivp(system.fun, (0.0, system.length), points[k], method="DOP853", rtol=3e-14, atol=1e-14)
+        assert off(exact.points[k : k + 1], checked.y[:, -1][None], tolerance) <= 0.1
+
+
+# Absolute tolerances
+
+
+def epidemic(t: float, x: Any, p: Any) -> tuple[float, float]:
+    infections = 1800.0 * (1.0 + 0.1 * cos(2.0 * pi * t)) * x[0] * x[1]
+    return 0.02 * (1.0 - x[0]) - infections, infections - 100.02 * x[1]
+
+
+def test_a_coordinate_below_its_tolerance_is_reported() -> None:
+    """Between epidemics the infected fraction is 4e-13; SciPy's DOP853, to 1e-12 and 1e-22, knows what follows."""
+    system, start = ForcedSystem(epidemic, {}, 1.0, ("S", "I")), (0.06, 1e-3)
+    with pytest.warns(ToleranceWarning, match=r"I of epidemic fell below its atol .* atol=\{'I'"):
+        stroboscopic_map(system, method="DOP853").iterate(start, 6)
+    with pytest.warns(ToleranceWarning, match="I of epidemic fell"):
+        stroboscopic_map(system, method="DOP853").orbit(start, 6)
+    exact = solve_ivp(system.fun, (0.0, 6.0), start, method="DOP853", rtol=1e-12, atol=1e-22).y[:, -1]
+    for atol in ({"I": 1e-22}, (1e-12, 1e-22)):
+        for method in ("DOP853", "Rosenbrock"):
+            strobe = stroboscopic_map(system, rtol=1e-11, atol=atol, method=method)
+            assert strobe.iterate(start, 6).points == pytest.approx(exact, rel=1e-3)
+            assert strobe.recipe["atol"] == (1e-9 if isinstance(atol, dict) else 1e-12, 1e-22)
+
+
+def test_oscillations_that_die_out_are_not_reported() -> None:
+    """Their coordinates pass zero and fall below every tolerance; warnings are errors here."""
+    system = ForcedSystem(lambda t, x, p: (x[1], -x[0] - p.damping * x[1]), {"damping": 0.3}, 1.6, ("q", "v"))
+    stroboscopic_map(system).iterate([1.0, 0.0], 300)
+    stroboscopic_map(system.with_params(damping=0.0)).orbit([1.0, 0.0], 50)
+
+
+def test_absolute_tolerances_that_do_not_fit() -> None:
+    system = ForcedSystem(epidemic, {}, 1.0, ("S", "I"))
+    with pytest.raises(ValueError, match="there is no 'R'; coordinates are S, I"):
+        stroboscopic_map(system, atol={"R": 1e-9})
+    with pytest.raises(ValueError, match="one for each of 2 coordinates"):
+        stroboscopic_map(system, atol=(1e-9, 1e-9, 1e-9))
+    with pytest.raises(ValueError, match="above 0"):
+        stroboscopic_map(system, atol=(1e-9, 0.0))
