@@ -63,6 +63,11 @@ def attractor_group(
         "point_attractor": ("point", np.repeat(np.arange(len(counts)), counts), {"instance_dimension": "attractor"}),
         "units": ("coordinate", _texts(c.unit or "1" for c in coordinates)),
         "grazing_distance": ("attractor", np.array([a.grazing_distance for a in attractors])),
+        "resolution": (
+            ("attractor", "coordinate"),
+            np.array([np.full(d, np.nan) if a.resolution is None else a.resolution for a in attractors]).reshape(-1, d),
+            {"long_name": "distance below which a chaotic attractor is not distinguished from another one"},
+        ),
         "number_of_multipliers": ("attractor", np.array([len(a.multipliers) for a in attractors], np.int64)),
         "number_of_exponents": ("attractor", np.array([len(a.exponents) for a in attractors], np.int64)),
         **_parts(attractors),
@@ -90,6 +95,7 @@ def attractors_of(group: Any, coordinates: tuple[Coordinate, ...]) -> Iterator[A
             exponents=found["exponents"][k, : found["number_of_exponents"][k]].copy(),
             coordinates=coordinates,
             grazing_distance=float(found["grazing_distance"][k]),
+            resolution=None if np.isnan(found["resolution"][k]).any() else found["resolution"][k].copy(),
             **{name: records[k] for name, records in parts.items() if k in records},
         )
 
