@@ -32,6 +32,10 @@ def divides(x: Any, p: Any) -> Any:
     return (x[1] if x[0] <= 0.5 else 1 / 0), -x[0] - x[1]
 
 
+def leaves_a_domain(x: Any, p: Any) -> Any:
+    return x[1], -x[0] - x[1] + 0.0 * math.log(1.0 if x[0] <= 0.5 else -1.0)
+
+
 def asks(x: Any) -> Any:
     if x > 0.5:
         raise LookupError(f"{x} is not there")
@@ -67,7 +71,17 @@ def rounds_huge_numbers(x: Any, p: Any) -> Any:
     return x[1], -x[0] - x[1] + 0.0 * TABLE[int(x[0] * (1e300 if x[0] > 0.5 else 1.0)) % 2]
 
 
-FUNCTIONS = [raises, asserts, divides, asks_another, loops, indexes, indexes_an_array, divides_whole_numbers]
+FUNCTIONS = [
+    raises,
+    asserts,
+    divides,
+    leaves_a_domain,
+    asks_another,
+    loops,
+    indexes,
+    indexes_an_array,
+    divides_whole_numbers,
+]
 
 
 def points() -> NDArray[np.float64]:

@@ -120,7 +120,8 @@ def _is_meant(error: Exception) -> bool:
         place = place.tb_next
     code, module = place.tb_frame.f_code, place.tb_frame.f_globals.get("__name__", "")
     raised = code.co_code[place.tb_lasti] == dis.opmap["RAISE_VARARGS"]
-    return raised and module.partition(".")[0] not in {"cellmap", "numpy", "scipy"}
+    outside_of_domain = isinstance(error, ValueError) and module == elementary_functions.__module__
+    return outside_of_domain or (raised and module.partition(".")[0] not in {"cellmap", "numpy", "scipy"})
 
 
 @functools.lru_cache(maxsize=256)
