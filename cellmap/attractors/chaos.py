@@ -15,6 +15,7 @@ from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover, Kind
+from ..orbits.invariant_circle import drift
 from ..orbits.lyapunov import stretched
 from ..orbits.lyapunov_qr import BLOCKS, is_positive
 from ..orbits.newton import resolution
@@ -88,6 +89,9 @@ def examine(
     _, reasons = _tested(point_map, chosen, reach, _EXPONENT_PERIODS)
     chaotic = reasons == Reason.TRANSIENT
     if not chaotic.any():
+        rows = np.flatnonzero(reasons == Reason.REGULAR)
+        if len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
+            reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
     rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
     followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)

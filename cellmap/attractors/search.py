@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import affordable_number, whole_number
+from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from ..maps.coordinates import state_points, turns_of, wrap
@@ -22,10 +23,10 @@ from .equilibria import sticking_sets
 from .examined import Examined
 from .guesses import LOOKED_AT, guesses_of
 from .joined_continua import joined_continua
-from .labels import Label
+from .labels import LABEL_NAMES, Label
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
-from .transients import Late, regular
+from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import trapping_neighbourhood
 
 _LOOKS = 256  # looks at the same orbits, at most
@@ -71,6 +72,11 @@ def find_attractors(
         Attractors in an order that does not depend on the initial conditions: fixed points, periodic, rotating,
         sticking sets, continua of cycles, quasi-periodic, chaotic.
 
+    Warns
+    -----
+    UnsettledWarning
+        If none is found: with how orbits end, the cause as seen in a few of them, and a remedy.
+
     Examples
     --------
     >>> from cellmap import discrete_map
@@ -90,9 +96,12 @@ def find_attractors(
     found = search(
         point_map, states, attractors, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
     )
-    attractors = found.attractors
+    attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
-        attractors = [*attractors, *found.examined(point_map, states, extent).attractors]
+        examination = found.examined(point_map, states, extent)
+        attractors, reasons = [*attractors, *examination.attractors], examination.reasons
+    if not attractors:
+        warn_caller(_nothing_found(found.labels, reasons, max_periods), UnsettledWarning)
     return tuple(sorted(joined_continua(point_map, attractors)[0], key=sort_key))
 
 
@@ -148,6 +157,16 @@ def search(
         if last:
             break
     return Searched(orbits, attractors, age, labels, times)
+
+
+def _nothing_found(labels: NDArray[np.int64], reasons: Sequence[Reason], max_periods: int) -> str:
+    """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
+    ended = [f"{np.count_nonzero(labels == k)} {name}" for k, name in LABEL_NAMES.items() if (labels == k).any()]
+    text = f"no attractor was found from {len(labels)} initial conditions: {', '.join(ended)}"
+    if not reasons:
+        return f"{text}; take initial conditions whose orbits stay"
+    cause, count = Counter(reasons).most_common(1)[0]
+    return f"{text}; {count} of {len(reasons)} examined: {cause}; {REMEDIES[cause].format(max_periods)}"
 
 
 def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:

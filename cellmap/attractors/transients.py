@@ -36,12 +36,35 @@ class Reason(StrEnum):
     CREEPING = "creep to rest, ever more slowly"
     ENDING = "escapes or diverges after more periods"
     PERIODIC = "on a periodic orbit that is not verified to attract"
+    RESONANT = "drift slowly along a closed curve, close to a resonance"
     PRESERVED = "not chaotic, and volumes do not shrink"
     TORUS = "three or more Lyapunov exponents are nearly zero: slow convergence, or a torus of as many frequencies"
     CONSERVATIVE = "chaotic, but volumes do not shrink"
     TRANSIENT = "chaotic transient"
     KNOWN = f"on a known chaotic attractor, for less than {RESIDENCE} periods"
     VISITING = "visits a known chaotic attractor without staying"
+
+
+_MORE = "raise max_periods={}"
+REMEDIES = {
+    Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
+    Reason.LATE: _MORE,
+    Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
+    Reason.ENDING: _MORE,
+    Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
+    Reason.RESONANT: "change a parameter a little, so that the rotation number moves away from the resonance",
+    Reason.PRESERVED: "there is no attractor to be found: add damping",
+    Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
+    Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
+    Reason.TRANSIENT: _MORE,
+    Reason.KNOWN: _MORE,
+    Reason.VISITING: _MORE,
+}
+"""What helps where orbits are undecided for some reason; the periods that were allowed are to be filled in."""
+
+
+class UnsettledWarning(UserWarning):
+    """Many initial conditions have no attractor."""
 
 
 @dataclass(frozen=True, eq=False)

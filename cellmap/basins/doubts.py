@@ -14,12 +14,14 @@ from ..attractors.creeping import creeping
 from ..attractors.labels import Label
 from ..attractors.search import region_extent
 from ..attractors.settling import Catalogue, settle
-from ..attractors.transients import Reason
+from ..attractors.transients import REMEDIES, Reason
+from ..attractors.transients import UnsettledWarning as UnsettledWarning
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
 from ..orbits.attractor import Attractor, distinct_names
+from ..orbits.invariant_circle import drift
 from .initial_conditions import InitialConditions
 from .record import Basins, fractions_of
 
@@ -30,25 +32,6 @@ _SAMPLE = 1024  # initial conditions that show the size of a region
 _NEAR = 0.01  # distance from the points of an attractor, in units of the region
 _LOOKED_ON = 256  # periods after which the place where an orbit would rest has come to an attractor
 _TIME = 0.01370521  # in periods, at which no forcing jumps
-
-_MORE = "raise max_periods={}"
-_REMEDIES = {
-    Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
-    Reason.LATE: _MORE,
-    Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
-    Reason.ENDING: _MORE,
-    Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
-    Reason.PRESERVED: "there is no attractor to be found: add damping",
-    Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
-    Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
-    Reason.TRANSIENT: _MORE,
-    Reason.KNOWN: _MORE,
-    Reason.VISITING: _MORE,
-}
-
-
-class UnsettledWarning(UserWarning):
-    """Many initial conditions have no attractor."""
 
 
 def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
@@ -64,8 +47,8 @@ def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
 def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
     if Label.UNDECIDED in parts and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
-        examined, remedy = sum(basins.undecided.values()), _REMEDIES[Reason(cause)]
-        measured = _creep(basins) if cause == Reason.CREEPING else ""
+        examined, remedy = sum(basins.undecided.values()), REMEDIES[Reason(cause)]
+        measured = {Reason.CREEPING: _creep, Reason.RESONANT: _drift}.get(Reason(cause), lambda _: "")(basins)
         yield (
             f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
             f"{cause}{measured}; {remedy.format(basins.settings['max_periods'])}{_turning(basins)}"
@@ -86,14 +69,10 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
 
 def _creep(basins: Basins) -> str:
     """Tell how far some of the orbits that creep to rest move in a period, and where many of them would come to."""
-    point_map, undecided = basins.point_map, np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
+    point_map = basins.point_map
     if point_map is None:
         return ""
-    places, grid = InitialConditions(basins.grid, basins.initial_conditions), basins.grid
-    region = places.points(_spread(len(places), _SAMPLE)) if grid is None else np.array([grid.lower, grid.upper])
-    orbits = Orbits.starting(places.wrapped(undecided[_spread(len(undecided), _TRIED)], point_map))
-    point_map.advance(orbits, basins.settings["max_periods"])
-    extent = region_extent(point_map, region)
+    orbits, extent = _undecided(basins, point_map)
     slow = creeping(point_map, orbits.points[orbits.alive], extent)
     if not slow.found.any():
         return ""
@@ -107,6 +86,31 @@ def _creep(basins: Basins) -> str:
     where = f", many of them towards {names[np.bincount(known).argmax()]}" if len(known) else ""
     moves = np.median(slow.moves[slow.found])
     return f", by about {moves:.1g} in a period{where}"
+
+
+def _drift(basins: Basins) -> str:
+    """Tell near which resonance the first of some undecided orbits drifts, and how long it takes to come round."""
+    point_map = basins.point_map
+    if point_map is None:
+        return ""
+    orbits, extent = _undecided(basins, point_map)
+    alive = np.flatnonzero(orbits.alive)
+    near = drift(point_map.without_table, orbits.points[alive[0]], extent) if len(alive) else None
+    if near is None:
+        return ""
+    q, angles = near.denominator, [x for x, c in zip(near.numbers, basins.coordinates, strict=True) if c.is_angle]
+    what = ", ".join(f"{round(x * q)}/{q} ({x:.8g} full rotations a period)" for x in angles) or f"of {q} periods"
+    return f", {what}; they come round on it once in about {near.round:.1g} periods"
+
+
+def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, NDArray[np.float64]]:
+    """Return where some of the undecided orbits end, and the size of the region."""
+    undecided = np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
+    places, grid = InitialConditions(basins.grid, basins.initial_conditions), basins.grid
+    region = places.points(_spread(len(places), _SAMPLE)) if grid is None else np.array([grid.lower, grid.upper])
+    orbits = Orbits.starting(places.wrapped(undecided[_spread(len(undecided), _TRIED)], point_map))
+    point_map.advance(orbits, basins.settings["max_periods"])
+    return orbits, region_extent(point_map, region)
 
 
 def _beside(place: NDArray[np.float64], attractors: Sequence[Attractor], extent: NDArray[np.float64]) -> int:

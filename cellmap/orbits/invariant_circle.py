@@ -15,6 +15,13 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 
 _STAGES = ((512, 16), (2048, 64), (8192, 256))  # points of the orbit, and harmonics, one attempt after the other
+_SLOW_STAGES = ((32768, 64), (131072, 64))  # the same for orbits that drift slowly along a curve, near a resonance
+_RESONANCES = 64  # denominators up to which resonances are tried
+_DRIFT = 0.02  # largest way in as many steps, in units of the region, of an orbit that drifts slowly,
+_LASTING = 0.1  # and the least of its mean in the last quarter, in units of that in the first
+_UNIFORM = 0.5  # the same where nothing but the drift tells that the orbit comes round
+_SEEN = 1e-12  # least way that is no rounding
+_ROUNDS = 1.5  # in which an orbit passes all of the curve, however unevenly it drifts
 _GOOD = 1e-8  # invariance error that needs no further attempt,
 _SUFFICIENT = 1e-3  # and the largest one that is accepted,
 _PRECISE = 1e-11  # error of a rotation number that needs no longer orbit
@@ -88,23 +95,29 @@ def fitted_circle(
     An orbit of 512 points, or more if it is older than that, is ordered by their phases, with the rotation number that
     follows from its closest returns.  If this makes a curve, it gets a Fourier series, which has to satisfy the
     equation of invariance at phases between those of the orbit.  Four and sixteen times as many points follow, from
-    where the orbit is then, as long as the error falls.  The period is 0 where nothing hints at one.
+    where the orbit is then, as long as the error falls.  Near a resonance, where the orbit is on small parts of the
+    curve along which it drifts slowly, orbits are as long as it takes to come round, up to 131,072 points.  The period
+    is 0 where nothing hints at one.
     """
     orbits = Orbits.starting(state[None].copy())
     best: FittedCircle | None = None
     longest = min(1 << max(age - 1, 1).bit_length(), _STAGES[-1][0])
-    for least, harmonics in _STAGES:
-        number = max(least, longest)
+    stages, slow = list(_STAGES), False
+    while stages:
+        least, harmonics = stages.pop(0)
+        number = least if slow else max(least, longest)
         history, rotations = recorded_orbit(point_map, orbits, number)
         if not orbits.alive.all():
             return None, 0
-        period = _return(history, point_map, extent)
+        # On a longer orbit points come as close by chance.
+        period = _return(history[-_STAGES[-1][0] :], point_map, extent)
         if period:
             return None, period
         fitted, coarse = _fit(point_map, history, rotations, harmonics)
         if fitted is None:
-            if not coarse:
-                return None, 0
+            if not slow and (not coarse or not stages):
+                slow, near = True, resonance_of(history, point_map, extent)
+                stages = [] if near is None else [s for s in _SLOW_STAGES if s[0] >= _ROUNDS * near.round]
             continue
         if best is not None and fitted.circle.invariance_error > 0.5 * best.circle.invariance_error:
             break
@@ -146,6 +159,59 @@ def rational_within(number: float, error: float) -> int:
     q = np.arange(1, _LOCKED + 1)
     close = np.abs(number * q - np.round(number * q)) <= error * q
     return int(q[close][0]) if close.any() else 0
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A slow and steady drift of an orbit that all but comes back after some steps.
+
+    ``denominator``: those steps; ``round``: about how many steps it takes to come round on the whole curve; ``numbers``
+    (dimension,): full rotations per step of each coordinate, 0 for those that are no angles.
+    """
+
+    denominator: int
+    round: float
+    numbers: tuple[float, ...] = ()
+
+
+def resonance_of(
+    history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64], lasting: float = _LASTING
+) -> Resonance | None:
+    """Return the resonance near which an orbit (n, dimension) drifts along a closed curve, None where it does not.
+
+    It may drift unevenly, but must not slow down as an orbit does that comes to rest.
+    """
+    size = 2.0 * float((curve_size(history, point_map.coordinates) / extent).max())
+    for q in range(1, min(_RESONANCES, len(history) // 8) + 1):
+        shift = difference(history[q:], history[:-q], point_map.coordinates) / extent
+        ways = np.linalg.norm(shift, axis=1)
+        if ways.max() > _DRIFT:
+            continue
+        quarter, mean = len(ways) // 4, float(ways.mean())
+        goes_on = ways[-quarter:].mean() > lasting * ways[:quarter].mean() and mean > _SEEN
+        steady = goes_on and ((shift[q:] * shift[:-q]).sum(axis=1) > 0.0).all()
+        # Each of q parts of the orbit drifts over as much of the curve until it comes to where the next one was.
+        return Resonance(q, size / mean) if steady else None
+    return None
+
+
+def drift(point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64]) -> Resonance | None:
+    """Return the resonance near which the orbit of a state drifts slowly, with its rotation numbers; None for none."""
+    orbits = Orbits.starting(state[None].copy())
+    history, rotations = recorded_orbit(point_map, orbits, _STAGES[-1][0])
+    found = resonance_of(history, point_map, extent, _UNIFORM) if orbits.alive.all() else None
+    if found is None:
+        return None
+    # Whole rounds of all parts of the orbit weigh the same.
+    whole = (len(history) - 1) // found.denominator * found.denominator
+    turn = turns_of(point_map.coordinates)[1]
+    moved = difference(history[whole], history[0], point_map.coordinates) / np.where(turn > 0, turn, 1.0)
+    full = (
+        np.round((history[whole] - history[0]) / np.where(turn > 0, turn, 1.0) - moved)
+        + rotations[whole]
+        - rotations[0]
+    )
+    return replace(found, numbers=tuple(np.where(turn > 0, (full + moved) / whole, 0.0).tolist()))
 
 
 def bump(number: int) -> NDArray[np.float64]:

@@ -246,3 +246,36 @@ def test_followed_over_parameters(logistic_basins):
 def test_drawn(logistic_basins):
     assert plot.basins(logistic_basins).get_xlabel() == "x"
     assert "quasi-periodic, rotation number 0.156106" in logistic_basins.label_name(0)
+
+
+# --- near resonances
+
+
+def cogging(t, x, p):
+    return x[1], p.torque - 0.05 * x[1] - 0.4 * sin(6 * x[0]) + 0.2 * cos(2 * t)
+
+
+COGGING = ForcedSystem(cogging, {"torque": 0.15}, pi, (angle("theta"), "w"))
+
+
+@pytest.mark.parametrize(("torque", "rotations"), [(0.15, 1.49996), (0.15002, 1.50016)])
+def test_a_rotor_close_to_a_resonance(torque: float, rotations: float) -> None:
+    """Its orbit drifts by 1e-4 of the curve in two periods: 1.49996 full rotations a period (SciPy, 1e-10)."""
+    (curve,) = find_attractors(stroboscopic_map(COGGING.with_params(torque=torque)), [[0.1, 3.0]])
+    assert curve.kind is Kind.QUASIPERIODIC
+    assert curve.rotation_number[0] == pytest.approx(rotations, abs=5e-6)
+
+
+def test_a_resonance_that_is_too_close_is_named_and_the_remedy_helps() -> None:
+    point_map = stroboscopic_map(COGGING.with_params(torque=0.150004))
+    with pytest.warns(UserWarning, match=r"close to a resonance, 3/2 \(1.49999\d* full .* change a parameter a little"):
+        basins = find_basins(point_map, [[0.1, 3.0]])
+    assert basins.attractors == ()
+    assert find_attractors(point_map.with_params(torque=0.15002), [[0.1, 3.0]])[0].kind is Kind.QUASIPERIODIC
+
+
+@pytest.mark.parametrize("shift", [0.5, 0.5003])
+def test_a_locked_circle_is_periodic_however_slowly_orbits_come_to_rest(shift: float) -> None:
+    """At k = 0.1 the tongue of 1/2 reaches to 0.50040: its half-width is about k^2/(8 pi)."""
+    (cycle,) = find_basins(CIRCLE.with_params(shift=shift, k=0.1), STRIP).attractors
+    assert (cycle.kind, cycle.period) == (Kind.ROTATING, 2)

@@ -247,3 +247,16 @@ def test_orbits_at_rest_on_a_new_attractor_are_on_no_sticking_set(monkeypatch):
 def test_bad_arguments(initial_conditions, options, error, message):
     with pytest.raises(error, match=message):
         find_attractors(logistic(2.8), initial_conditions, **options)
+
+
+@pytest.mark.parametrize(
+    ("function", "cause"),
+    [
+        (lambda x, p: (2.0 * x[0] + 1.0,), "3 diverged; take initial conditions whose orbits stay"),
+        (lambda x, p: (-x[0],), "3 undecided; 3 of 3 examined: on a periodic orbit that is not verified"),
+        (lambda x, p: (x[0] - x[0] ** 3,), "not converged, .* raise max_periods=2000"),
+    ],
+)
+def test_a_search_that_finds_nothing_says_why(function, cause) -> None:
+    with pytest.warns(UserWarning, match=f"no attractor was found from 3 initial conditions: .*{cause}"):
+        assert find_attractors(discrete_map(function, {}, ("x",)), [[0.1], [0.2], [0.3]]) == ()
