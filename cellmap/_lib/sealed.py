@@ -31,6 +31,10 @@ class UnsealedError(StoreError):
     """An HDF5 file of something else, or of an older cellmap, that does not begin with a checksum."""
 
 
+class ChangedError(StoreError):
+    """A file that begins with a checksum, of contents that are others: damaged, or changed by another program."""
+
+
 ROOM = 512
 """Bytes of the block before the HDF5 file."""
 
@@ -200,10 +204,13 @@ def _verify(path: Path, unverified: bool) -> None:
         expected = _MAGIC + json.dumps({"bytes": size, "holes": holes, "sha256": found["sha256"]}).encode()
         if block != expected.ljust(ROOM, b"\0"):
             raise ValueError("its checksum is not written as cellmap writes it")
-        if size != os.fstat(handle).st_size:
+        changed = f"{str(path)!r} is damaged, or another program has changed it: "
+        if size > os.fstat(handle).st_size:
             raise ValueError(f"it had {size:,} bytes")
+        if size < os.fstat(handle).st_size:
+            raise ChangedError(f"{changed}it had {size:,} bytes")
         if found["sha256"] != _checksum(stream, size, holes):
-            raise ValueError("its contents are not those that were written")
+            raise ChangedError(f"{changed}its contents are not those that were written")
 
 
 def _checksum(stream: Any, size: int, holes: Sequence[Hole]) -> str:

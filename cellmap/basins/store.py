@@ -22,6 +22,7 @@ from .._lib.checks import claim_memory
 from .._lib.files import StoreError as StoreError
 from .._lib.files import as_path, as_target, written_whole
 from .._lib.sealed import (
+    ChangedError,
     UnsealedError,
     get_number,
     get_text,
@@ -222,7 +223,10 @@ def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins],
                 raise StoreError(f"{str(path)!r} has layout {schema} and this cellmap knows {SCHEMA}: update cellmap")
             if "digest" in file.attrs and get_text(file, "digest") != digest_of(file):  # of an older cellmap
                 raise ValueError("its contents are not those that were written")
-            names = list(file)
+            # What somebody else has put into the file is not looked at.
+            own = ("system", "settings", "labels", "attractors")
+            groups = {k: v for k, v in file.items() if isinstance(v, h5py.Group)}
+            names = [k for k, v in groups.items() if any(n in v.attrs or n in v for n in own)] or list(file)
             chosen = names[0] if name is None and len(names) == 1 else name
             if chosen in names:
                 return read(file[chosen])
@@ -231,6 +235,11 @@ def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins],
             f"{str(path)!r} is an HDF5 file, but not one of basins that cellmap wrote, or one of an older cellmap, "
             "without a checksum: if you trust where it comes from, load_basins(path, unverified=True) reads it; then "
             "save it again"
+        ) from error
+    except ChangedError as error:
+        raise StoreError(
+            f"{error}. If you have added attributes or arrays of your own, load_basins(path, unverified=True) reads "
+            "it; then save it again, for without its checksum damage is not noticed. Otherwise write it again"
         ) from error
     raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
 

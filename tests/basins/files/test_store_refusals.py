@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stored_basins import assert_same
 
-from cellmap import load_basins, save_basins
+from cellmap import CellGrid, discrete_map, find_basins, load_basins, save_basins
 from cellmap._lib.sealed import seal
 from cellmap.basins import StoreError
 
@@ -198,3 +198,30 @@ def test_something_that_is_no_image(wrong, tmp_path):
 def test_arguments_in_the_wrong_order(made, tmp_path):
     with pytest.raises(TypeError, match=r"basins|path"):
         save_basins(tmp_path / "b.h5", made["grid"])
+
+
+def own_attribute(file):
+    file.attrs["note"] = file["basins/labels"].attrs["note"] = "mine"
+
+
+def own_array(file):
+    file["mine"] = file["basins/mine"] = np.arange(3.0)
+
+
+def own_group(file):
+    file.create_group("laboratory").attrs["who"] = "me"
+
+
+@pytest.mark.parametrize("change", [own_attribute, own_array, own_group])
+def test_a_file_that_its_owner_has_added_to_is_read_when_asked_for_so(change, tmp_path):
+    halves = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    image = find_basins(halves, CellGrid((-1,), (1,), (8,)))
+    path = save_basins(image, tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(StoreError, match=r"another program has changed it.*unverified=True"):
+        load_basins(path)
+    again = load_basins(path, unverified=True)
+    np.testing.assert_array_equal(again.labels, image.labels)
+    save_basins(again, path)
+    assert load_basins(path).attractors[0].period == 1
