@@ -131,7 +131,9 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         search : bool, optional
             Search for attractors from the initial conditions that are drawn, over twice as many periods, and compare
             with the basins of these, each matched with the one whose labels agree most.  It takes several times as
-            long, and shares the map and the rules of the search.
+            long, and shares the map and the rules of the search.  By other rules, 64 orbits of each chaotic or
+            quasi-periodic attractor (all that are drawn, if one of these is elsewhere) are followed for four times as
+            long again: those whose averages differ from the others' are `separate`, and wrong.
         rng : int, numpy.random.Generator or None, optional
             Seed or generator of the random draw: with a seed, the default included, each call draws the same.
 

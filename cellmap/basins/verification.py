@@ -12,12 +12,15 @@ from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
 from ..attractors.labels import Label
+from ..attractors.mixing import unmixed
 from ..attractors.search import find_attractors
 from ..attractors.settling import Catalogue, settle
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor
+from ..orbits.attractor import Attractor, Kind
 from .initial_conditions import InitialConditions
+
+_FOLLOWED = 64  # orbits of a label, whose long-time averages are compared
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,9 @@ class Verification:
         What the comparison shares with the labels: nothing wrong with it is seen.
     searched : int or None
         Number of attractors that a search of its own found; None without one.
+    separate : int or None
+        Of the wrong ones, initial conditions whose label is a chaotic or quasi-periodic attractor, and whose orbits
+        have other long-time averages than others of this label: they did not come where these go.  None without search.
     """
 
     compared: int
@@ -55,6 +61,7 @@ class Verification:
     undecided: int = 0
     shared: tuple[str, ...] = ()
     searched: int | None = None
+    separate: int | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shared", tuple(self.shared))  # a list in files
@@ -89,7 +96,7 @@ def verified(
     """Compare labels (of all `initial_conditions`, flat) of `n` random ones with those of an exact map."""
     drawn = random_numbers(rng).integers(0, labels.size, n)
     drawn = drawn[~np.isin(labels[drawn], (Label.ESCAPED, Label.UNLABELLED))]
-    given, points = labels[drawn], initial_conditions.wrapped(drawn, exact)
+    given, points, listed = labels[drawn], initial_conditions.wrapped(drawn, exact), attractors
     if search and len(drawn):
         # Twice as long, and from other initial conditions: what merged by chance or haste comes out in another way.
         attractors, max_periods = find_attractors(exact, points, 2 * max_periods), 2 * max_periods
@@ -117,7 +124,8 @@ def verified(
     run_over(slices(len(drawn), CHUNK // 8), label)
     if search:
         found = _renamed(found, given)
-    wrong = int(np.count_nonzero(found != given))
+    separate = _separate(exact, listed, points, given, found, max_periods) if search else np.zeros(len(drawn), bool)
+    wrong = int(np.count_nonzero((found != given) | separate))
     undecided = int(np.count_nonzero((found == Label.UNDECIDED) & (given == Label.UNDECIDED)))
     return replace(
         Verification.of(wrong, len(drawn) - undecided, n - len(drawn), undecided),
@@ -125,7 +133,32 @@ def verified(
         if search
         else ("the attractors", "the formulas of the map"),
         searched=len(attractors) if search else None,
+        separate=int(np.count_nonzero(separate)) if search else None,
     )
+
+
+def _separate(
+    exact: PointMap,
+    attractors: Sequence[Attractor],
+    points: NDArray[np.float64],
+    given: NDArray[np.int16],
+    found: NDArray[np.int16],
+    periods: int,
+) -> NDArray[np.bool_]:
+    """Tell which orbits do not go where others go that have their label, by no rule of the search, shape (n,).
+
+    Some of each label are followed; all of them, if any of these is elsewhere.
+    """
+    separate = np.zeros(len(points), bool)
+    for k, attractor in enumerate(attractors):
+        if attractor.kind not in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
+            continue
+        rows = np.flatnonzero(given == k)
+        for some in (rows[:_FOLLOWED], rows):
+            separate[some] = unmixed(exact, points[some], found[some] == k, periods)
+            if not separate[some].any() or len(some) == len(rows):
+                break
+    return separate
 
 
 def _renamed(found: NDArray[np.int16], given: NDArray[np.int16]) -> NDArray[np.int16]:
