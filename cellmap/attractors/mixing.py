@@ -35,11 +35,14 @@ def unmixed(
     orbits = Orbits.starting(points.copy())
     point_map.advance(orbits, periods)
     rows = np.flatnonzero(orbits.alive)
+    found = np.ones(len(points), bool)
+    if not len(rows):
+        return found
     orbits, length = orbits[rows], max(LONG * periods // _BATCHES, 1)
     sums = np.zeros((_BATCHES, len(rows), 2 * point_map.dimension))
     squares = np.zeros(sums.shape[1:])
     turn = np.array([c.period or 0.0 for c in point_map.coordinates])
-    centre, width = (f(orbits.points, axis=0) if len(rows) else 0.0 for f in (np.median, np.std))
+    centre, width = (np.asarray(f(orbits.points, axis=0)) for f in (np.median, np.std))
     for batch in sums:
         check_stop()
         for _ in range(length):
@@ -47,7 +50,6 @@ def unmixed(
             value = _observed(orbits.points, centre, np.where(width > 0.0, width, 1.0), turn)
             batch += value
             squares += value * value
-    found = np.ones(len(points), bool)
     ended, rows = ~orbits.alive, rows[orbits.alive]
     if not len(rows):
         return found
