@@ -1,6 +1,8 @@
 """What holds the functions of switches at zero, as expressions: for all switches together, or for those that slide.
 
-second, ... place, and the right-hand side is evaluated once more for each place, on its other side there.
+For all together, equations in as many unknowns as there are switches are solved.  No more switches can slide at a time
+than there are coordinates, however: those that slide are put in a first, second, ... place, and the right-hand side is
+evaluated once more for each place, on its other side there.
 """
 
 from __future__ import annotations
