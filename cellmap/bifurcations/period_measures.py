@@ -90,9 +90,11 @@ def _signals(
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
     axes = [c.name for c in exact.coordinates]
-    column = quantity if isinstance(quantity, int) else axes.index(quantity) if quantity in axes else None
-    if column is not None and not -d <= column < d:
-        raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
+    column = axes.index(quantity) if isinstance(quantity, str) and quantity in axes else None
+    if isinstance(quantity, int):
+        if isinstance(quantity, bool) or not -d <= quantity < d:
+            raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
+        column = quantity
     if not isinstance(spec, Stroboscopic):
         if column is None:
             raise ValueError(f"quantity={shown(quantity)}: choose a coordinate of {exact!r}, one of {axes}")

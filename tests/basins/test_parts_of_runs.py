@@ -56,7 +56,7 @@ def test_points_of_the_same_extent_as_all():
 
 
 def test_look_ups_of_larger_tables_are_slower():
-    """Linear in the logarithm of the memory, and never faster than those of a smaller table."""
+    """Linear in the logarithm of the memory, and never faster than those of a smaller one."""
     square = CellGrid((0.0, 0.0), (1.0, 1.0), (64, 64))
     sizes = [table_memory(CellGrid((0.0, 0.0), (1.0, 1.0), (n, n)), 3) for n in (32, 128, 512)]
     known = {"order": 3, "cells": (32,), "errors": (1e-3,), "raw": (1e-3,), "surplus": 0.0}

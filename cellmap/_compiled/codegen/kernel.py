@@ -256,7 +256,8 @@ def _tableau(method: Method) -> Any:
 def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
     """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
     text = lane_module(code, dimension, len(names))
-    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)} | {"int": ForNumba(whole)}
+    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)}
+    table |= simd_math.WITHOUT_CALLS | {"int": ForNumba(whole)}
     try:
         with COMPILING:
             scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}

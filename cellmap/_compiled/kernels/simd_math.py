@@ -64,6 +64,39 @@ def cos(x):
     return math.cos(x) if abs(x) >= LARGEST_ANGLE else s
 
 
+# Where a call would keep numba from making vectors: pi in four parts, of which three have 26 significant bits each.
+PI_IN_FOUR = (3.1415926218032837, 3.1786509424591713e-08, 1.2246467864107189e-16, 1.27366343270219e-24)
+FARTHEST_ANGLE = 4.0e8
+
+
+@ForNumba
+def _remainder_in_four(x, m):
+    return (((x - m * PI_IN_FOUR[0]) - m * PI_IN_FOUR[1]) - m * PI_IN_FOUR[2]) - m * PI_IN_FOUR[3]
+
+
+@ForNumba
+def _sin_without_calls(x):
+    n = np.floor(x * INVERSE_PI + 0.5)
+    s = _sine_of_remainder(_remainder_in_four(x, n), n)
+    return s if abs(x) < FARTHEST_ANGLE else np.nan
+
+
+@ForNumba
+def _cos_without_calls(x):
+    n = np.floor(x * INVERSE_PI)
+    s = -_sine_of_remainder(_remainder_in_four(x, n + 0.5), n)
+    return s if abs(x) < FARTHEST_ANGLE else np.nan
+
+
+@ForNumba
+def _tan_without_calls(x):
+    return _sin_without_calls(x) / _cos_without_calls(x)
+
+
+WITHOUT_CALLS = {"sin": _sin_without_calls, "cos": _cos_without_calls, "tan": _tan_without_calls}
+"""Functions for numba's lanes, NaN where angles are too large for them."""
+
+
 @ForNumba
 def tan(x):
     """Tangent."""
