@@ -24,7 +24,19 @@ from numpy.typing import DTypeLike, NDArray
 
 from .. import __version__
 from .files import StoreError, discard_parts, written_whole
-from .sealed import ROOM, UnsealedError, get_number, get_text, image_of, opened, put_text, reserve, rows_of, seal
+from .sealed import (
+    ROOM,
+    UnsealedError,
+    get_mapping,
+    get_number,
+    get_text,
+    image_of,
+    opened,
+    put_text,
+    reserve,
+    rows_of,
+    seal,
+)
 
 FORMAT = "cellmap checkpoint"
 SCHEMA = 2
@@ -56,6 +68,7 @@ class Checkpoint:
     """
 
     def __init__(self, path: Path, mode: str = "r+") -> None:
+        self._path = path
         with h5py.File(path, "r") as file:
             places = {n: (d.id.get_offset(), d.shape, d.dtype) for n, d in _datasets(file).items()}
         self._maps = {
@@ -66,6 +79,8 @@ class Checkpoint:
         self._written = 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._maps:
+            raise damaged(self._path, f"{name} is not there in one piece")
         return self._maps[name].view(np.ndarray)
 
     def finish(self, tiles: str, number: int, tally: tuple[int, ...], contents: list[NDArray[Any]]) -> None:
@@ -151,7 +166,7 @@ def resumed(
     discard_parts(path, PART)
     if not path.exists():
         return None
-    theirs = _with_file(path, lambda file: [get_text(file, "format"), get_number(file, "schema"), _belongs(file)])
+    theirs = _with_file(path, lambda file: (get_text(file, "format"), get_number(file, "schema"), belongs_of(file)))
     if theirs[0] != FORMAT:
         raise _no_checkpoint(path)
     if theirs[1] > SCHEMA:
@@ -179,8 +194,9 @@ def _with_file(path: Path, read: Callable[[h5py.File], Read]) -> Read:
         raise damaged(path, error) from error
 
 
-def _belongs(file: h5py.File) -> Any:
-    return json.loads(get_text(file, "belongs")) if ".belongs" in file or "belongs" in file.attrs else {}
+def belongs_of(file: h5py.Group) -> dict[str, Any]:
+    """Read which run a file belongs to; nothing where it does not say."""
+    return get_mapping(file, "belongs") if ".belongs" in file or "belongs" in file.attrs else {}
 
 
 def _no_checkpoint(path: Path) -> StoreError:

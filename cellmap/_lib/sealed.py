@@ -161,6 +161,21 @@ def get_number(group: h5py.Group, name: str, at_least: int = 0) -> int:
     return int(value)
 
 
+def get_numbers(group: h5py.Group, name: str, many: int | None = None, kinds: str = "i") -> list[Any]:
+    """Read a list of numbers of some kinds, of any length where that is None."""
+    values = np.asarray(group.attrs[name])
+    if values.ndim != 1 or many not in (None, len(values)) or values.dtype.kind not in kinds:
+        raise ValueError(f"{name} is {values!r}")
+    return list(values.tolist())
+
+
+def get_mapping(group: h5py.Group, name: str) -> dict[str, Any]:
+    """Read a mapping that was put there as text."""
+    if not isinstance(found := json.loads(get_text(group, name)), dict):
+        raise TypeError(f"{name} is not a mapping")
+    return found
+
+
 def array_of(group: h5py.Group, name: str, kind: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Read an array of a type and a shape, of any length where that is None."""
     item = group[name]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
-from .._lib.sealed import array_of, get_number, within
+from .._lib.sealed import array_of, get_number, get_numbers, within
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES
@@ -165,7 +165,7 @@ def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
 
 def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Progress, list[int]]:
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
-    restart_times, time_limit = group.attrs["legs"].tolist(), get_number(group, "horizon", 1)
+    restart_times, time_limit = get_numbers(group, "legs"), get_number(group, "horizon", 1)
     if not all(0 < one < other <= limit for one, other in pairwise([*restart_times, time_limit])) or time_limit > limit:
         raise ValueError(f"its sweeps run to {time_limit} periods")
     now = Progress(
@@ -176,7 +176,7 @@ def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int
         time_limit=time_limit,
         repeats=get_number(group, "repeats"),
         undecided=None if get_number(group, "undecided", -1) < 0 else get_number(group, "undecided"),
-        tally=Tally(*group.attrs["tally"].tolist()),
+        tally=Tally(*get_numbers(group, "tally", len(Tally._fields))),
     )
     return now, array_of(group, "settled", np.uint32, (None,)).tolist() if "settled" in group else []
 

@@ -17,14 +17,26 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checkpoint import PART, SLACK, Checkpoint, add_unwritten, describe, digest_of, made_with_room, plain
+from .._lib.checkpoint import (
+    PART,
+    SLACK,
+    Checkpoint,
+    add_unwritten,
+    belongs_of,
+    describe,
+    digest_of,
+    made_with_room,
+    plain,
+)
 from .._lib.checks import claim_memory
 from .._lib.files import StoreError as StoreError
 from .._lib.files import as_path, as_target, written_whole
 from .._lib.sealed import (
     ChangedError,
     UnsealedError,
+    get_mapping,
     get_number,
+    get_numbers,
     get_text,
     image_of,
     opened,
@@ -152,9 +164,7 @@ def read_mapped(path: Path) -> tuple[Basins, dict[str, Any]]:
     belongs: dict[str, Any] = {}
 
     def read(group: h5py.Group) -> Basins:
-        belongs.update(
-            json.loads(get_text(group, "belongs")) if {"belongs", ".belongs"} & {*group.attrs, *group} else {}
-        )
+        belongs.update(belongs_of(group))
         return _read(group, in_file=True)
 
     basins = _checked(path, None, read)
@@ -226,7 +236,9 @@ def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins],
             # What somebody else has put into the file is not looked at.
             own = ("system", "settings", "labels", "attractors")
             groups = {k: v for k, v in file.items() if isinstance(v, h5py.Group)}
-            names = [k for k, v in groups.items() if any(n in v.attrs or n in v for n in own)] or list(file)
+            names = [k for k, v in groups.items() if any(n in v.attrs or n in v for n in own)] or list(groups)
+            if not names:
+                raise ValueError("it holds no basins")
             chosen = names[0] if name is None and len(names) == 1 else name
             if chosen in names:
                 return read(file[chosen])
@@ -279,8 +291,8 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     coordinates = tuple(Coordinate(**c) for c in json.loads(get_text(file, "coordinates")))
     grid, initial_conditions = None, None
     if "grid" in file:
-        g = file["grid"].attrs
-        grid = CellGrid(*(tuple(g[n].tolist()) for n in ("lower", "upper", "shape", "wraps")))
+        kinds = {"lower": "if", "upper": "if", "shape": "i", "wraps": "b"}
+        grid = CellGrid(*(tuple(get_numbers(file["grid"], name, None, kind)) for name, kind in kinds.items()))
     if "starts" in file:
         initial_conditions = file["starts"][()]
         if (
@@ -304,6 +316,12 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
             raise ValueError(f"{name} are {file[name].dtype} of shape {file[name].shape}")
         if not all(within(part, lowest, highest) for part in rows_of(file[name])):
             raise ValueError(f"{name} are not between {lowest} and {highest}")
+    undecided = get_mapping(file, "undecided") if "undecided" in file.attrs else {}
+    cost = Cost(**get_mapping(file, "cost"))
+    if not all(type(count) is int and count >= 0 for count in (cost.steps, *undecided.values())):
+        raise ValueError("its counts are no whole numbers")
+    if not all(isinstance(value, float | int) and value >= 0 for value in dataclasses.astuple(cost)):
+        raise ValueError(f"its cost is {cost}")
     if not in_file:
         claim_memory(f"labels of {file.file.filename}", basins_memory(math.prod(shape)), "close other programs")
     return Basins(
@@ -313,10 +331,10 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         grid=grid,
         initial_conditions=initial_conditions,
         name=get_text(file, "system"),
-        params={name: float(value) for name, value in json.loads(get_text(file, "params")).items()},
+        params={name: float(value) for name, value in get_mapping(file, "params").items()},
         coordinates=coordinates,
-        settings=json.loads(get_text(file, "settings")),
+        settings=get_mapping(file, "settings"),
         inaccurate=get_number(file, "inaccurate"),
-        undecided=json.loads(get_text(file, "undecided")) if "undecided" in file.attrs else {},
-        cost=Cost(**json.loads(get_text(file, "cost"))),
+        undecided=undecided,
+        cost=cost,
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import h5py
 import numpy as np
 
-from .._lib.sealed import array_of, get_number, get_text, put_text
+from .._lib.sealed import array_of, get_number, get_numbers, get_text, put_text
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
 from ..orbits.invariant_circle import InvariantCircle
@@ -52,10 +52,12 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     neighbourhood, cover = None, None
     if "neighbourhood" in group:
         neighbourhood = Neighbourhood(
-            array_of(group, "neighbourhood/centres", np.float64, (None, d)),
-            array_of(group, "neighbourhood/metrics", np.float64, (None, d, d)),
+            array_of(group, "neighbourhood/centres", np.float64, (period, d)),
+            array_of(group, "neighbourhood/metrics", np.float64, (period, d, d)),
             float(array_of(group, "neighbourhood/contraction", np.float64, ())),
         )
+        if not all(np.isfinite(part).all() for part in dataclasses.astuple(neighbourhood)):
+            raise ValueError(f"{group.name} has no trapping region")
     if "cover" in group:
         boxes = array_of(group, "cover/boxes", np.int64, (None, d))
         cover = Cover(
@@ -65,22 +67,24 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
             array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
         )
     circle = _read_circle(group, d) if "circle" in group else None
-    rotations = group.attrs["turns"]
-    if np.shape(rotations) != (d,) or rotations.dtype.kind != "i":
-        raise ValueError(f"{group.name} has the rotations {rotations}")
+    grazing = float(group.attrs.get("grazing", np.inf))
+    multipliers = array_of(group, "multipliers", np.complex128, (None,))
+    exponents = array_of(group, "exponents", np.float64, (None,))
+    if not grazing >= 0.0 or len(multipliers) not in (0, d) or len(exponents) not in (0, 1, d):
+        raise ValueError(f"{group.name} has {len(multipliers)} multipliers, {len(exponents)} exponents, {grazing=}")
     return Attractor(
         kind=kind,
         period=period,
         points=points,
-        rotations=tuple(rotations.tolist()),
-        multipliers=array_of(group, "multipliers", np.complex128, (None,)),
-        exponents=array_of(group, "exponents", np.float64, (None,)),
+        rotations=tuple(get_numbers(group, "turns", d)),
+        multipliers=multipliers,
+        exponents=exponents,
         coordinates=coordinates,
         neighbourhood=neighbourhood,
         cover=cover,
         circle=circle,
         torus=_read_torus(group, d) if "torus" in group else None,
-        grazing_distance=float(group.attrs.get("grazing", np.inf)),
+        grazing_distance=grazing,
         resolution=array_of(group, "resolution", np.float64, (d,)) if "resolution" in group else None,
     )
 

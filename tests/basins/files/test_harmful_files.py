@@ -122,6 +122,19 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "no window": lambda g: g["grid"].attrs.__setitem__("upper", [np.nan, 1.0]),
     "no grid": lambda g: g.__delitem__("grid"),
     "two kinds of starts": lambda g: g.__setitem__("starts", np.zeros((60, 50, 2))),
+    "counts that are none": lambda g: g.attrs.__setitem__("undecided", np.bytes_(b'{"slow": -1}')),
+    "a list of reasons": lambda g: g.attrs.__setitem__("undecided", np.bytes_(b"[[]]")),
+    "text for numbers": lambda g: g["grid"].attrs.__setitem__("upper", np.bytes_(b"{}")),
+    "settings that are a number": lambda g: g.attrs.__setitem__("settings", np.bytes_(b"NaN")),
+    "no cost": lambda g: g.attrs.__setitem__("cost", np.bytes_(b'{"seconds": "long"}')),
+    "many exponents": lambda g: replaced(g["attractors/0"], "exponents", lambda h, n: h.__setitem__(n, np.zeros(90))),
+    "grazing": lambda g: g["attractors/0"].attrs.__setitem__("grazing", np.nan),
+    "other ellipsoids": lambda g: replaced(
+        g["attractors/0/neighbourhood"], "metrics", lambda h, n: h.__setitem__(n, np.zeros((9, 2, 2)))
+    ),
+    "no contraction": lambda g: replaced(
+        g["attractors/0/neighbourhood"], "contraction", lambda h, n: h.__setitem__(n, np.nan)
+    ),
 }
 
 
@@ -195,6 +208,12 @@ CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
     "guesses": lambda f: replaced(f["pass/examined"], "guesses", lambda g, n: g.__setitem__(n, np.zeros((3, 9)))),
     "external labels": lambda f: replaced(f, "labels", lambda g, n: g.__setitem__(n, h5py.ExternalLink("a.h5", "b"))),
     "no pass": lambda f: f.__delitem__("pass"),
+    "tally": lambda f: f["pass"].attrs.__setitem__("tally", np.zeros((2, 2))),
+    "tally of no numbers": lambda f: f["pass"].attrs.__setitem__("tally", np.full(4, np.nan)),
+    "belongs to a list": lambda f: f.attrs.__setitem__("belongs", np.bytes_(b"[1]")),
+    "belongs to nothing": lambda f: f.attrs.__setitem__("belongs", np.bytes_(b"null")),
+    "labels in pieces": lambda f: replaced(f, "labels", lambda g, n: g.create_dataset(n, (18200,), "i2", chunks=(99,))),
+    "labels without a place": lambda f: replaced(f, "labels", lambda g, n: g.create_dataset(n, (18200,), np.int16)),
 }
 
 
@@ -206,3 +225,30 @@ def test_checkpoints_that_are_something_else(part, files, tmp_path):
     seal(path)
     with pytest.raises(StoreError, match=r"checkpoint=.*crafted\.h5' is damaged"):
         READERS["later pass"](path)
+
+
+@pytest.mark.parametrize("name", ["displacement", "indicator", "tiles of displacement"])
+def test_tables_whose_arrays_are_in_pieces(name, files, tmp_path):
+    path = Path(shutil.copy(files / "table.h5", tmp_path / "crafted.h5"))
+    with h5py.File(path, "r+") as file:
+        shape, kind = file[name].shape, file[name].dtype
+        replaced(file, name, lambda g, n: g.create_dataset(n, shape, kind, chunks=True))
+    seal(path)
+    with pytest.raises(StoreError, match=r"checkpoint=.*crafted\.h5' is damaged"):
+        READERS["table"](path)
+
+
+@pytest.mark.parametrize("make", [lambda f: f.__setitem__("basins", np.zeros(9)), lambda f: None, "huge"])
+def test_files_without_basins(make, files, tmp_path):
+    """An array in their place is not looked through, however large it is."""
+    path = Path(shutil.copy(files / "finished.h5", tmp_path / "crafted.h5"))
+    with h5py.File(path, "r+") as file:
+        del file["basins"]
+        if make == "huge":
+            file.create_dataset("basins", (2**28,), np.int8, chunks=(2**28,))
+        else:
+            make(file)
+    seal(path)
+    for read in (load_basins, READERS["finished"]):
+        with pytest.raises(StoreError, match=r"crafted\.h5"):
+            read(path)
