@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from .._lib.checks import warn_caller
 from ..attractors.creeping import creeping
-from ..attractors.labels import Label
-from ..attractors.search import region_extent
+from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.search import find_attractors, region_extent
 from ..attractors.settling import Catalogue, settle
 from ..attractors.transients import REMEDIES, Reason
 from ..attractors.transients import UnsettledWarning as UnsettledWarning
 from ..maps.coordinates import difference
-from ..maps.orbit_batch import Orbits, Status
+from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
 from ..orbits.attractor import Attractor, distinct_names
@@ -30,6 +30,11 @@ _TRIED = 8  # orbits that are integrated again
 _PERIODS = 4
 _SAMPLE = 1024  # initial conditions that show the size of a region
 _NEAR = 0.01  # distance from the points of an attractor, in units of the region
+_GROWTH = 1.5  # factor between the sizes in successive spans of time, each twice as long, by which an orbit grows
+_STILL, _STEADILY = 1.1, 1.04  # factors by which it grows in a quarter of the time after these spans, and an eighth
+_FAR, _EVER = 100.0, 3  # sizes of the region that growing orbits reach, and spans of time in a row that they grow
+_AFFORDED = 2e4  # evaluations that orbits take in their first periods, up to which attractors are searched for
+_ATTRACTED = 200  # periods, or fewer where basins have fewer, in which an orbit that was tried comes to an attractor
 _LOOKED_ON = 256  # periods after which the place where an orbit would rest has come to an attractor
 _TIME = 0.01370521  # in periods, at which no forcing jumps
 
@@ -45,18 +50,28 @@ def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
 
 
 def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
+    turning, unbounded = _turning(basins), ""
+    for label in (Label.UNDECIDED, Label.OUT_OF_STEPS, Label.DIVERGED):
+        # A turning angle grows as well; and there are systems with a basin of infinity, of which nobody need be told.
+        if label not in parts or turning or (label == Label.DIVERGED and basins.attractors):
+            continue
+        if basins.point_map is not None and (
+            unbounded := _growing(basins, basins.point_map.without_table, _some(basins, label))
+        ):
+            yield f"{parts[label]:.1%} of the initial conditions are {LABEL_NAMES[label]}: {unbounded}"
+            parts = {k: part for k, part in parts.items() if k != label}
     if Label.UNDECIDED in parts and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), REMEDIES[Reason(cause)]
         measured = {Reason.CREEPING: _creep, Reason.RESONANT: _drift}.get(Reason(cause), lambda _: "")(basins)
         yield (
             f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
-            f"{cause}{measured}; {remedy.format(basins.settings['max_periods'])}{_turning(basins)}"
+            f"{cause}{measured}; {remedy.format(basins.settings['max_periods'])}{turning}"
         )
     if Label.ESCAPED in parts:
         yield (
             f"{parts[Label.ESCAPED]:.1%} of the initial conditions escaped from the window of the interpolated map: "
-            f"give it a larger grid, or outside='integrate'{_turning(basins)}"
+            f"give it a larger grid, or outside='integrate'{turning}"
         )
     if Label.OUT_OF_STEPS in parts:
         what = _remedy(basins, Label.OUT_OF_STEPS)[1]
@@ -106,8 +121,8 @@ def _drift(basins: Basins) -> str:
 def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, NDArray[np.float64]]:
     """Return where some of the undecided orbits end, and the size of the region."""
     undecided = np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
-    places, grid = InitialConditions(basins.grid, basins.initial_conditions), basins.grid
-    region = places.points(_spread(len(places), _SAMPLE)) if grid is None else np.array([grid.lower, grid.upper])
+    places = InitialConditions(basins.grid, basins.initial_conditions)
+    region = _region(basins)
     orbits = Orbits.starting(places.wrapped(undecided[_spread(len(undecided), _TRIED)], point_map))
     point_map.advance(orbits, basins.settings["max_periods"])
     return orbits, region_extent(point_map, region)
@@ -152,35 +167,103 @@ def _turning(basins: Basins) -> str:
 def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
     """Integrate a few of the initial conditions otherwise; tell whether something helps, and what to change.
 
-    More steps are tried, and the method for stiff systems, over the first periods, in which most orbits end.
+    More steps are tried, and the method for stiff systems, over the first periods, in which most orbits end; where that
+    helps, it is seen whether orbits come to an attractor then.
     """
     point_map = basins.point_map
     spec = None if point_map is None else point_map.without_table.spec
     if not isinstance(spec, Stroboscopic):
         return False, "allow more with max_steps"
-    rows = np.flatnonzero(basins.labels.ravel() == label)
-    rows = rows[_spread(len(rows), _TRIED)]
-    points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
+    points = _some(basins, label)
     enough = replace(spec, max_steps=max(spec.max_steps, MAX_STEPS))
     others = {f"max_steps={enough.max_steps}": enough} if enough.max_steps > spec.max_steps else {}
     if spec.system.functions[1:] == (None, None) and spec.method != "Rosenbrock":
         others["method='Rosenbrock'"] = replace(enough, method="Rosenbrock")
     for changed, other in others.items():
         try:
-            status = _ends(other.build(), points)
+            tried = other.build()
+            ends = _ends(tried, points)
         except (TypeError, ValueError):
             continue
-        helped = np.count_nonzero(status < Status.ESCAPED)
+        helped = np.count_nonzero(ends.alive)
         if 2 * helped > len(points):
-            return True, f"{helped} of {len(points)} tried reach the end of their periods with {changed}"
+            if unbounded := _growing(basins, tried, points):
+                return False, unbounded
+            reach = f"{helped} of {len(points)} tried reach the end of their periods with {changed}"
+            if ends.work.evaluations > _AFFORDED:
+                return True, f"{reach}; whether they come to an attractor was not tried"
+            periods = min(basins.settings["max_periods"], _ATTRACTED)
+            number = _attracted(tried, points, periods)
+            return True, f"{reach}, and {number or 'none'} of them an attractor within {periods}"
     return (
         False,
         f"allow more than max_steps={spec.max_steps}, or loosen rtol and atol, unless they blow up in finite time",
     )
 
 
-def _ends(point_map: PointMap, points: np.ndarray) -> np.ndarray:
-    """Return how the orbits of some points stand after a few periods."""
+def _region(basins: Basins) -> NDArray[np.float64]:
+    """Return points that show how large the region of the initial conditions is."""
+    if basins.grid is not None:
+        return np.array([basins.grid.lower, basins.grid.upper])
+    places = InitialConditions(None, basins.initial_conditions)
+    return places.points(_spread(len(places), _SAMPLE))
+
+
+def _some(basins: Basins, label: Label) -> NDArray[np.float64]:
+    """Return a few of the initial conditions with a label."""
+    rows = np.flatnonzero(basins.labels.ravel() == label)
+    return InitialConditions(basins.grid, basins.initial_conditions).points(rows[_spread(len(rows), _TRIED)])
+
+
+def _attracted(point_map: PointMap, points: NDArray[np.float64], periods: int) -> int:
+    """Return how many of some orbits come to an attractor within some periods."""
+    found = Catalogue.of(find_attractors(point_map, points, periods), point_map)
+    return int(np.count_nonzero(settle(point_map, Orbits.starting(points.copy()), found, periods).labels >= 0))
+
+
+def _growing(basins: Basins, point_map: PointMap, points: NDArray[np.float64]) -> str:
+    """Say which coordinates grow without end along some orbits, "" where most of the orbits do not.
+
+    The largest values in spans of time, each twice as long as the one before, grow from one to the next, also those of
+    orbits that end; and they are far beyond the region of the initial conditions at last.
+    """
+    region = _region(basins)
+    scale = np.maximum(np.abs(region).max(axis=0), region_extent(point_map, region))
+    scale = np.where([c.period is not None for c in point_map.coordinates], 1e300, scale)
+    orbits, done, most = Orbits.starting(points.copy()), 0, basins.settings["max_periods"]
+    peaks = np.full((_EVER + 1, *points.shape), np.inf)
+    peaks[-1] = np.abs(points) / scale
+
+    def largest(periods: int) -> NDArray[np.float64]:
+        peak = np.zeros_like(points)
+        for _ in range(periods):
+            point_map.advance(orbits, 1)
+            peak = np.fmax(peak, np.abs(orbits.points) / scale)
+        return peak
+
+    while done + max(done, 1) <= most and orbits.alive.any():
+        peak = largest(max(done, 1))
+        done += max(done, 1)
+        later = orbits.alive | (peak >= _GROWTH * peaks[-1]).any(axis=1)
+        peaks[:, later] = np.concatenate([peaks[1:, later], peak[None, later]])
+    grows = (peaks[1:] >= _GROWTH * peaks[:-1]).all(axis=0) & (peaks[-1] >= _FAR)
+    grows &= ~orbits.alive[:, None] | (largest(done // 4) >= _STILL * peaks[-1])
+    before = largest(done // 8)
+    grows &= ~orbits.alive[:, None] | (largest(done // 8) >= _STEADILY * before)
+    number = np.count_nonzero(grows.any(axis=1))
+    if 2 * number <= len(points):
+        return ""
+    where = np.flatnonzero(2 * np.count_nonzero(grows, axis=0) > len(points))
+    names = " and ".join(point_map.coordinates[j].name for j in where) or "some coordinate"
+    size = (peaks[-1] * scale)[grows].max()
+    return (
+        f"nothing bounds the orbits: {number} of {len(points)} tried grow ever farther in {names}, to {size:.1g} "
+        f"within {done} periods; check the signs of damping and of restoring forces, or add damping"
+    )
+
+
+def _ends(point_map: PointMap, points: NDArray[np.float64]) -> Orbits:
+    """Follow some orbits for a few periods."""
     orbits = Orbits.starting(points.copy())
     point_map.advance(orbits, _PERIODS)
-    return orbits.status
+    return orbits

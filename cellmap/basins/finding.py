@@ -97,7 +97,8 @@ def find_basins(
         If the integrator missed its tolerance along some orbits.
     UnsettledWarning
         If more than 5 % of the initial conditions are undecided, escaped or out of steps, or diverge with an explicit
-        method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.
+        method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.  Also if
+        nothing is found but orbits that grow without bound over many periods.
     UserWarning
         If `max_seconds` were over before all initial conditions were labelled.
 

@@ -29,8 +29,8 @@ class Status(IntEnum):
     ESCAPED = periods.ESCAPED
     """The orbit left the window of an interpolated map."""
     DIVERGED = periods.DIVERGED
-    """The orbit grew beyond all bounds, or an angle reached 1e15 full rotations, where it has no phase; or the
-    right-hand side, or the function of a discrete map, was not finite there or raised an exception."""
+    """The orbit grew beyond all bounds (that of a flow to 1e100), or an angle reached 1e15 full rotations, where it has
+    no phase; or the right-hand side, or the function of a discrete map, was not finite there or raised an exception."""
     NO_RETURN = 4
     """The orbit did not return to the Poincaré section."""
     OUT_OF_STEPS = periods.OUT_OF_STEPS

@@ -77,6 +77,47 @@ def test_true_divergence_brings_no_warning(recwarn):
     assert not [w for w in recwarn if w.category is UnsettledWarning]
 
 
+UNBOUNDED = {
+    "negative damping": (lambda t, x, p: (x[1], 0.1 * x[1] - x[0] + cos(t)), "x and v"),  # exp(0.05 t) exactly
+    "weak negative damping": (lambda t, x, p: (x[1], 0.01 * x[1] - x[0] + cos(t)), "x and v"),
+    "a well of fourth order": (lambda t, x, p: (x[1], 0.1 * x[1] + x[0] - x[0] ** 3 + 0.3 * cos(t)), "x and v"),
+    "resonance": (lambda t, x, p: (x[1], -x[0] + cos(t)), "v"),  # x = t sin(t) / 2 is 0 after each period
+    "a saddle": (lambda t, x, p: (0.05 * x[0] + cos(t), -x[1]), "x"),
+}
+
+
+@pytest.mark.parametrize("rhs, names", UNBOUNDED.values(), ids=UNBOUNDED)
+def test_orbits_that_nothing_bounds(rhs, names):
+    """No method and no number of periods helps where the solutions grow for ever."""
+    exact = stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, ("x", "v")))
+    with pytest.warns(UserWarning) as caught:
+        basins = find_basins(exact, GRID, max_periods=1100)
+    assert not basins.attractors
+    (said,) = [str(w.message) for w in caught if w.category is UnsettledWarning]
+    assert f"nothing bounds the orbits: 8 of 8 tried grow ever farther in {names}, to " in said
+    assert "Rosenbrock" not in said and "max_periods" not in said
+
+
+def test_a_map_whose_orbits_grow():
+    with pytest.warns(UnsettledWarning, match=r"nothing bounds the orbits: 8 of 8 .* in x, to .* check the signs"):
+        find_basins(discrete_map(lambda x, p: (1.01 * x[0], 0.5 * x[1]), {}, ("x", "y")), GRID, max_periods=1100)
+
+
+def test_a_remedy_that_was_tried_led_to_an_attractor():
+    """y follows cos(t) at once: x' = -x + y has one stable solution of period 2 pi."""
+    system = ForcedSystem(lambda t, x, p: (x[1] - x[0], 1e5 * (cos(t) - x[1])), {}, 2 * pi, ("x", "y"))
+    exact = stroboscopic_map(system, method="DOP853", max_steps=64)
+    with pytest.warns(UnsettledWarning, match=r"8 of 8 tried reach .* with method='Rosenbrock', and 8 of them an attr"):
+        find_basins(exact, GRID)
+
+
+def test_a_tiny_region_is_not_taken_for_growth(recwarn):
+    """Orbits that come out of a region of 1e-9 to an attractor of size 1 grow, but not for ever."""
+    rhs = ForcedSystem(lambda t, x, p: (x[0] - x[0] ** 3,), {}, 0.02, ("x",))
+    find_basins(stroboscopic_map(rhs), CellGrid((1e-9,), (2e-9,), (8,)), max_periods=1300)
+    assert not [w for w in recwarn if "bounds" in str(w.message)]
+
+
 def test_undecided_says_why():
     """Nothing attracts in a conservative map."""
     standard = discrete_map(lambda x, p: (x[0] + x[1] + 5 * sin(x[0]), x[1] + 5 * sin(x[0])), {}, map(angle, "ab"))

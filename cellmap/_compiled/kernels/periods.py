@@ -19,6 +19,8 @@ from .step_numbers import DIVERGED as NOT_FINITE
 from .step_numbers import MISSED, next_rungs, sort_by_rung
 
 INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
+FARTHEST_STATE = 1e100
+"""Size of a coordinate from which on an orbit has diverged: the squares of errors overflow from 1e154 on."""
 """What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
 UNCHECKED, CHOSEN, COMPARED, DIFFERED = range(4)
@@ -101,8 +103,9 @@ class Motion(NamedTuple):
 def integrate(motion, points, rotations, status, small, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
-    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, or has an angle without phase, has
-    DIVERGED; one that is finite, but not at the end of the period or without a right digit, is OUT_OF_STEPS.
+    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, has an angle without phase or a
+    coordinate from 1e100 on, has DIVERGED; one that is finite, but not at the end of the period or without a right
+    digit, is OUT_OF_STEPS.
 
     Which orbits are checked, by the images of two numbers of steps, follows from the digits of their states alone.
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
@@ -307,7 +310,8 @@ def _images(motion, initial, members, steps, length, blocks, errors, numbers, im
 def _wrap(points, rotations, status, k, lower, turn):
     """Wrap the angles of an orbit, or terminate it where one has no phase; return whether it is still active."""
     for j in range(points.shape[1]):
-        if not wrap_angle(points, rotations, k, j, lower[j], turn[j]):
+        small = abs(points[k, j]) < FARTHEST_STATE
+        if not (small and wrap_angle(points, rotations, k, j, lower[j], turn[j])):
             _end(points, status, k, DIVERGED)
             return False
     return True
