@@ -13,10 +13,12 @@ from cellmap import CellGrid, ForcedSystem, Status, angle, discrete_map, interpo
 from cellmap.maps import Impact, grazing_distance, inverse_stroboscopic_map
 from cellmap.maps.coordinates import from_edge, state_points
 from cellmap.maps.fingerprint import fingerprint
+from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
 from cellmap.maps.misread import lacking
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.maps.parameters_as_states import swept_map
+from cellmap.maps.reversals import warn_of_reversals
 
 AXES = (angle("a"), "v", angle("b", period=1.0))
 
@@ -133,17 +135,17 @@ def test_what_is_lacking_is_said_of_parameters_and_of_modules():
 
 
 def test_a_reversed_velocity_is_warned_of_whichever_coordinate_it_is():
-    """The third of four coordinates bends upwards at a wall; a gear that halves a velocity reverses nothing."""
+    """The second of three coordinates bends upwards at a wall; a gear that halves a velocity reverses nothing."""
 
     def rhs(t, x, p):
-        a, va, b, vb = x
+        a, b, vb = x
         if b < p.wall and vb < 0.0:
             vb = abs(vb)
-        return va, -a, vb, cos(t) - b
+        return -a, vb, cos(t) - b
 
     with pytest.warns(UserWarning, match="reverses a velocity: b changes with vb"):
-        stroboscopic_map(ForcedSystem(rhs, {"wall": 0.0}, 2 * pi, ("a", "va", "b", "vb")))
+        warn_of_reversals(formulas(ForcedSystem(rhs, {"wall": 0.0}, 2 * pi, ("a", "b", "vb"))))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gears = ForcedSystem(lambda t, x, p: (0.5 * x[1] if x[0] > 0.0 else x[1], -x[0]), {}, 2 * pi, ("q", "v"))
-        stroboscopic_map(gears)
+        warn_of_reversals(formulas(gears))
