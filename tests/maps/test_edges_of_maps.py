@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import asdict
 from math import cos, log, pi
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ from cellmap.maps.fingerprint import fingerprint
 from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
 from cellmap.maps.misread import lacking
-from cellmap.maps.orbit_batch import Orbits
+from cellmap.maps.orbit_batch import Cost, Orbits
 from cellmap.maps.parameters_as_states import swept_map
 from cellmap.maps.reversals import warn_of_reversals
 
@@ -149,3 +150,27 @@ def test_a_reversed_velocity_is_warned_of_whichever_coordinate_it_is():
         warnings.simplefilter("error")
         gears = ForcedSystem(lambda t, x, p: (0.5 * x[1] if x[0] > 0.0 else x[1], -x[0]), {}, 2 * pi, ("q", "v"))
         warn_of_reversals(formulas(gears))
+
+
+def test_right_hand_sides_at_many_times():
+    """Of formulas, of branches on the side where the state is at the time 0, and of what has no formulas."""
+    times = np.linspace(0.0, 1.0, 5)
+    for rhs in (
+        lambda t, x, p: (x[1] + t, p.k * x[0] * cos(t)),
+        lambda t, x, p: (x[1] + t, p.k * x[0] * cos(t) if x[0] + 0 * t > 0.0 else 7.0),
+        lambda t, x, p: (x[1] + t, p.k * x[0] * float(np.cos(t))),
+    ):
+        known = formulas(ForcedSystem(rhs, {"k": 3.0}, 1.0, ("q", "v")))
+        found = known.derivatives(times, (0.5, -2.0))
+        np.testing.assert_allclose(found, np.stack([times - 2.0, 1.5 * np.cos(times)], axis=1), rtol=1e-14)
+
+
+def test_relative_tolerances_have_a_largest_value():
+    decay = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",))
+    stroboscopic_map(decay, rtol=0.1, atol=10.0)
+    with pytest.raises(ValueError, match=r"rtol=0\.11"):
+        stroboscopic_map(decay, rtol=0.11)
+
+
+def test_nothing_done_costs_nothing():
+    assert set(asdict(Cost()).values()) == {0}
