@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, discrete_map, find_basins
-from cellmap.analysis.resilience import local_integrity, tipping_probabilities
+from cellmap.analysis.resilience import local_integrity, minimal_fatal_shock, shocks, tipping_probabilities
 
 CUBIC = discrete_map(lambda x, p: (1.5 * x[0] - p.c * x[0] ** 3,), {"c": 0.5}, ("x",))
 
@@ -34,3 +34,18 @@ def test_arrays_of_labels_are_matched_by_their_numbers():
         with pytest.raises(ValueError, match="match='distance'"):
             tipping_probabilities(*pair, match="distance")
     assert np.array_equal(tipping_probabilities(before, after).counts, 15 * np.eye(2))
+
+
+def test_as_many_shocks_are_counted_as_were_tried(monkeypatch):
+    """In the last round, from some points of the attractor; all are inside of the ball, and none is fatal."""
+    tried = []
+
+    def inside(fatal, shock, number, rng):
+        tried.append(number)
+        return np.empty((0, 1))
+
+    monkeypatch.setattr(shocks, "fatal_inside", inside)
+    basins = find_basins(CUBIC, CellGrid((-1.5,), (1.5,), (60,)))
+    found = minimal_fatal_shock(basins, 0, scale=1.0, n_trials=1000)
+    assert found.tested == sum(tried) >= 1000
+    assert found.inside_fatal == 0
