@@ -78,3 +78,15 @@ def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch
     left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient)
     assert calls == (["curves", "continua"] if looked_for else [])
     assert len(left) == 2 and found == []
+
+
+def test_each_closed_orbit_is_looked_at():
+    """Behind those that are known, that are refused, and that do not attract, comes one that is new."""
+    wells = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    (known,) = find_attractors(wells, [[0.5]])
+    examined = Examined.nothing_yet(wells, np.ones(1))
+    examined.refuse(np.array([[0.0]]))
+    closed = [(np.array([x]), 1) for x in (1.0, 0.0, 3.0, -1.0, -1.0)]
+    found = search.verified_cycles(wells, closed, [known], np.ones(1), examined)
+    assert [a.points.tolist() for a in found] == [[[-1.0]]]
+    assert found[0].neighbourhood is not None

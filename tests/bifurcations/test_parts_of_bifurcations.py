@@ -1,0 +1,170 @@
+"""Parts of the analysis of bifurcations: test functions, metrics, rotation numbers, neighbours on grids, names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from math import pi, sin
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit
+from cellmap.bifurcations import floquet_multipliers, switch_branch
+from cellmap.bifurcations.atlas_record import AttractorAtlas, AttractorFamily
+from cellmap.bifurcations.circle_branches import _locked_rotation
+from cellmap.bifurcations.coexistence import AtlasKind
+from cellmap.bifurcations.crossings import Crossing, CrossingFunctions, Matrices
+from cellmap.bifurcations.lane_regions import _directions, _metrics
+from cellmap.bifurcations.orbit_grid import _links
+
+LOGISTIC = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "crossing"),
+    [
+        ([0.2, -1.001, 0.4], Crossing.MINUS_ONE),
+        ([-0.1, 0.3, 1.02], Crossing.PLUS_ONE),
+        ([0.99, -1.5, 0.01], Crossing.PLUS_ONE),
+        ([3.0, -0.9, 0.5], Crossing.MINUS_ONE),
+        ([0.1, 0.98 * np.exp(1j), 0.98 * np.exp(-1j)], Crossing.NEIMARK_SACKER),
+        ([-1.001, 0.9 * np.exp(1j), 0.9 * np.exp(-1j)], Crossing.MINUS_ONE),
+    ],
+)
+def test_the_multiplier_nearest_to_the_circle_says_how_it_would_be_crossed(multipliers, crossing):
+    """Of matrices with known multipliers in a random basis."""
+    parts = [np.array([[m.real]]) for m in map(complex, multipliers) if m.imag == 0.0]
+    parts += [np.array([[m.real, -m.imag], [m.imag, m.real]]) for m in map(complex, multipliers) if m.imag > 0.0]
+    matrix, at = np.zeros((3, 3)), 0
+    for part in parts:
+        matrix[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    basis = np.random.default_rng(3).normal(size=(3, 3))
+    matrix = basis @ matrix @ np.linalg.inv(basis)
+    determinant = np.linalg.det(matrix)[None]
+    known = Matrices(matrix[None], determinant, determinant - 1.0, np.zeros(1, np.uint8))
+    seen = CrossingFunctions(SimpleNamespace(matrices=lambda points, progress: known))(np.zeros((1, 2)))
+    assert seen.crossing.tolist() == [crossing]
+    largest = np.abs(multipliers).max()
+    assert seen.largest == pytest.approx(largest) and seen.unstable.tolist() == [sum(np.abs(multipliers) > 1)]
+    product = {sign: np.prod(np.array(multipliers) - sign).real for sign in (1.0, -1.0)}
+    assert seen.tests[0, Crossing.PLUS_ONE] == pytest.approx(product[1.0])
+    assert seen.tests[0, Crossing.MINUS_ONE] == pytest.approx(product[-1.0])
+
+
+def test_an_equilibrium_is_one_at_all_times():
+    """sin(2 t) vanishes at the beginning and in the middle of a period, and nowhere between."""
+    shaken = ForcedSystem(lambda t, x, p: (x[1], -x[0] + p.f * sin(2 * t)), {"f": 0.1}, 2 * pi, ("q", "v"))
+    with pytest.raises(ValueError, match="v is not constant there but changes by"):
+        floquet_multipliers(shaken, [0.0, 0.0])
+    assert np.allclose(np.abs(floquet_multipliers(shaken.with_params(f=0.0), [0.0, 0.0]).multipliers), 1.0)
+
+
+# --- atlases
+
+
+def test_names_of_families():
+    assert AttractorFamily(AtlasKind.PERIODIC, 3, (0, 0), 5).name == "period 3"
+    assert AttractorFamily(AtlasKind.ROTATING, 2, (-1, 0), 5).name == "rotating, period 2, winding number -1"
+    assert AttractorFamily(AtlasKind.QUASIPERIODIC, 0, (0,), 5).name == "quasi-periodic"
+    assert AttractorFamily(AtlasKind.CHAOTIC, 0, (0,), 5).name == "chaotic"
+
+
+def test_what_coexists_in_an_atlas():
+    """Two rows and three columns: 1; 1 + 1 rotating; nothing; 1; 1 + 1 rotating; 1 + 1 rotating."""
+    periodic, rotating = AtlasKind.PERIODIC, AtlasKind.ROTATING
+    kinds = [periodic, rotating, periodic, periodic, rotating, periodic, periodic, rotating]
+    places = [0, 1, 1, 3, 4, 4, 5, 5]
+    atlas = SimpleNamespace(
+        kind=np.array(kinds), period=np.ones(8, np.int64), rows=np.array(places) // 3, columns=np.array(places) % 3,
+        escaped=np.zeros((2, 3)), x=np.arange(3.0), counts=np.arange(8), family=np.array([0, 1, 0, 0, 1, 0, 0, 1]),
+        families=(None, None), settings={"initial_conditions": 10},
+    )  # fmt: skip
+    atlas._symbol = partial(AttractorAtlas._symbol, atlas)
+    numbers, names = AttractorAtlas.classes.func(atlas)
+    assert names == ("1 + 1 rotating", "1", "none")
+    assert numbers.tolist() == [[1, 0, 2], [1, 0, 0]]
+    assert AttractorAtlas.number.fget(atlas).tolist() == [[1, 2, 0], [1, 2, 2]]
+    fraction = AttractorAtlas.fraction.__wrapped__
+    assert fraction(atlas, 1).tolist() == [[0.0, 0.1, 0.0], [0.0, 0.4, 0.7]]
+
+
+@pytest.mark.parametrize(("place", "unknown"), [((1, 1), None), ((0, 0), None), ((1, 1), (0, 1)), ((2, 3), None)])
+def test_places_next_to_a_front(place, unknown):
+    """All four neighbours inside the grid, but for those that are known."""
+    known = np.zeros((3, 4), bool)
+    known[place] = True
+    if unknown:
+        known[unknown] = True
+    found = {tuple(map(int, there)) for _, there in _links(np.array([place]), known)}
+    expected = {(i, j) for i in range(3) for j in range(4) if abs(i - place[0]) + abs(j - place[1]) == 1}
+    assert found == expected - ({unknown} if unknown else set())
+
+
+@pytest.mark.parametrize("matrix", [[[0.5, 0.0], [0.0, -0.8]], [[0.6, -0.5], [0.5, 0.6]], [[0.9, 1.0], [0.0, 0.9]]])
+def test_matrices_contract_in_their_metrics(matrix):
+    """(A v) M (A v) <= f^2 v M v for all v; the last one, a Jordan block, is no contraction for the usual length."""
+    matrix = np.array(matrix)
+    (metric,), (factor,) = _metrics(matrix[None])
+    assert np.abs(np.linalg.eigvals(matrix)).max() <= factor < 1.0
+    rest = factor**2 * metric - matrix.T @ metric @ matrix
+    assert np.linalg.eigvalsh(metric).min() > 0.0
+    assert np.linalg.eigvalsh(0.5 * (rest + rest.T)).min() > -1e-9 * np.abs(metric).max()
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4])
+def test_directions_are_spread_over_the_sphere(d):
+    """Unit vectors on all sides: their mean vanishes, and any other direction is near one of them."""
+    vectors = _directions(d)
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0)
+    assert np.linalg.norm(vectors.mean(axis=0)) < (1e-12 if d < 3 else 0.4)
+    others = np.random.default_rng(0).normal(size=(200, d))
+    others /= np.linalg.norm(others, axis=1, keepdims=True)
+    assert (others @ vectors.T).max(axis=1).min() > (0.9, 0.9, 0.5, 0.4)[d - 1]
+
+
+# --- rotation numbers of locked orbits
+
+
+@pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 3), (2, 5), (5, 7)])
+def test_rotation_numbers_of_periodic_orbits(p, q):
+    """Around a point in the plane, and along an angle whose full rotations are counted."""
+    phases = 2 * pi * p * np.arange(q + 1) / q + 0.3
+    plane = discrete_map(lambda x, p: (x[0], x[1]), {}, ("x", "y")).coordinates
+    turned = np.stack([3 + np.cos(phases), 0.1 * np.sin(phases)], axis=-1)
+    assert _locked_rotation(turned, np.zeros((q + 1, 2), np.int64), plane) == pytest.approx(p / q)
+    around = discrete_map(lambda x, p: (x[0], x[1]), {}, ("r", angle("a"))).coordinates
+    wrapped = (phases + pi) % (2 * pi) - pi
+    rotations = np.stack([0 * phases, np.round((phases - wrapped) / (2 * pi))], axis=-1).astype(np.int64)
+    assert _locked_rotation(np.stack([0 * phases, wrapped], axis=-1), rotations, around) == pytest.approx(p / q)
+    line = discrete_map(lambda x, p: (x[0],), {}, ("x",)).coordinates
+    assert _locked_rotation(np.zeros((2, 1)), np.zeros((2, 1), np.int64), line) == 0.0
+
+
+# --- branches
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    return continue_orbit(LOGISTIC, periodic_orbit(LOGISTIC, [0.5]), "r", 1.5, 3.5)
+
+
+def test_unknowns_of_a_branch_are_its_points(fixed):
+    """In the units of the states and of the parameter: x = 1 - 1/r, and r, from the first point to the last."""
+    unknowns = np.concatenate([part.unknowns[:-1] for part in fixed._parts] + [fixed._parts[-1].unknowns[-1:]])
+    np.testing.assert_allclose(unknowns[:, 0], 1 - 1 / unknowns[:, -1], rtol=1e-10)
+    np.testing.assert_allclose(unknowns[:, -1], fixed.values, rtol=1e-12)
+    assert fixed.values.min() == 1.5 and fixed.values.max() == 3.5
+
+
+@pytest.mark.parametrize("step", [1.1, 0.0, -1.0])
+def test_steps_along_branches_have_bounds(fixed, step):
+    doubling = fixed.bifurcations[-1]
+    with pytest.raises(ValueError, match=f"step={step}"):
+        switch_branch(fixed, doubling, 1.5, 3.5, step=step)
+    with pytest.raises(ValueError, match="side=2"):
+        switch_branch(fixed, doubling, 1.5, 3.5, side=2)
+    with pytest.raises(ValueError, match="no branch of periodic orbits leaves it"):
+        switch_branch(fixed, replace(doubling, _branch_direction=None), 1.5, 3.5)
