@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import floquet_multipliers, switch_branch
+from cellmap.bifurcations import arnold_tongue, connecting_orbits, floquet_multipliers, switch_branch
+from cellmap.bifurcations.atlas_families import families_of
 from cellmap.bifurcations.atlas_record import AttractorAtlas, AttractorFamily
 from cellmap.bifurcations.circle_branches import _locked_rotation
-from cellmap.bifurcations.coexistence import AtlasKind
+from cellmap.bifurcations.coexistence import AtlasKind, Attractors
 from cellmap.bifurcations.crossings import Crossing, CrossingFunctions, Matrices
 from cellmap.bifurcations.lane_regions import _directions, _metrics
 from cellmap.bifurcations.orbit_grid import _links
@@ -168,3 +169,39 @@ def test_steps_along_branches_have_bounds(fixed, step):
         switch_branch(fixed, doubling, 1.5, 3.5, side=2)
     with pytest.raises(ValueError, match="no branch of periodic orbits leaves it"):
         switch_branch(fixed, replace(doubling, _branch_direction=None), 1.5, 3.5)
+
+
+def test_a_tongue_by_default_has_fine_steps():
+    """Of the sine circle map the tongue of 0/1 ends at omega = +-k/(2 pi); steps are a fiftieth of the intervals."""
+    circle = discrete_map(
+        lambda x, p: (x[0] + 2 * pi * p.omega - p.k * sin(x[0]),), {"omega": 0.0, "k": 0.8}, (angle("a"),)
+    )
+    tongue = arnold_tongue(circle, 0, 1, ("omega", "k"), (-0.2, 0.2), (0.5, 0.95), [0.1])
+    for curve in (tongue.left, tongue.right):
+        np.testing.assert_allclose(np.abs(curve.values[:, 0]), curve.values[:, 1] / (2 * pi), rtol=1e-9)
+        steps = np.linalg.norm(np.diff(curve.values, axis=0) / [0.4, 0.45], axis=1)
+        assert 0.005 < steps.max() <= 0.0201
+
+
+@pytest.mark.parametrize(("apart", "families"), [(0.29, 1), (0.31, 2)])
+def test_families_continue_from_cell_to_cell_over_small_distances(apart, families):
+    """Means over orbits that differ by less than 0.3 extents between neighbouring parameter points."""
+    centres = np.array([[0.0, 0.0], [apart, 0.0], [2 * apart, 0.0]])
+    ones = np.ones(3, np.int64)
+    found = Attractors(np.arange(3), 0 * ones, ones, 0 * ones[:, None], centres[:, :1], centres, 0.5 * ones, ones)
+    assert len(np.unique(families_of(found, (1, 3)))) == (1 if families == 1 else 3)
+    grid = replace(found, place=np.array([0, 2, 4]))  # one below the other
+    assert len(np.unique(families_of(grid, (3, 2)))) == (1 if families == 1 else 3)
+    assert len(np.unique(families_of(replace(found, period=np.array([1, 2, 1])), (1, 3)))) == 3
+
+
+def test_several_orbits_connect_a_saddle_with_itself():
+    """The horseshoe of Henon's map (x, y) -> (5.4 - x^2 - 0.9 y, x): at least two, all different, all orbits."""
+    henon = discrete_map(lambda x, p: (5.4 - x[0] ** 2 - 0.9 * x[1], x[0]), {}, ("x", "y"))
+    found = connecting_orbits(henon, periodic_orbit(henon, [-4.0, -4.0]), max_steps=17)
+    assert len(found) >= 2
+    for orbit in found:
+        np.testing.assert_allclose(henon(orbit.points[:-1]), orbit.points[1:], atol=1e-10)
+    farthest = [o.points[np.abs(o.points - o.source).max(axis=1).argmax()] for o in found]
+    apart = np.abs(np.subtract.outer(farthest, farthest).diagonal(axis1=1, axis2=3)).max(axis=-1)
+    assert (apart + 10 * np.eye(len(found))).min() > 1e-3
