@@ -197,7 +197,7 @@ def test_families_continue_from_cell_to_cell_over_small_distances(apart, familie
 
 def test_several_orbits_connect_a_saddle_with_itself():
     """The horseshoe of Henon's map (x, y) -> (5.4 - x^2 - 0.9 y, x): at least two, all different, all orbits."""
-    henon = discrete_map(lambda x, p: (5.4 - x[0] ** 2 - 0.9 * x[1], x[0]), {}, ("x", "y"))
+    henon = discrete_map(lambda x, p: (p.a - x[0] ** 2 - 0.9 * x[1], x[0]), {"a": 5.4}, ("x", "y"))
     found = connecting_orbits(henon, periodic_orbit(henon, [-4.0, -4.0]), max_steps=17)
     assert len(found) >= 2
     for orbit in found:

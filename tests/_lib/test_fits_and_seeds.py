@@ -1,0 +1,84 @@
+"""Lines, their windows and errors against elementary formulas; seeds and generators."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import linregress, t
+
+from cellmap._lib.checks import shown
+from cellmap._lib.fit import fit_line, scaling_window, steady_window, window_spread
+from cellmap._lib.randomness import random_numbers, random_seed
+
+X = np.arange(12.0)
+NOISE = np.random.default_rng(0).normal(size=12)
+
+
+def test_a_line_is_that_of_least_squares():
+    """Slope, intercept and standard error are SciPy's; the interval is Student's with two degrees of freedom less."""
+    y = 2.0 * X - 1.0 + NOISE
+    fit, expected = fit_line(X, y, (1, 10)), linregress(X[1:11], y[1:11])
+    assert (fit.slope, fit.intercept) == pytest.approx((expected.slope, expected.intercept))
+    assert fit.standard_error == pytest.approx(expected.stderr)
+    low, high = fit.interval(0.9)
+    assert high - low == pytest.approx(2 * t.ppf(0.95, 8) * expected.stderr)
+    assert 0.5 * (low + high) == pytest.approx(fit.slope)
+    assert fit([0.0, 2.0]) == pytest.approx([expected.intercept, expected.intercept + 2 * expected.slope])
+
+
+def test_the_window_is_where_the_points_are_straight():
+    """Slope 1 for seven points, saturated at both ends, among points that are not finite."""
+    y = np.array([3.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.0, 8.0, np.nan, np.inf])
+    assert scaling_window(X, y) == (2, 7)
+    assert fit_line(X, y).slope == pytest.approx(1.0)
+    assert steady_window(X, y) == (2, 7)
+    with pytest.raises(ValueError, match="2 points are finite"):
+        scaling_window(X, np.where(X < 2, X, np.nan))
+    with pytest.raises(ValueError, match="2 points are finite"):
+        steady_window(X, np.where(X < 2, X, np.nan))
+
+
+def test_windows_that_end_at_the_last_finite_point():
+    """Of a steep line and a longer flat one behind it the flat one is the last."""
+    y = np.where(X < 8, 3.0 * X, 24.0 + (X - 8))
+    y[-1] = np.nan
+    assert steady_window(X, y) == (0, 8)
+    assert steady_window(X, y, to_the_end=True)[1] == 10
+
+
+def test_a_slope_that_no_window_changes_has_no_spread():
+    """A wide range of x, on an exact line; on a bent one the spread is the larger."""
+    x = np.linspace(0.0, 10.0, 12)
+    assert window_spread(x, 0.5 * x, 0.5) == pytest.approx(0.0, abs=1e-12)
+    assert window_spread(x, 0.5 * x, 0.7) == pytest.approx(0.2)
+    assert window_spread(x, 0.5 * x + 0.02 * x**2, 0.7) > 0.02
+
+
+def test_seeds_and_generators():
+    """The same number draws the same; a generator goes on; None draws anew."""
+    assert random_seed(5) == 5
+    assert np.array_equal(random_numbers(5).random(3), np.random.default_rng(5).random(3))
+    generator = np.random.default_rng(1)
+    assert random_numbers(generator) is generator
+    first, second = random_seed(generator), random_seed(generator)
+    assert [first, second] == np.random.default_rng(1).integers(2**62, size=2).tolist()
+    assert random_seed(None) != random_seed(None)
+    assert random_numbers(None).random() != random_numbers(None).random()
+    for bad in (1.5, "1", [1]):
+        with pytest.raises(TypeError, match="give a whole number as seed"):
+            random_numbers(bad)
+
+
+def test_values_in_messages_are_short():
+    """Long strings and containers are cut, and what has no representation has a name."""
+
+    class Mute:
+        def __repr__(self):
+            raise RuntimeError
+
+    assert shown("a" * 60) == repr("a" * 60)
+    assert len(shown("a" * 500)) <= 80
+    assert shown(list(range(8))) == str(list(range(8)))
+    assert shown(list(range(20))) == "[0, 1, 2, 3, 4, 5, 6, 7, ...]"
+    assert shown("two\nlines\n") == repr("two\nlines\n")
+    assert "Mute" in shown(Mute())
