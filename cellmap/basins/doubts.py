@@ -74,12 +74,18 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
             f"give it a larger grid, or outside='integrate'{turning}"
         )
     if Label.OUT_OF_STEPS in parts:
-        what = _remedy(basins, Label.OUT_OF_STEPS)[1]
+        what = _remedy(basins, Label.OUT_OF_STEPS)[1] + cycles_of(basins.point_map)
         yield f"{parts[Label.OUT_OF_STEPS]:.1%} of the initial conditions are out of steps: {what}"
     if Label.DIVERGED in parts:
         helps, what = _remedy(basins, Label.DIVERGED)
         if helps:
             yield f"{parts[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+
+
+def cycles_of(point_map: PointMap | None) -> str:
+    """Tell of a forcing with many cycles in a period."""
+    spec = None if point_map is None else point_map.without_table.spec
+    return spec.system.cycles if isinstance(spec, Stroboscopic) else ""
 
 
 def _creep(basins: Basins) -> str:

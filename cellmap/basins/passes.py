@@ -26,6 +26,7 @@ from ..attractors.transients import Late, Reason, regular
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
+from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
 from .label_store import InMemory, LabelStore
 from .label_tiles import Batch, Labelling
@@ -88,7 +89,7 @@ class Run:
             warn_caller(
                 f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits"
                 f" ({tally.inaccurate / total:.1%}){_why_inaccurate(self.point_map)}; loosen rtol and atol, or allow "
-                "more steps with max_steps",
+                f"more steps with max_steps{cycles_of(self.point_map)}",
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)

@@ -97,6 +97,8 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
     """Turn names and coordinates into coordinates, all of different names."""
     if isinstance(given, str | Coordinate):
         given = (given,)
+    if not isinstance(given, Iterable):
+        raise TypeError(f"coordinates={shown(given)}: give the names of the state variables, such as ('q', 'v')")
     given = listed("coordinates", given)
     if not all(isinstance(c, Coordinate) or (isinstance(c, str) and c) for c in given):
         raise TypeError(f"coordinates={shown(given)}: give a name or a Coordinate for each state variable")

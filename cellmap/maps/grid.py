@@ -160,7 +160,10 @@ class CellGrid(ShownAsHtml):
         """
         if len(coordinates) != self.dimension:
             names = ", ".join(c.name for c in coordinates)
-            raise ValueError(f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}")
+            raise ValueError(
+                f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}; {name}="
+                f"{shown(self)}: give one entry of lower, upper and shape for each; one cell for a slice"
+            )
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):
             excess = (b - a) / c.period - 1.0 if c.period else -1.0

@@ -27,6 +27,10 @@ RightHandSide = Callable[..., Sequence[float]]
 StateFunction = Callable[[float, Sequence[float], Any], Sequence[float]]
 """Functions ``f(t, x, p)`` of time, state and parameters that return a tuple."""
 
+_MOST_CYCLES = 1000  # of the right-hand side in a period that are looked for
+_TIMES = (*(0.5 + 0.5 * np.cos(np.arange(1.0, 41.0))).tolist(), 0.01370521, 0.21093467)
+"""Times in periods, irregular, at which the right-hand side is compared with itself: short pulses are to be met."""
+
 
 @dataclass(frozen=True, eq=False)
 class ForcedSystem:
@@ -116,7 +120,9 @@ class ForcedSystem:
 
     def __repr__(self) -> str:
         values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
-        return f"ForcedSystem({self.name}: {values}; period {self.length:g})"
+        shorter = self.shortest_period
+        times = f", {self.length / shorter:.0f} times the shortest" if 0.0 < shorter < self.length else ""
+        return f"ForcedSystem({self.name}: {values}; period {self.length:g}{times})"
 
     @property
     def dimension(self) -> int:
@@ -142,6 +148,54 @@ class ForcedSystem:
             return self.period(self.parameters)
         except (AttributeError, ArithmeticError, TypeError) as error:
             raise ValueError(f"period={self.period!r} fails for the parameters {self.parameters}: {error}") from error
+
+    @computed_once
+    def shortest_period(self) -> float:
+        """Shortest period that the right-hand side is seen to have, a whole fraction (1 to 1/1000) of the given one.
+
+        It is 0 where time is seen to play no part, and the given one where impacts or switches are defined, which may
+        have another period.  A multiple of the shortest period is right, and some want it: for a second forcing that is
+        off at these parameters, or to see every n-th iterate.  So it is no error and brings no warning, but `repr`
+        says it.  Often it is a frequency given as a period (5 for ``cos(2 * pi * 5 * t)``, of period 1/5): each period
+        of the map then is so many cycles of the forcing, and takes as much longer.
+
+        Examples
+        --------
+        >>> from math import cos, pi
+        >>> ForcedSystem(lambda t, x, p: (cos(2 * pi * 5 * t) - x[0],), {}, 5.0, ("x",), "five hertz")
+        ForcedSystem(five hertz: ; period 5, 25 times the shortest)
+        """
+        length = self.length
+        if self.switches is not None or self.impacts:
+            return length
+        places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+
+        def repeats(after: float, times: Sequence[float]) -> bool:
+            """Tell whether the right-hand side is the same some time later, and is anything at all there."""
+            for fraction in times:
+                try:
+                    pair = [self.derivative(fraction * length + s, places) for s in (0.0, after)]
+                    if not np.isfinite(pair).all() or _differ(*pair):
+                        return False
+                except Exception:
+                    return False  # outside the domain of the right-hand side
+            return True
+
+        # No whole fraction of a period is an irrational one of it.
+        if all(repeats(f * length, _TIMES) for f in (0.2360679775, 0.4142135624, 0.7320508076)):
+            return 0.0
+        return next((length / n for n in range(_MOST_CYCLES, 1, -1) if repeats(length / n, _TIMES)), length)
+
+    @property
+    def cycles(self) -> str:
+        """Remedy for warnings: the shortest period, where the given one is a multiple of it; "" elsewhere."""
+        shorter = self.shortest_period
+        if not 0.0 < shorter < self.length:
+            return ""
+        return (
+            f". rhs repeats {self.length / shorter:.0f} times in period={self.length:g}: give {shorter:.6g}, if a "
+            "frequency was meant"
+        )
 
     @property
     def parameters(self) -> Any:
