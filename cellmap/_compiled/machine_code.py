@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable
+import logging
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +20,10 @@ from .object_cache import ObjectCache
 
 _LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
 _QUICK = 0  # for large functions, whose values go by memory
+_LONG = 4000  # lines of text that may take seconds
+_PATIENCE = 2.0  # seconds before which nothing is said
+
+_name = ContextVar("name", default="formulas")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +43,30 @@ class MachineCode:
         return assembly_for(self.text, *_host())
 
 
+@contextmanager
+def named(function: Any) -> Iterator[None]:
+    """Name the function whose formulas are compiled in this context."""
+    token = _name.set(f"the formulas of {getattr(function, '__qualname__', type(function).__name__)}")
+    try:
+        yield
+    finally:
+        _name.reset(token)
+
+
 @functools.lru_cache(maxsize=256)
 def machine_code(text: str, quick: bool = False) -> MachineCode:
     """Return the compiled functions of a module, from disk where they have been compiled before.
 
     To find registers for large functions takes most of the time, more than in proportion; `quick` leaves it out.
     """
-    level = _QUICK if quick else _LEVEL
-    return compiled_once(text, lambda: object_code(text, *_host(), level), level)
+    level, lines = _QUICK if quick else _LEVEL, text.count("\n")
+
+    def compiled() -> bytes:
+        what = f"cellmap compiles {_name.get()}: {lines:,} instructions, once; it takes less with fewer operations"
+        with _told_if_long(what) if lines > _LONG else nullcontext():
+            return object_code(text, *_host(), level)
+
+    return compiled_once(text, compiled, level)
 
 
 def compiled_once(source: str, compiled: Callable[[], bytes], level: int = _LEVEL) -> MachineCode:
@@ -132,3 +157,22 @@ def _parsed(text: str, triple: str, machine: Any) -> Any:
     module.triple, module.data_layout = triple, str(machine.target_data)
     module.verify()
     return module
+
+
+@contextmanager
+def _told_if_long(what: str) -> Iterator[None]:
+    """Say on a terminal, and in the log, what is done once it has lasted two seconds and has no progress to show."""
+
+    def tell() -> None:
+        logging.getLogger("cellmap").info("%s", what)
+        if sys.stderr.isatty():
+            sys.stderr.write(f"{what}\n")
+            sys.stderr.flush()
+
+    timer = threading.Timer(_PATIENCE, tell)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

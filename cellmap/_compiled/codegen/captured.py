@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..machine_code import named
 from .rebind import global_names, names_in
 
 R = TypeVar("R")
@@ -22,7 +23,8 @@ def kept(build: Callable[..., R]) -> Callable[..., R]:
 
     @functools.lru_cache(maxsize=256)
     def for_values(function: Any, values: tuple[Any, ...], *arguments: Any) -> R:
-        return build(function, *arguments)
+        with named(function[0] if isinstance(function, tuple) else function):
+            return build(function, *arguments)
 
     @functools.wraps(build)
     def for_function(function: Any, *arguments: Any) -> R:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
+import sys
+import threading
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cellmap._compiled import machine_code
 from cellmap._compiled.codegen.instructions import Instructions
 from cellmap._compiled.codegen.kernel import discrete_kernel, traced_function
 from cellmap._compiled.codegen.methods import choose_method
@@ -114,3 +118,44 @@ def test_other_processors_get_vector_code(processor: str) -> None:
     text = period_text(choose_method("auto", traced, 1e-9).write(traced), 2, 1, width)
     assert len(object_code(text, triple, cpu, "")) > 1000
     assert len(re.findall(packed, assembly_for(text, triple, cpu, ""))) > 100
+
+
+class Terminal(io.StringIO):
+    """A terminal that tells when something is written to it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told = threading.Event()
+
+    def isatty(self) -> bool:
+        return True
+
+    def flush(self) -> None:
+        self.told.set()
+
+
+@pytest.mark.parametrize("terms", [3, 2000])
+def test_the_compilation_of_large_formulas_is_announced(terms: int, monkeypatch: Any) -> None:
+    """What is compiled, and how large it is: on the terminal while the compiler is at work."""
+    terminal = Terminal()
+
+    def slow(text: str, *arguments: Any) -> bytes:
+        if terms > 100:
+            assert terminal.told.wait(20.0)
+        return object_code("", *arguments[:-1])
+
+    def long_sum(t: float, x: Any, p: Any) -> Any:
+        total = x[0]
+        for k in range(terms):
+            total = total * (k + 0.25) + x[0] - 0.5 * k
+        return (total,)
+
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(machine_code, "_PATIENCE", 0.0)
+    monkeypatch.setattr(machine_code, "object_code", slow)
+    monkeypatch.setattr(machine_code, "compiled_once", lambda text, compiled, level: compiled())
+    with pytest.raises(AttributeError):  # nothing has been compiled
+        discrete_kernel(long_sum, 1, (), False)
+    found = re.search(r"compiles the formulas of .*long_sum: ([\d,]+) instructions", terminal.getvalue())
+    assert (found is not None) is (terms > 100)
+    assert found is None or 3 * terms < int(found[1].replace(",", "")) < 10 * terms
