@@ -19,6 +19,7 @@ rng = np.random.default_rng(0)
 duffing = systems.two_well_duffing()
 strobe = stroboscopic_map(duffing)
 table = interpolated_map(strobe, CellGrid((-2, -2), (2, 2), (40, 40)))  # mostly fallback cells
+smooth = interpolated_map(strobe, CellGrid((-2, -2), (2, 2), (300, 300)))  # look-ups alone
 henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
 rossler = ForcedSystem(
     lambda t, x, p: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), {}, 1.0, ("x", "y", "z")
@@ -37,6 +38,7 @@ CALLS = {
     "map": lambda: strobe(many),
     "iterate one": lambda: strobe.iterate([0.1, 0.2], 10**8),
     "iterate table": lambda: table.iterate(many[:20_000], 10**6),
+    "iterate smooth table": lambda: smooth.iterate(many[:20_000], 10**6),
     "iterate section": lambda: section.iterate([-5.0, 0.1], 10**7),
     "orbit": lambda: strobe.orbit([0.1, 0.2], 10**6 * 5),
     "trajectory": lambda: trajectory(duffing, [0.1, 0.2], 10**5 * 3),

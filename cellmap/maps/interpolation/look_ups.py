@@ -14,9 +14,11 @@ from ..cell_table import CellTable
 from ..compiled_advance import UNKNOWN_STEP, CompiledAdvance
 from ..coordinates import turns_of
 from ..grid import CellGrid
-from ..orbit_batch import Orbits, Status
+from ..orbit_batch import Orbits, Status, portions
 from ..point_map import PointMap
 from .spline_coefficients import padded
+
+_CHEAPER = 32  # times that a look-up costs less than a period of integration
 
 
 class LookUps(CompiledAdvance):
@@ -80,16 +82,21 @@ class LookUps(CompiledAdvance):
 
     def __call__(self, orbits: Orbits, periods: int) -> None:
         """Move a batch on, in place."""
-        for now in orbits.living():
-            left = np.full(len(now), periods, np.int64)
-            for part in self._moving(now, left):
-                stopped = now[part]
-                if not self._integrate:
-                    stopped.end(self._outside(stopped.points), Status.ESCAPED)
-                for carried in stopped.living():
-                    self._exact.advance(carried, 1)
-                now[part] = stopped
-                left[part] = np.where(stopped.alive, left[part] - 1, 0)
+        for some in portions(periods, len(orbits) // _CHEAPER):
+            for now in orbits.living():
+                self._advance(now, some)
+
+    def _advance(self, now: Orbits, periods: int) -> None:
+        """Move orbits on that are alive, in place."""
+        left = np.full(len(now), periods, np.int64)
+        for part in self._moving(now, left):
+            stopped = now[part]
+            if not self._integrate:
+                stopped.end(self._outside(stopped.points), Status.ESCAPED)
+            for carried in stopped.living():
+                self._exact.advance(carried, 1)
+            now[part] = stopped
+            left[part] = np.where(stopped.alive, left[part] - 1, 0)
 
     def _moving(self, orbits: Orbits, left: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         """Look up until every orbit is through, yielding those that the table cannot carry on."""
