@@ -52,6 +52,8 @@ def misread(
         return TypeError(f"{functions} sets a parameter, which stays as it is: use a name of its own ({text})")
     if isinstance(error, AttributeError):
         return lacking(functions, error)
+    if isinstance(error, IndexError) and not text.startswith("tuple"):
+        return ValueError(f"{functions} reads beyond the end of a list or an array at every state tried ({text})")
     if isinstance(error, IndexError):
         if len(names) == 1 and len(listed) > 1:
             remedy = f"coordinates={listed!r} is one name: give one for each, such as {tuple(listed)!r}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
@@ -57,6 +58,12 @@ def test_functions_of_any_number_of_arguments():
     largest, length = image(lambda t, x, p: (max(x[0], x[1], 0.0), math.hypot(3.0, 4.0, 12.0)), (1.0, -20.0))
     assert largest == pytest.approx(math.e, abs=1e-8)
     assert length == pytest.approx(-7.0, abs=1e-8)
+
+
+def test_lists_that_are_too_short():
+    for values in ([1.0, 2.0], np.ones(2)):
+        with pytest.raises(ValueError, match="rhs reads beyond the end of a list or an array"):
+            ForcedSystem(lambda t, x, p, values=values: (values[2] * x[0],), {}, 1.0, "q")
 
 
 def test_more_state_variables_than_coordinates():
