@@ -36,7 +36,8 @@ class ManifoldBranch:
         Arc length along the curve from the saddle, in units of `scale` of the manifold.
     ended : str
         Reason why it ends: "length" (the requested length is reached), "window" (the rest lies outside), "no image"
-        (the map or its inverse has none), or "resolution" (the spacing of floating-point numbers on the first segment
+        (the map or its inverse has none), "point" (images come to a fixed point or cycle, as those of a separatrix
+        that returns to its saddle), or "resolution" (the spacing of floating-point numbers on the first segment
         is too coarse).
     """
 
@@ -132,6 +133,7 @@ class GrowingCurve:
         """Iterate the segment until the curve is as long as asked for, or ends."""
         pieces = [self.saddle[None], self.history[0][:-1]]
         total, ended = _BEGINNING, "length"
+        first = self._length(self.history[0], np.ones(len(self.history[0]), bool))
         for _ in range(_LEVELS):
             for _ in self.growth.shifts:
                 self.history.append(self._next())
@@ -147,6 +149,9 @@ class GrowingCurve:
                 break
             total += self._length(newest, near)
             if total >= longest:
+                break
+            if self._length(newest, np.isfinite(newest).all(axis=1)) < first:
+                ended = "point"
                 break
             if not resolved:
                 ended = "resolution"

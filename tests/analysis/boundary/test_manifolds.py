@@ -340,3 +340,20 @@ def test_figures(pendulum: tuple[PointMap, Basins]) -> None:
     assert "\n" not in repr(curves[0])
     with pytest.raises(TypeError, match="saddle_manifold"):
         plot.manifolds([])
+
+
+@pytest.mark.parametrize("mu", [1.2, 2.0, 3.0])
+@pytest.mark.parametrize("kind", ["unstable", "stable"])
+def test_a_separatrix_that_returns_to_its_saddle_ends_there(mu, kind):
+    """McMillan's map (1971): x = sinh(h) / cosh(n h), cosh(h) = mu, on x^2 + y^2 + x^2 y^2 = 2 mu x y."""
+    mcmillan = discrete_map(lambda x, p: (x[1], -x[0] + 2 * p.mu * x[1] / (1 + x[1] ** 2)), {"mu": mu}, ("x", "y"))
+    saddle = periodic_orbit(mcmillan, [0.0, 0.0])
+    found = saddle_manifold(mcmillan, saddle, kind, CellGrid((-3, -3), (3, 3), (1, 1)), length=5.0)
+    h, s = np.arccosh(mu), np.linspace(-30.0, 30.0, 200_001)
+    x, y = np.sinh(h) / np.cosh(s), np.sinh(h) / np.cosh(s + h)
+    loop = np.hypot(np.diff(x), np.diff(y)).sum() / 6.0
+    for branch in found.branches:
+        assert branch.ended == "point"
+        assert loop * (1 - 1e-3) < branch.length < loop
+    x, y = found.points.T
+    assert np.abs(x * x + y * y + x * x * y * y - 2 * mu * x * y).max() < 1e-12
