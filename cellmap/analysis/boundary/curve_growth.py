@@ -150,7 +150,7 @@ class GrowingCurve:
             total += self._length(newest, near)
             if total >= longest:
                 break
-            if self._length(newest, np.isfinite(newest).all(axis=1)) < first:
+            if self._length(newest, np.asarray(np.isfinite(newest).all(axis=1))) < first:
                 ended = "point"
                 break
             if not resolved:
