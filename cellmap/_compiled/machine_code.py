@@ -62,7 +62,7 @@ def machine_code(text: str, quick: bool = False) -> MachineCode:
     level, lines = _QUICK if quick else _LEVEL, text.count("\n")
 
     def compiled() -> bytes:
-        what = f"cellmap compiles {_name.get()}: {lines:,} instructions, once; it takes less with fewer operations"
+        what = f"cellmap compiles {_name.get()}: {lines:,} instructions"
         with _told_if_long(what) if lines > _LONG else nullcontext():
             return object_code(text, *_host(), level)
 

@@ -176,6 +176,13 @@ def get_mapping(group: h5py.Group, name: str) -> dict[str, Any]:
     return found
 
 
+def group_of(group: h5py.Group, name: str) -> h5py.Group:
+    """Return a group, and not an array in its place, which would be searched row by row for names."""
+    if not isinstance(found := group[name], h5py.Group):
+        raise TypeError(f"{found.name} is not a group")
+    return found
+
+
 def array_of(group: h5py.Group, name: str, kind: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Read an array of a type and a shape, of any length where that is None."""
     item = group[name]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
-from .._lib.sealed import array_of, get_number, get_numbers, within
+from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES
@@ -59,7 +59,9 @@ class OnDisk(LabelStore):
             self._path,
             self._belongs,
             lambda read: self._arrays(read[0]),
-            lambda file: _read_progress(file["pass"], examined, self.total, int(self._belongs["max_periods"])),
+            lambda file: _read_progress(
+                group_of(file, "pass"), examined, self.total, int(self._belongs["max_periods"])
+            ),
         )
         if found is None:
             return None
@@ -169,8 +171,8 @@ def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int
     if not all(0 < one < other <= limit for one, other in pairwise([*restart_times, time_limit])) or time_limit > limit:
         raise ValueError(f"its sweeps run to {time_limit} periods")
     now = Progress(
-        attractors=read_attractors(group["attractors"], examined.coordinates),
-        examined=_read_examined(group["examined"], examined),
+        attractors=read_attractors(group_of(group, "attractors"), examined.coordinates),
+        examined=_read_examined(group_of(group, "examined"), examined),
         rows=rows,
         restart_times=tuple(restart_times),
         time_limit=time_limit,

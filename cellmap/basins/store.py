@@ -38,6 +38,7 @@ from .._lib.sealed import (
     get_number,
     get_numbers,
     get_text,
+    group_of,
     image_of,
     opened,
     put_text,
@@ -292,7 +293,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
     grid, initial_conditions = None, None
     if "grid" in file:
         kinds = {"lower": "if", "upper": "if", "shape": "i", "wraps": "b"}
-        grid = CellGrid(*(tuple(get_numbers(file["grid"], name, None, kind)) for name, kind in kinds.items()))
+        grid = CellGrid(*(tuple(get_numbers(group_of(file, "grid"), name, None, kind)) for name, kind in kinds.items()))
     if "starts" in file:
         initial_conditions = file["starts"][()]
         if (
@@ -307,7 +308,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         shape = initial_conditions.shape[:-1]
     else:
         raise ValueError("it has no initial conditions, or two kinds of them")
-    attractors = read_attractors(file["attractors"], coordinates)
+    attractors = read_attractors(group_of(file, "attractors"), coordinates)
     for name, kind, lowest, highest in (
         ("labels", np.int16, min(LABEL_NAMES), len(attractors) - 1),
         ("settling_time", np.int32, -1, np.iinfo(np.int32).max),

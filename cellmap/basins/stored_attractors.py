@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import h5py
 import numpy as np
 
-from .._lib.sealed import array_of, get_number, get_numbers, get_text, put_text
+from .._lib.sealed import array_of, get_number, get_numbers, get_text, group_of, put_text
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
 from ..orbits.invariant_circle import InvariantCircle
@@ -25,7 +25,7 @@ def write_attractors(group: h5py.Group, attractors: Sequence[Attractor]) -> None
 
 def read_attractors(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> tuple[Attractor, ...]:
     """Read what :func:`write_attractors` wrote."""
-    return tuple(_read_attractor(group[str(k)], coordinates) for k in range(len(group)))
+    return tuple(_read_attractor(group_of(group, str(k)), coordinates) for k in range(len(group)))
 
 
 def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
@@ -67,10 +67,15 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
             array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
         )
     circle = _read_circle(group, d) if "circle" in group else None
-    grazing = float(group.attrs.get("grazing", np.inf))
+    grazing = group.attrs.get("grazing", np.inf)
     multipliers = array_of(group, "multipliers", np.complex128, (None,))
     exponents = array_of(group, "exponents", np.float64, (None,))
-    if not grazing >= 0.0 or len(multipliers) not in (0, d) or len(exponents) not in (0, 1, d):
+    if (
+        not isinstance(grazing, float)
+        or not grazing >= 0.0
+        or len(multipliers) not in (0, d)
+        or len(exponents) not in (0, 1, d)
+    ):
         raise ValueError(f"{group.name} has {len(multipliers)} multipliers, {len(exponents)} exponents, {grazing=}")
     return Attractor(
         kind=kind,
@@ -84,7 +89,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         cover=cover,
         circle=circle,
         torus=_read_torus(group, d) if "torus" in group else None,
-        grazing_distance=grazing,
+        grazing_distance=float(grazing),
         resolution=array_of(group, "resolution", np.float64, (d,)) if "resolution" in group else None,
     )
 

@@ -107,6 +107,10 @@ def test_labels_that_are_something_else(item, files, tmp_path):
             load_basins(path, unverified=unverified)
 
 
+def long_array(group: h5py.Group, name: str) -> None:  # which takes minutes to be looked through
+    group.create_dataset(name, (2**28,), np.int8, chunks=(2**28,))
+
+
 ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "text of any length": lambda g: g.attrs.__setitem__("params", "{}"),
     "texts of any length": lambda g: g.attrs.__setitem__("params", ["{}", "{}"]),
@@ -132,6 +136,9 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "other ellipsoids": lambda g: replaced(
         g["attractors/0/neighbourhood"], "metrics", lambda h, n: h.__setitem__(n, np.zeros((9, 2, 2)))
     ),
+    "an array for attractors": lambda g: replaced(g, "attractors", long_array),
+    "an array for an attractor": lambda g: replaced(g["attractors"], "0", long_array),
+    "an array for a grid": lambda g: replaced(g, "grid", long_array),
     "no contraction": lambda g: replaced(
         g["attractors/0/neighbourhood"], "contraction", lambda h, n: h.__setitem__(n, np.nan)
     ),
@@ -208,6 +215,8 @@ CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
     "guesses": lambda f: replaced(f["pass/examined"], "guesses", lambda g, n: g.__setitem__(n, np.zeros((3, 9)))),
     "external labels": lambda f: replaced(f, "labels", lambda g, n: g.__setitem__(n, h5py.ExternalLink("a.h5", "b"))),
     "no pass": lambda f: f.__delitem__("pass"),
+    "an array for a pass": lambda f: replaced(f, "pass", long_array),
+    "an array for what was examined": lambda f: replaced(f["pass"], "examined", long_array),
     "tally": lambda f: f["pass"].attrs.__setitem__("tally", np.zeros((2, 2))),
     "tally of no numbers": lambda f: f["pass"].attrs.__setitem__("tally", np.full(4, np.nan)),
     "belongs to a list": lambda f: f.attrs.__setitem__("belongs", np.bytes_(b"[1]")),
