@@ -45,6 +45,7 @@ _MAGIC = b"cellmap seal 1\n"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _READ = 2**22  # bytes at a time
 _DENSEST = 2000  # compression squeezes zeros by half of this
+_SMALL = 2**20  # bytes of arrays whose room in the file is not looked at
 _LONGEST = 2**15  # bytes of text that an attribute holds
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _NUMBERS = {h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.ENUM, getattr(h5py.h5t, "COMPLEX", None)}
@@ -254,7 +255,6 @@ def _checksum(stream: Any, size: int, holes: Sequence[Hole]) -> str:
 
 def _look_through(file: h5py.File, old: bool) -> None:
     """Refuse whatever no file of cellmap's holds: links but the plain one, data elsewhere, text of any length."""
-    size = file.id.get_filesize() + 2**20
     seen: set[Any] = set()
     groups = [h5py.h5g.open(file.id, b"/")]
     while groups:
@@ -272,19 +272,20 @@ def _look_through(file: h5py.File, old: bool) -> None:
                 groups.append(item)
             elif isinstance(item, h5py.h5d.DatasetID):
                 _check_attributes(item, old)
-                _check_array(item, name.decode(errors="replace"), size)
+                _check_array(item, name.decode(errors="replace"))
             else:
                 raise ValueError(f"{name.decode(errors='replace')} is neither a group nor an array")
 
 
-def _check_array(item: Any, name: str, size: int) -> None:
+def _check_array(item: Any, name: str) -> None:
     how = item.get_create_plist()
     filters = {how.get_filter(k)[0] for k in range(how.get_nfilters())}
     if how.get_external_count() or how.get_layout() == h5py.h5d.VIRTUAL:
         raise ValueError(f"{name} is kept in another file")
     if not filters <= _FILTERS or not _is_numeric(item.get_type()):
         raise ValueError(f"{name} is not an array of numbers")
-    if int(np.prod(item.shape, dtype=object)) * item.get_type().get_size() > _DENSEST * size:
+    most = (_DENSEST if h5py.h5z.FILTER_DEFLATE in filters else 1) * item.get_storage_size() + _SMALL
+    if int(np.prod(item.shape, dtype=object)) * item.get_type().get_size() > most:
         raise ValueError(f"{name} is larger than its file can hold")
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import socket
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,9 @@ CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
     "no pass": lambda f: f.__delitem__("pass"),
     "an array for a pass": lambda f: replaced(f, "pass", long_array),
     "an array for what was examined": lambda f: replaced(f["pass"], "examined", long_array),
+    "larger than what is stored": lambda f: replaced(
+        f["pass/examined"], "points", lambda g, n: g.create_dataset(n, (2**26, 2), np.float64)
+    ),
     "tally": lambda f: f["pass"].attrs.__setitem__("tally", np.zeros((2, 2))),
     "tally of no numbers": lambda f: f["pass"].attrs.__setitem__("tally", np.full(4, np.nan)),
     "belongs to a list": lambda f: f.attrs.__setitem__("belongs", np.bytes_(b"[1]")),
@@ -232,8 +236,11 @@ def test_checkpoints_that_are_something_else(part, files, tmp_path):
     with h5py.File(path, "r+") as file:
         CHECKPOINTS[part](file)
     seal(path)
+    tracemalloc.start()
     with pytest.raises(StoreError, match=r"checkpoint=.*crafted\.h5' is damaged"):
         READERS["later pass"](path)
+    assert tracemalloc.get_traced_memory()[1] < 2**27
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize("name", ["displacement", "indicator", "tiles of displacement"])
