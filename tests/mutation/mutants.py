@@ -37,7 +37,7 @@ COMPUTED = {
 }
 TWINS = ("min max", "minimum maximum", "fmin fmax", "any all", "argmin argmax", "floor ceil", "zeros ones", "sin cos")
 CALLED = {a: b for pair in map(str.split, TWINS) for a, b in (pair, pair[::-1])}
-SILENT = {"__repr__", "__str__", "_repr_html_", "warn", "warning", "default_rng"}
+SILENT = {"__repr__", "__str__", "_repr_html_", "warn", "warning", "tick", "progress_bar", "default_rng"}
 """Functions whose bodies, and calls whose arguments, only say something, or seed."""
 UNSEEN = {"repr", "strict", "stacklevel", "kw_only", "desc", "unit", "disable", "optimize"}
 """Keywords that change no number."""
@@ -171,7 +171,7 @@ class Places(ast.NodeVisitor):
             self.replace(self.begin(node), self.end(node), repr(more))
 
     def visit_If(self, node: ast.If | ast.While | ast.IfExp) -> None:
-        if ast.unparse(node.test) != "TYPE_CHECKING":
+        if ast.unparse(node.test) not in {"TYPE_CHECKING", "progress"}:
             if not isinstance(node.test, ast.Constant):
                 self.negate(node.test)
             self.generic_visit(node)
