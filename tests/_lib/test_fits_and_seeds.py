@@ -82,3 +82,16 @@ def test_values_in_messages_are_short():
     assert shown(list(range(20))) == "[0, 1, 2, 3, 4, 5, 6, 7, ...]"
     assert shown("two\nlines\n") == repr("two\nlines\n")
     assert "Mute" in shown(Mute())
+
+
+def test_errors_weigh_the_points_of_a_line():
+    """Slope and intercept are NumPy's with weights 1/error; the error is that of the scatter or, if larger, theirs."""
+    errors = np.linspace(0.5, 3.0, 12)
+    for scatter in (0.01, 30.0):
+        y = 2.0 * X - 1.0 + scatter * NOISE
+        fit = fit_line(X, y, (0, 11), errors)
+        (slope, intercept), known = np.polyfit(X, y, 1, w=1 / errors, cov="unscaled")
+        (_, _), seen = np.polyfit(X, y, 1, w=1 / errors, cov=True)
+        assert (fit.slope, fit.intercept) == pytest.approx((slope, intercept))
+        assert fit.standard_error == pytest.approx(np.sqrt(max(known[0, 0], seen[0, 0])))
+        assert (known[0, 0] > seen[0, 0]) == (scatter < 1.0)
