@@ -113,6 +113,7 @@ def test_the_exact_map_is_needed_no_more_rarely_than_the_order_allows():
 
 def test_costs_are_sums_of_their_parts():
     """Two threads; 250,000 points; 100 nanoseconds more for each image of a table."""
+    assert measurements().outside == 0.0
     measured = measurements(
         direct=Labelling(0.5, 3e-5), tables=(table_probe(3, labelling=Labelling(0.25, 2e-6), fallback=((128, 0.5),)),)
     )
