@@ -55,7 +55,7 @@ def test_a_slope_that_no_window_changes_has_no_spread():
 
 
 def test_seeds_and_generators():
-    """The same number draws the same; a generator goes on; None draws anew."""
+    """The same number draws the same; a generator goes on; None draws other numbers each time."""
     assert random_seed(5) == 5
     assert np.array_equal(random_numbers(5).random(3), np.random.default_rng(5).random(3))
     generator = np.random.default_rng(1)
