@@ -16,6 +16,7 @@ from .student import student_factor
 _FEWEST = 3
 _SWING = 0.02  # of slopes over an octave on self-similar sets, which may agree by chance where octaves are few
 _CHANCE = {2: 2.0, 3: 2.8}  # variances: what slopes of so many parts differ by where only given errors scatter them
+_RANGE = {2: 1.128, 3: 1.693}  # of so many independent normal numbers, expected, in standard deviations
 _UNIFORM = 12.0**-0.5  # standard deviation of a slope that may be anything between two values which are 1 apart
 
 
@@ -259,16 +260,21 @@ def with_drift(fit: Fit) -> Fit:
 
     Scatter about a line tells the error of its slope only where the points are independent.  Counts of boxes are not:
     a box of one size is made of those of another.  So what the slopes of halves and thirds of the window differ by is
-    added in squares.  They may agree by chance, the more easily the fewer octaves there are, so that what slopes of
-    self-similar sets swing by is a least value.  Within less than a decade such a set may show any slope between those
-    of its gaps and of its clusters, which are 1 apart: for the part of a decade that is missing, the slope counts as
-    one of that uniform distribution.
+    added in squares; where points are independent, with errors of their own, as the range of so many normal numbers.
+    They may agree by chance, the more easily the fewer octaves there are, so that what slopes of self-similar sets swing
+    by is a least value.  Within less than a decade such a set may show any slope between those of its gaps and of its
+    clusters, which are 1 apart: for the part of a decade that is missing, the slope counts as one of that uniform
+    distribution.
     """
     first, last = fit.fit_range
     unseen = unseen_error(fit.x, first, last)
     if last - first < _FEWEST - 1:
         return replace(fit, standard_error=float(np.hypot(fit.standard_error, unseen)))
-    drift = max(_drift(fit.x, fit.y, first, last, parts, fit.errors, _CHANCE[parts]) / sqrt(parts) for parts in (2, 3))
+    ranges = dict.fromkeys(_RANGE, 1.0) if fit.errors is None else _RANGE
+    drift = max(
+        _drift(fit.x, fit.y, first, last, parts, fit.errors, _CHANCE[parts]) / (ranges[parts] * sqrt(parts))
+        for parts in (2, 3)
+    )
     swing = _SWING / sqrt(abs(fit.x[last] - fit.x[first]) / log(2.0))
     return replace(fit, standard_error=float(np.linalg.norm([fit.standard_error, drift, swing, unseen])))
 

@@ -27,8 +27,6 @@ def joined_continua(
 
     Two overlap if a point of one lies in the cover of the other.  The longest gives its kind and its boxes to all.
     """
-    from scipy.sparse.csgraph import connected_components
-
     number = len(attractors)
     exact, overlap = point_map.without_table, np.eye(number, dtype=bool)
     lines = [k for k, a in enumerate(attractors) if a.kind in (Kind.EQUILIBRIA, Kind.CONTINUUM)]
@@ -38,6 +36,8 @@ def joined_continua(
         overlap[j, k] = same and inside_cover(cover, attractors[k].points, exact).any()  # type: ignore[arg-type]
     if overlap.sum() == number:
         return tuple(attractors), np.arange(number)
+    from scipy.sparse.csgraph import connected_components
+
     groups = connected_components(overlap, directed=False)[1]
     first = np.unique(groups, return_index=True)[1]
     joined = [

@@ -131,7 +131,7 @@ def boundary_dimension(
     lengths, counts, errors, missed = (v[::-1] for v in (lengths, counts, errors, missed))
     correction = -np.log1p(-missed)
     return fitted(
-        *("labels", lengths, counts, errors, missed, usable[::-1], correction, fit_range),
+        *("basins", lengths, counts, errors, missed, usable[::-1], correction, fit_range),
         topological=boundary.ndim - 1,
         ignored=image.ignored,
         isolated=isolated[::-1],

@@ -274,7 +274,7 @@ def fit_sizes(
     """Fit a line among usable sizes, or between two given ones."""
     if window is None:
         if np.count_nonzero(usable) < 3:
-            remedy = "cells, or samples=1" if subject == "labels" else "points"
+            remedy = "cells, or samples=1" if subject == "basins" else "points"
             raise ValueError(
                 f"{subject}: {np.count_nonzero(usable)} sizes of boxes lie between those that saturate at either end, "
                 f"and a window needs 3; give more {remedy}, or choose sizes= and window="
