@@ -261,10 +261,10 @@ def with_drift(fit: Fit) -> Fit:
     Scatter about a line tells the error of its slope only where the points are independent.  Counts of boxes are not:
     a box of one size is made of those of another.  So what the slopes of halves and thirds of the window differ by is
     added in squares; where points are independent, with errors of their own, as the range of so many normal numbers.
-    They may agree by chance, the more easily the fewer octaves there are, so that what slopes of self-similar sets swing
-    by is a least value.  Within less than a decade such a set may show any slope between those of its gaps and of its
-    clusters, which are 1 apart: for the part of a decade that is missing, the slope counts as one of that uniform
-    distribution.
+    They may agree by chance, the more easily the fewer octaves there are, so that what slopes of self-similar sets
+    swing by is a least value. Within less than a decade such a set may show any slope between those of its gaps and
+    of its clusters, which are 1 apart: for the part of a decade that is missing, the slope counts as one of that
+    uniform distribution.
     """
     first, last = fit.fit_range
     unseen = unseen_error(fit.x, first, last)
