@@ -15,6 +15,7 @@ from cellmap import analysis, attractors, basins, bifurcations, maps, orbits, se
 from cellmap.analysis import boundary, fractal
 
 warnings.simplefilter("ignore")
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let what runs in the background ignore it
 rng = np.random.default_rng(0)
 duffing = systems.two_well_duffing()
 strobe = stroboscopic_map(duffing)

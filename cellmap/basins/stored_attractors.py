@@ -72,7 +72,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     exponents = array_of(group, "exponents", np.float64, (None,))
     if (
         not isinstance(grazing, float)
-        or not grazing >= 0.0
+        or grazing < 0.0
         or len(multipliers) not in (0, d)
         or len(exponents) not in (0, 1, d)
     ):

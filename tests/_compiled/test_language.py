@@ -112,9 +112,9 @@ def test_what_differs_in_silence_is_refused(case: str, tmp_path: Path) -> None:
 
 
 def test_the_head_of_a_function_is_looked_at_too(tmp_path: Path) -> None:
-    for head in ("x=1.0", "*x", "x, /", "*, x", "**x"):
-        function = imported(f"{HEAD}@loop\ndef function({head}):\n    return 1.0\n", tmp_path, "head").function
-        with pytest.raises(LanguageError, match=r"head\.py:\d+: arguments with"):
+    for k, head in enumerate(("x=1.0", "*x", "x, /", "*, x", "**x")):
+        function = imported(f"{HEAD}@loop\ndef function({head}):\n    return 1.0\n", tmp_path, f"head{k}").function
+        with pytest.raises(LanguageError, match=rf"head{k}\.py:\d+: arguments with"):
             function(2.0)
     with pytest.raises(LanguageError, match="no function made with def"):
         Loop(lambda x: x)(2.0)

@@ -24,7 +24,8 @@ def raises(x: Any, p: Any) -> Any:
 
 
 def asserts(x: Any, p: Any) -> Any:
-    assert x[0] <= 0.5, "too big"
+    if not x[0] <= 0.5:  # what an assertion is, but for pytest, which writes assertions in its own way
+        raise AssertionError("too big")
     return x[1], -x[0] - x[1]
 
 

@@ -31,7 +31,6 @@ from .expression import Expression, in_order
 from .filippov import SwitchingTrace
 from .instructions import Instructions, Value, module_text
 from .period import CompiledPeriod, parameter_scope
-from .resolution import layers
 from .statements import Scope, translate
 from .taylor import Series
 from .trace import CONSTANT, STATEFUL
@@ -269,9 +268,6 @@ def _shortened(series: Series, size: int, tolerance: float) -> Iterable[str]:
     yield from (f"root{k} = math.sqrt(root{k - 1})" for k in range(1, _DIGITS + 1))
     digits = round(2**_DIGITS / (order - 1))
     yield f"part = {' * '.join(f'root{k}' for k in range(1, _DIGITS + 1) if digits >> (_DIGITS - k) & 1)}"
-    for number, (argument, scale) in enumerate(layers(series.trace.outputs, series.levels)):
-        yield from series.excess(str(number), argument, scale)
-        yield f"part = 1.0 / sharp{number} if sharp{number} * part > 1.0 else part"
     yield "part = 1.0 if rate < 0.0 else part"
     if singular := series.begins_at_a_root():
         yield f"part = {_FIRST!r} if {singular} else part"
