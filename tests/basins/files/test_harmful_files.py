@@ -133,7 +133,7 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "settings that are a number": lambda g: g.attrs.__setitem__("settings", np.bytes_(b"NaN")),
     "no cost": lambda g: g.attrs.__setitem__("cost", np.bytes_(b'{"seconds": "long"}')),
     "many exponents": lambda g: replaced(g["attractors/0"], "exponents", lambda h, n: h.__setitem__(n, np.zeros(90))),
-    "grazing": lambda g: g["attractors/0"].attrs.__setitem__("grazing", np.nan),
+    "a negative distance": lambda g: g["attractors/0"].attrs.__setitem__("grazing", -1.0),
     "other ellipsoids": lambda g: replaced(
         g["attractors/0/neighbourhood"], "metrics", lambda h, n: h.__setitem__(n, np.zeros((9, 2, 2)))
     ),
